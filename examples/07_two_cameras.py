@@ -8,10 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from mitt.robot.load import load_arm
-from mitt.vision.calibration.fit import fit
-from mitt.vision.calibration.hand import HandProblem, placed
-from mitt.vision.camera import Rig, fixed_rig, look_at
-from mitt.vision.poses import turned
+from mitt.vision.camera import Rig, fixed_rig, look_at, turned
+from mitt.vision.least_squares import fit
+from mitt.vision.rig_calibration import HandProblem, placed
 from mitt.vision.segmentation import Segmenter
 from mitt.world.imaging import Imager, ImageSensor
 

@@ -9,10 +9,10 @@ from boards import SPEC, many_views, true_lens, true_stereo
 from mitt.calibration.board_calibration import board_problem, free_numbers
 from mitt.calibration.charuco import Board
 from mitt.signals import Array
-from mitt.vision.calibration.boards import BoardProblem
-from mitt.vision.calibration.fit import fit
+from mitt.vision.camera import applied, inverse
+from mitt.vision.least_squares import fit
 from mitt.vision.lens import Lens
-from mitt.vision.poses import applied, inverse
+from mitt.vision.rig_calibration import BoardProblem
 
 VIEWS, NOISE = 20, 0.2
 #: Points 2 m before the rig that both cameras see, in the frame of the left one [m].

@@ -12,10 +12,9 @@ from mitt.ball.flight import advance
 from mitt.cameras.video_writer import VideoWriter
 from mitt.cli import main
 from mitt.files.rig import CalibratedRig, RigCamera, read_rig, write_rig
-from mitt.vision.camera import look_at
+from mitt.vision.camera import inverse, look_at
 from mitt.vision.eyes import Eyes
 from mitt.vision.lens import Lens
-from mitt.vision.poses import inverse
 from mitt.world.imaging import Imager, ImageSensor
 
 RADIUS, RATE, rng = 0.04, 1000.0, np.random.default_rng(2)

@@ -10,7 +10,7 @@ from cramer_rao import one_calibration
 
 from mitt.calibration.board_calibration import board_problem, calibrate_boards, free_numbers
 from mitt.calibration.charuco import Board
-from mitt.vision.calibration.fit import fit
+from mitt.vision.least_squares import fit
 
 #: Largest ratio of rms error to the Cramer-Rao bound.
 NEAR_BOUND = 1.3

@@ -17,7 +17,7 @@ from mitt.cli import main
 from mitt.files.rig import read_rig, write_rig
 from mitt.robot.arm import Arm
 from mitt.signals import Array
-from mitt.vision.poses import inverse, turned
+from mitt.vision.camera import inverse, turned
 from mitt.world.imaging import Imager, ImageSensor
 
 Call = Callable[..., tuple[int, dict[str, Any], str]]

@@ -12,7 +12,7 @@ from mitt.calibration.charuco import Board, BoardSpec, shown_instead
 from mitt.cameras.cameras import Camera
 from mitt.errors import InputError
 from mitt.signals import Array, Image
-from mitt.vision.poses import turned
+from mitt.vision.camera import turned
 
 
 class Taken(Camera):

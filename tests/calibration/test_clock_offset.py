@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from mitt.errors import InputError
 from mitt.signals import Array
-from mitt.vision.calibration.clock import ClockProblem, clock_problem
-from mitt.vision.calibration.fit import fit
+from mitt.vision.clock_offset import ClockProblem, clock_problem
+from mitt.vision.least_squares import fit
 
 #: A millisecond is 6 mm of flight: a quarter of one is what calibration should leave.
 CLOCK = 2.5e-4

@@ -8,8 +8,8 @@ from mitt.calibration.hand_calibration import calibrate_hand, hand_problem
 from mitt.errors import InputError
 from mitt.files.rig import CalibratedRig
 from mitt.signals import Array
-from mitt.vision.calibration.fit import fit
-from mitt.vision.poses import inverse, turned
+from mitt.vision.camera import inverse, turned
+from mitt.vision.least_squares import fit
 
 RADIUS = 0.04
 #: The rig's frame in the world, as it was before anybody knew.

@@ -9,9 +9,9 @@ from mitt.calibration.charuco import Board, Seen
 from mitt.errors import InputError
 from mitt.files.rig import RigCamera
 from mitt.signals import Array
-from mitt.vision.calibration.fit import fit
-from mitt.vision.calibration.heads import HeadAxes
-from mitt.vision.poses import inverse, turned
+from mitt.vision.camera import inverse, turned
+from mitt.vision.least_squares import fit
+from mitt.vision.rig_calibration import HeadAxes
 
 #: Camera at encoder zero: 1.8 m above the face of the board, which is the world.
 T_0 = turned(np.eye(4), np.array((0.1, -0.05, 0.2, 0.27, 0.18, -1.8)))

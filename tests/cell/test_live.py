@@ -24,7 +24,7 @@ from mitt.link.live import Mode
 from mitt.link.ticks import Ticks
 from mitt.signals import ArmState, Command, Senses, Sighting
 from mitt.trials.replay import replay
-from mitt.vision.calibration.caught import caught_offset
+from mitt.vision.clock_offset import caught_offset
 from mitt.vision.lens import Lens
 
 #: Speed of a joint in a catch at which faults begin [rad/s].

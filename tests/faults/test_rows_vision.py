@@ -11,7 +11,7 @@ from faults.conftest import Range
 
 from mitt.ball.filter import THROWN_BALL, BallFilter
 from mitt.signals import Array, Sighting
-from mitt.vision.window import is_merged
+from mitt.vision.blobs import MOMENTS, is_merged
 
 
 def sightings(count: int, seed: int) -> list[Sighting]:
@@ -105,10 +105,9 @@ def test_row_07_two_balls() -> None:
     for gap, merged in ((0.0, False), (14.0, True)):
         seen = ((x - 20) ** 2 + (y - 20) ** 2 <= 64) | ((x - 20 - gap) ** 2 + (y - 20) ** 2 <= 64)
         u, v = x[seen].astype(float), y[seen].astype(float)
-        weights = np.array(
-            [u.size, u.mean(), v.mean(), u.var(), np.cov(u, v)[0, 1], v.var(), u.size]
-        )
-        assert bool(is_merged(weights)) is merged
+        second = u.var(), np.cov(u, v)[0, 1], v.var()
+        moments = np.array([(u.size, u.mean(), v.mean(), *second, u.size)], MOMENTS)
+        assert bool(is_merged(moments[0])) is merged
 
 
 @pytest.mark.parametrize("camera", [0, 1])

@@ -15,8 +15,8 @@ from throws_on_film import calibrated
 
 from mitt.errors import FileError
 from mitt.files.rig import CalibratedRig, read_rig, write_rig
-from mitt.vision.calibration.heads import HeadAxes
-from mitt.vision.poses import turned
+from mitt.vision.camera import turned
+from mitt.vision.rig_calibration import HeadAxes
 
 
 def full() -> CalibratedRig:

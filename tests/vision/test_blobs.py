@@ -8,10 +8,9 @@ from hypothesis import strategies as st
 
 from mitt.errors import ShapeError
 from mitt.signals import Frame, Image, Moments
-from mitt.vision.background import measure_background
+from mitt.vision.blobs import MOMENTS, weigh
 from mitt.vision.camera import Camera, Rig, look_at
-from mitt.vision.segmentation import Segmenter, SegmenterConfig
-from mitt.vision.window import weigh
+from mitt.vision.segmentation import Segmenter, SegmenterConfig, measure_background
 from mitt.world.imaging import Imager, ImageSensor
 
 BIAS = 0.01
@@ -188,8 +187,8 @@ def test_a_flat_image_holds_nothing(value: int) -> None:
 
 def test_the_ground_is_measured_from_the_image_despite_a_ball() -> None:
     """Level and noise are those of the ground, and targets are found on a bright one too."""
-    level, counts = np.empty(2), np.empty(256, dtype=np.int64)
-    measure_background(at(60, 40, r_px=15.0).pixels, counts, level)
+    counts = np.empty(256, dtype=np.int64)
+    level = measure_background(at(60, 40, r_px=15.0).pixels, counts)
     noise = np.sqrt(2.0**2 + 24.0 / 30.0 + 1.0 / 12.0)
     assert level == pytest.approx((24.0, noise), abs=LEVEL)
     bright = ImageSensor(brightness=60.0, background=180.0, texture=0.0, read_noise=3.0)
@@ -215,9 +214,10 @@ def test_what_is_no_image_is_refused() -> None:
 
 def test_a_target_as_dark_as_the_ground_has_no_centroid() -> None:
     """Its mass is what rounding leaves, and its centroid would lie 1e15 pixels off."""
-    pixels, runs, weights = np.array([[10, 41, 30]], np.uint8), np.array([[1], [1]]), np.zeros(7)
-    assert weigh(pixels, 0, 1, runs, 40, 20.0, weights)
-    assert weights[1] == pytest.approx(1.0 + 20.0 / 21.0)
+    pixels, runs = np.array([[10, 41, 30]], np.uint8), np.array([[1], [1]])
+    moments = np.zeros(1, MOMENTS)
+    assert weigh(pixels, 0, 1, runs, 40, 20.0, moments[0])
+    assert moments["u"][0] == pytest.approx(1.0 + 20.0 / 21.0)
     level = np.nextafter(27.0, 0.0)
     assert 0.0 < pixels.sum() - 3.0 * level < 1e-13
-    assert not weigh(pixels, 0, 1, runs, 40, level, weights)
+    assert not weigh(pixels, 0, 1, runs, 40, level, moments[0])

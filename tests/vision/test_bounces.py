@@ -11,8 +11,7 @@ from mitt.ball.flight import advance
 from mitt.signals import TICK
 from mitt.vision.camera import Rig, fixed_rig
 from mitt.vision.eyes import Eyes, EyesConfig
-from mitt.vision.gaze import SWEEP
-from mitt.vision.head import active_rig
+from mitt.vision.head import SWEEP, active_rig
 from mitt.world.imaging import Imager, ImageSensor
 
 RADIUS = 0.02

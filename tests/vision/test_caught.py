@@ -8,7 +8,7 @@ import pytest
 from mitt.robot.arm import Arm
 from mitt.robot.kinematics import packed_chain, tip_motion
 from mitt.signals import TICK, Array
-from mitt.vision.calibration.caught import (
+from mitt.vision.clock_offset import (
     TRIAL,
     WARNED,
     Catch,

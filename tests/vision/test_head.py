@@ -11,9 +11,9 @@ from mitt.errors import InputError, ShapeError
 from mitt.signals import Array
 from mitt.vision.camera import Head, Rig, look_at
 from mitt.vision.eyes import Eyes, EyesStatus
-from mitt.vision.gaze import empty_gaze, lead
-from mitt.vision.head import active_rig, aim, bearing, pack_heads, pose_of
-from mitt.vision.target import EXPECTED, GAIN, GOOD, STATE, WEIGHED, WEIGHTS
+from mitt.vision.head import active_rig, aim, bearing, lead, pack_heads, pose_of
+from mitt.vision.localization import eyes_handle
+from mitt.vision.segmentation import GOOD
 from mitt.world.imaging import Imager, ImageSensor
 
 ANGLE = st.floats(-1.2, 1.2)
@@ -58,20 +58,20 @@ def test_a_bearing_puts_the_point_into_the_middle_and_its_rate_is_its_derivative
 ) -> None:
     """A head turned to a bearing sees the point at the principal point; rates by differences."""
     rig = active_rig()
-    heads, cameras, angles = pack_heads(rig), np.empty((2, 5, 3)), np.empty((2, 2))
+    eyes = Eyes(rig).memory
     r, v, wanted, h = np.array((x, y, z)), np.array((dx, dy, dz)), np.empty(4), 1e-6
     goals = np.empty((2, 4))
     for n in range(2):
-        bearing(heads[n], r, v, goals[n])
-        angles[n] = goals[n, :2]
+        bearing(eyes.heads[n], r, v, goals[n])
+        eyes.angles[n] = goals[n, :2]
         ends = []
         for step in (-h, h):
-            bearing(heads[n], r + step * v, v, wanted)
+            bearing(eyes.heads[n], r + step * v, v, wanted)
             ends.append(wanted[:2].copy())
         assert goals[n, 2:] == pytest.approx((ends[1] - ends[0]) / (2 * h), rel=1e-4, abs=1e-6)
-    aim(heads, angles, cameras)
-    for n in range(2):
-        local = (r - cameras[n, 3]) @ cameras[n, :3]
+    aim(eyes_handle(eyes))
+    for camera in eyes.cameras:
+        local = (r - camera["centre"]) @ camera["R"]
         assert local[:2] / local[2] == pytest.approx((0.0, 0.0), abs=1e-12)
 
 
@@ -110,18 +110,18 @@ def test_a_head_follows_its_image_only_while_that_may_be_the_ball(
     mass: float, follows: bool
 ) -> None:
     """A target 40 px beside the flight leads the head, unless it is twice as heavy as the ball."""
-    eyes, gaze = Eyes(active_rig()), empty_gaze(2)
-    arrays = eyes.arrays()
-    heads, cameras, memory = arrays["heads"], arrays["cameras"], arrays["memory"]
+    eyes = Eyes(active_rig()).memory
+    handle, targets = eyes_handle(eyes), eyes.targets
     motion, desired = np.array([(2.0, 0.1, 0.1), (-5.0, 0.0, 0.0)]), np.zeros((2, 4))
     for n in range(2):
-        bearing(heads[n], *motion, desired[n])
-    aim(heads, desired[:, :2].copy(), cameras)
-    memory[0, :2], memory[1, :2] = (103.5, 63.5), (23.5, 63.5)
-    memory[:2, STATE], memory[:2, EXPECTED], memory[:2, GAIN] = GOOD, 700.0, 100.0
-    memory[:2, WEIGHED], memory[:2, WEIGHTS] = 20.0, mass * 7e4
+        bearing(eyes.heads[n], *motion, desired[n])
+    eyes.angles[:] = desired[:, :2]
+    aim(handle)
+    targets["u"], targets["v"] = (103.5, 23.5), 63.5
+    targets["state"], targets["expected"], targets["gain"] = GOOD, 700.0, 100.0
+    targets["weighed"], targets["moments"]["mass"] = 20.0, mass * 7e4
     ahead = desired.copy()
-    lead(heads, cameras, memory, gaze, motion, 0.299, 0.3, 0.302, np.zeros((9, 3)), desired)
+    lead(handle, motion, 0.299, 0.3, 0.302, desired)
     turned_by = np.abs(desired[:, 0] - ahead[:, 0])
     assert np.all((turned_by > 0.04) == follows)
 
@@ -129,18 +129,17 @@ def test_a_head_follows_its_image_only_while_that_may_be_the_ball(
 @pytest.mark.parametrize("silence", [0.01, 0.03, 0.07])
 def test_heads_that_search_agree_on_a_place_between_flight_and_bounce(silence: float) -> None:
     """Their lines of sight meet above where the ball would be if it flew on, if it fell."""
-    eyes, gaze = Eyes(active_rig()), empty_gaze(2)
-    arrays = eyes.arrays()
-    heads, cameras, desired = arrays["heads"], arrays["cameras"], np.zeros((2, 4))
+    eyes, desired = Eyes(active_rig()).memory, np.zeros((2, 4))
+    handle, (left, right) = eyes_handle(eyes), eyes.cameras
     for falls in (3.0, -3.0):
         motion = np.array([(1.5, 0.1, 0.1), (-4.0, 0.0, -falls)])
-        given = heads, cameras, arrays["memory"], gaze, motion
-        lead(*given, 0.3 - silence, 0.3, 0.3, np.zeros((9, 3)), desired)
-        aim(heads, desired[:, :2].copy(), cameras)
-        a, b = cameras[0, :3, 2], cameras[1, :3, 2]
-        far = np.linalg.lstsq(np.stack((a, -b), axis=1), cameras[1, 3] - cameras[0, 3])[0]
-        place = cameras[0, 3] + far[0] * a
-        assert place == pytest.approx(cameras[1, 3] + far[1] * b, abs=2e-3)
+        lead(handle, motion, 0.3 - silence, 0.3, 0.3, desired)
+        eyes.angles[:] = desired[:, :2]
+        aim(handle)
+        a, b, apart = left["R"][:, 2], right["R"][:, 2], right["centre"] - left["centre"]
+        far = np.linalg.lstsq(np.stack((a, -b), axis=1), apart)[0]
+        place = left["centre"] + far[0] * a
+        assert place == pytest.approx(right["centre"] + far[1] * b, abs=2e-3)
         raised = place[2] - motion[0, 2]
         assert (-2e-3 < raised < 2.0 * abs(falls) * silence) if falls > 0 else abs(raised) < 2e-3
         assert raised > 0.1 * falls * silence or falls < 0.0 or silence > 0.05

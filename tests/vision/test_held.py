@@ -4,28 +4,28 @@ import numpy as np
 import pytest
 
 from mitt.signals import Array, Image
-from mitt.vision.camera import fixed_rig, in_camera, project_ball
+from mitt.vision.camera import Row, fixed_rig, in_camera, sphere_centroid
 from mitt.vision.eyes import Eyes
 from mitt.vision.held import find_held
-from mitt.vision.target import GAIN, LEVEL, WEIGHED
+from mitt.vision.localization import eyes_handle
 
 RADIUS, WALL, HAND, BALL = 0.04, 25.0, 80.0, 170.0
 #: Where the ball lies in the hand's frame of the world [m].
 OFF = np.array([0.02, -0.01, 0.015])
 
 
-def drawn(camera: Array, r: Array, hidden: float, *, ball: float = BALL) -> Image:
+def drawn(camera: Row, r: Array, hidden: float, *, ball: float = BALL) -> Image:
     """Return an image of a ball whose lower part a darker hand covers.
 
     Args:
-        camera: A row of ``cameras``.
+        camera: A record of ``CAMERA``.
         r: Its centre [m].
         hidden: Share of its diameter that is covered.
         ball: Its grey level.
     """
-    uv, fine = np.zeros(2), 8
-    assert project_ball(camera, r, RADIUS, uv)
-    size = camera[4, 0] * RADIUS / in_camera(camera, r)[2]
+    place, fine = in_camera(camera, r), 8
+    uv = sphere_centroid(camera, place, RADIUS)
+    size = camera["f_px"] * RADIUS / place[2]
     x = (np.arange(128 * fine) + 0.5) / fine - 0.5
     u, v = np.meshgrid(x, x)
     grey = np.full(u.shape, WALL)
@@ -41,14 +41,12 @@ def found_at(
     r: Array, hidden: tuple[float, float], *, learned: bool = True, ball: float = BALL
 ) -> tuple[bool, Array, Array]:
     """Return whether a ball at a place is found, where, and its covariance."""
-    parts = Eyes(fixed_rig()).arrays()
-    cameras, memory = parts["cameras"], parts["memory"]
-    memory[:, LEVEL], memory[:, GAIN], memory[:, WEIGHED] = WALL, BALL - WALL, 20.0 * learned
-    images = tuple(drawn(x, r, h, ball=ball) for x, h in zip(cameras, hidden, strict=True))
+    eyes = Eyes(fixed_rig()).memory
+    eyes.targets["level"], eyes.targets["gain"] = WALL, BALL - WALL
+    eyes.targets["weighed"] = 20.0 * learned
+    images = tuple(drawn(x, r, h, ball=ball) for x, h in zip(eyes.cameras, hidden, strict=True))
     place, P = np.zeros(3), np.zeros((3, 3))
-    found = find_held(
-        images, 0, memory, cameras, parts["ball"], parts["work"], r - OFF, place, P
-    )  # fmt: skip
+    found = find_held(images, 0, eyes_handle(eyes), r - OFF, place, P)
     return bool(found), place, P
 
 

@@ -10,7 +10,7 @@ import pytest
 from rendered_views import SIDE
 
 from mitt.signals import Array
-from mitt.vision.camera import Camera, Rig, sphere_centroid
+from mitt.vision.camera import Camera, Rig, pack_cameras, sphere_centroid
 from mitt.world.imaging import Imager, ImageSensor
 
 CLOSE = 0.1
@@ -63,10 +63,10 @@ def test_our_balls_are_where_mujoco_renders_them(f_px: float, tmp_path: Path) ->
     views = balls(f_px, seed=int(f_px))
     camera = Camera(width=SIDE, height=SIDE, f_px=f_px, cu=63.5, cv=63.5, T_world_cam=np.eye(4))
     imager = Imager(Rig(cameras=(camera,)), CLEAN, np.random.default_rng(0))
-    lens, formula = np.array((f_px, 63.5, 63.5)), np.empty(2)
+    packed = pack_cameras(Rig(cameras=(camera,)))[0]
     for view, image in zip(views, rendered(views, f_px, tmp_path), strict=True):
         theirs = centroid(image, FINE)
         ours = centroid(imager.render(0.0, view[:3], view[3])[0].pixels.astype(float), 1)
-        sphere_centroid(lens, (view[0], view[1], view[2]), view[3], formula)
+        formula = sphere_centroid(packed, (view[0], view[1], view[2]), view[3])
         assert np.hypot(ours[0] - theirs[0], ours[1] - theirs[1]) < CLOSE
         assert np.hypot(formula[0] - theirs[0], formula[1] - theirs[1]) < CLOSE

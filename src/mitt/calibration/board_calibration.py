@@ -17,11 +17,10 @@ from mitt.cameras.cameras import Camera, read_image
 from mitt.errors import FileError, InputError
 from mitt.files.rig import CalibratedRig, RigCamera
 from mitt.signals import Array, Image
-from mitt.vision.calibration.boards import BoardProblem, Corners
-from mitt.vision.calibration.fit import Fit, fit
-from mitt.vision.calibration.heads import HeadProblem, first_head
+from mitt.vision.camera import inverse
+from mitt.vision.least_squares import Fit, fit
 from mitt.vision.lens import NUMBERS, Lens
-from mitt.vision.poses import inverse
+from mitt.vision.rig_calibration import BoardProblem, Corners, HeadProblem, first_head
 from mitt.world.tables import number, read_rows
 
 #: Most views used; most frames looked at in a video; fewest views of one camera.

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from mitt.cameras.cameras import optional
 from mitt.errors import InputError, UnknownNameError
 from mitt.signals import Array, Image
+from mitt.vision.camera import inverse
 from mitt.vision.lens import Lens
-from mitt.vision.poses import inverse
 
 OpenCv: TypeAlias = Any
 """A module or an object of OpenCV, which has no types."""

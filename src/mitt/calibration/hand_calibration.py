@@ -19,11 +19,10 @@ from mitt.files.recordings import Recorded
 from mitt.files.rig import CalibratedRig
 from mitt.robot.arm import Arm
 from mitt.signals import Array, Moments, Sighting
-from mitt.vision.calibration.caught import Catch, LearnedClock, caught_offset
-from mitt.vision.calibration.clock import clock_problem
-from mitt.vision.calibration.fit import Fit, fit
-from mitt.vision.calibration.hand import HandProblem, first_pose
-from mitt.vision.poses import inverse
+from mitt.vision.camera import inverse
+from mitt.vision.clock_offset import Catch, LearnedClock, caught_offset, clock_problem
+from mitt.vision.least_squares import Fit, fit
+from mitt.vision.rig_calibration import HandProblem, first_pose
 from mitt.vision.segmentation import Segmenter
 from mitt.vision.triangulation import Triangulator, TriangulatorConfig
 

@@ -11,7 +11,7 @@ from mitt.errors import FileError
 from mitt.reading import read_bytes
 from mitt.robot.arm import Arm
 from mitt.signals import Array
-from mitt.vision.calibration.fit import Fit, P
+from mitt.vision.least_squares import Fit, P
 from mitt.world.tables import MAX_BYTES, number, read_rows
 
 #: Longest header line that is read [bytes].

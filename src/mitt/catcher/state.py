@@ -42,6 +42,7 @@ from mitt.robot.shapes import Surroundings
 from mitt.signals import TICK, ArmState, Array, BallState, Command, JointReference, MapStatus
 from mitt.structs import Handle, Record, define, record_of
 from mitt.vision.eyes import Eyes
+from mitt.vision.localization import EyesMemory, eyes_handle
 
 Fields: TypeAlias = dict[str, Any]
 """Arrays by name."""
@@ -117,6 +118,7 @@ _RESULT = {
 class CatcherState(NamedTuple):
     """What a catcher knows and remembers."""
 
+    eyes: EyesMemory  # what the eyes know, shared with them; kernels get its handle
     scalars: Record  # single numbers, fields as of ``_STATE``, shape (1,)
     health: Record  # of :func:`mitt.control.health.fresh_health`
     ball_filter: Record  # of :func:`mitt.ball.filter.fresh_filter`
@@ -153,17 +155,6 @@ class CatcherState(NamedTuple):
     start: Array
     trusted: Array
     map_work: Array
-    # Arrays of :func:`mitt.vision.localization.localize` and of the gaze.
-    eyes_memory: Array
-    eyes_settings: Array
-    eyes_boxes: NDArray[np.int64]
-    eyes_cameras: Array
-    eyes_ball: Array
-    eyes_work: Array
-    eyes_heads: Array
-    eyes_angles: Array
-    eyes_gaze: Array
-    eyes_gaze_work: Array
 
     def __repr__(self) -> str:
         """Return one line."""
@@ -205,7 +196,7 @@ define(ResultHandle, Result)
 @kernel
 def state_handle(state: CatcherState) -> Any:  # noqa: ANN401
     """Return the handle of a state."""
-    return StateHandle(*state)
+    return StateHandle(eyes_handle(state.eyes), *state[1:])
 
 
 @kernel
@@ -267,7 +258,7 @@ def fresh_state(
         bounce=np.zeros(3), gap=np.zeros((2, 3)), pose=np.zeros(n),
         chain=packed_chain(arm.chain).copy(), palm=palm_of(arm), palm_now=np.zeros(3),
         jump=np.zeros(n), impact_dq=np.zeros(n), limits=of.limits.copy(),
-        **map_fields(f), **eye_fields(eyes),
+        **map_fields(f), eyes=eyes.memory,
     )  # fmt: skip
 
 
@@ -338,13 +329,8 @@ def map_fields(f: DirectMap | None) -> Fields:
 
 def begun_with(state: CatcherState, eyes: Eyes) -> CatcherState:
     """Return a copy of a state that shares the arrays of other eyes."""
-    own = {name: deepcopy(x) for name, x in state._asdict().items() if not name.startswith("eyes_")}
-    return CatcherState(**own, **eye_fields(eyes))
-
-
-def eye_fields(eyes: Eyes) -> Fields:
-    """Return the arrays of the eyes, which the state shares."""
-    return {f"eyes_{name}": x for name, x in eyes.arrays().items()}
+    own = {name: deepcopy(x) for name, x in state._asdict().items() if name != "eyes"}
+    return CatcherState(eyes=eyes.memory, **own)
 
 
 def fresh_result(n: int, heads: int = 1) -> Result:

@@ -66,10 +66,9 @@ from mitt.generator.prediction import lay_state, sigma_at_catch
 from mitt.jit import kernel
 from mitt.robot.kinematics import rotate, tip_motion
 from mitt.signals import TICK, Array, Image, Sighting
-from mitt.vision.gaze import lead
-from mitt.vision.head import aim, bearing
+from mitt.vision.head import aim, bearing, lead
 from mitt.vision.held import find_held
-from mitt.vision.localization import MISSED, guide, localize
+from mitt.vision.localization import guide, localize
 
 #: Time to the catch from which the hand comes so near the ball's images that its own light and the
 #: rim that it hides move their centroids [s], until ``SOON`` after it, and what that adds to a
@@ -130,12 +129,9 @@ def perceive(seen: Seen, read: Read, state: CatcherState, result: Result) -> Non
             _see_held(images, apart, t_exposed, state, result)
         return
     if s.heads > 0:
-        aim(state.eyes_heads, state.eyes_angles, state.eyes_cameras)
+        aim(state.eyes)
     _guide(images, t_exposed, beside, state, result)
-    found = localize(
-        images, backgrounds, apart, state.eyes_memory, state.eyes_settings, state.eyes_boxes,
-        state.eyes_cameras, state.eyes_ball, state.eyes_work, state.z, state.R,
-    )  # fmt: skip
+    found = localize(images, backgrounds, apart, state.eyes, state.z, state.R)
     out.sighted, out.t_sighted = found and is_of_now(t_exposed, t, state), t_exposed
     if out.sighted:
         if beside:
@@ -234,20 +230,17 @@ def _see_held(
     tip_motion(state.chain, state.estimated[0], state.estimated[1], hand)
     if _is_shown(images):
         if s.heads > 0:
-            aim(state.eyes_heads, state.eyes_angles, state.eyes_cameras)
+            aim(state.eyes)
         for i in range(3):
             hand[2, i] = hand[0, i] + (t_exposed - out.t) * hand[1, i]
-        found = find_held(
-            images, apart, state.eyes_memory, state.eyes_cameras, state.eyes_ball, state.eyes_work,
-            hand[2], state.z, state.R,
-        )  # fmt: skip
+        found = find_held(images, apart, state.eyes, hand[2], state.z, state.R)
         out.sighted, out.t_sighted = found and is_of_now(t_exposed, out.t, state), t_exposed
         result.sighting[0], result.sighting[1:] = state.z, state.R
     if s.heads > 0:
         for i in range(3):
             hand[0, i] += TICK * hand[1, i]
         for n in range(s.heads):
-            bearing(state.eyes_heads[n], hand[0], hand[1], result.gaze[n])
+            bearing(state.eyes.heads[n], hand[0], hand[1], result.gaze[n])
 
 
 @kernel
@@ -265,8 +258,7 @@ def _guide(
 ) -> None:
     """Give the eyes the prediction of the ball from the tick before; see :func:`tick`."""
     out = result.scalars[0]
-    memory, ball = state.eyes_memory, result.ball
-    rig = memory[len(memory) - 1]
+    rig, ball = state.eyes.rig[0], result.ball
     if _is_shown(images):
         guide(rig, ball[0], ball[1], t_exposed - out.t_ball, TICK, out.sigma, not beside)
 
@@ -277,7 +269,7 @@ def _doubt(state: CatcherState, result: Result) -> None:
     s, out, P = state.scalars[0], result.scalars[0], result.covariance
     s.flight_sigma = np.sqrt((P[0, 0] + P[1, 1] + P[2, 2]) / 3.0) if out.tracked else np.inf
     if out.tracked:
-        missed = state.eyes_memory[len(state.eyes_memory) - 1, MISSED]
+        missed = state.eyes.rig[0].missed
         doubt(state.ball_filter, out.t, P)
         doubt_flight(result.ball[1], out.t - out.t_seen, missed, state.bounce, P)
 
@@ -292,18 +284,8 @@ def _turn_heads(
         s.t_exposed = t_exposed
     for i in range(3):
         ahead[0, i], ahead[1, i] = ball[0, i] + TICK * ball[1, i], ball[1, i]
-    lead(
-        state.eyes_heads,
-        state.eyes_cameras,
-        state.eyes_memory,
-        state.eyes_gaze,
-        ahead,
-        out.t_seen if out.tracked else -np.inf,
-        s.t_exposed,
-        out.t + TICK,
-        state.eyes_gaze_work,
-        result.gaze,
-    )
+    t_seen = out.t_seen if out.tracked else -np.inf
+    lead(state.eyes, ahead, t_seen, s.t_exposed, out.t + TICK, result.gaze)
 
 
 @kernel

@@ -31,7 +31,7 @@ from mitt.trials.score import (
     was_held,
 )
 from mitt.trials.source import Source
-from mitt.vision.resampling import bender
+from mitt.vision.lens import bender
 from mitt.world.flights import BallPath
 from mitt.world.scene import Scene
 from mitt.world.servo import JointControl

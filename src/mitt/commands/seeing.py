@@ -55,9 +55,9 @@ from mitt.tracks.filtering import (
 )
 from mitt.tracks.two_cameras import WATCHED, Seen, complaints, rate_of, status_of
 from mitt.tracks.two_cameras import see as follow
-from mitt.vision.calibration.boards import BoardProblem
-from mitt.vision.calibration.fit import Fit
-from mitt.vision.poses import inverse
+from mitt.vision.camera import inverse
+from mitt.vision.least_squares import Fit
+from mitt.vision.rig_calibration import BoardProblem
 from mitt.world.fall import WANTED, doubt_of
 
 #: Largest standard deviation of a coordinate that makes sense [m].

@@ -19,8 +19,7 @@ from mitt.robot.limits import Limits
 from mitt.robot.shapes import Surroundings, shapes_of
 from mitt.signals import TICK
 from mitt.vision.camera import Rig, fixed_rig
-from mitt.vision.lens import Lens
-from mitt.vision.resampling import is_bent
+from mitt.vision.lens import Lens, is_bent
 
 SCHEMA = "mitt.cell/1"
 

@@ -14,9 +14,9 @@ from mitt.files.schema import Part, parsed
 from mitt.files.writing import write_text
 from mitt.reading import read_toml
 from mitt.signals import Array
-from mitt.vision.calibration.heads import HeadAxes
 from mitt.vision.camera import Rig
 from mitt.vision.lens import Lens
+from mitt.vision.rig_calibration import HeadAxes
 
 SCHEMA = "mitt.rig/1"
 

@@ -29,8 +29,7 @@ from mitt.catcher.catcher import Catcher
 from mitt.errors import InputError
 from mitt.link.clock import monotonic
 from mitt.signals import Frame, Image
-from mitt.vision.lens import Lens
-from mitt.vision.resampling import straightener
+from mitt.vision.lens import Lens, straightener
 
 #: Where Linux shows shared memories.
 _FOLDER = Path("/dev/shm")  # noqa: S108  # nosec B108

@@ -26,7 +26,7 @@ from mitt.link.robot import RobotLink
 from mitt.link.ticks import Ticks
 from mitt.robot.arm import Arm, trusted_deceleration
 from mitt.signals import TICK, ArmState, Array, Command
-from mitt.vision.calibration.caught import LearnedClock
+from mitt.vision.clock_offset import LearnedClock
 from mitt.vision.lens import Lens
 
 #: Time without a position after which a ball is gone, longest throw, and how long a caught ball is

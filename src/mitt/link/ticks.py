@@ -18,7 +18,7 @@ from mitt.link.readings import STRAY, Counts, Positions, Stamps
 from mitt.link.recorder import Recorder
 from mitt.robot.arm import Arm
 from mitt.signals import TICK, ArmState, Array, Command, Frame, Senses
-from mitt.vision.calibration.caught import FARTHEST, Catch, ClockOffset, LearnedClock, caught_offset
+from mitt.vision.clock_offset import FARTHEST, Catch, ClockOffset, LearnedClock, caught_offset
 
 #: How far a joint has to have moved before a row of angles that repeats is no reading [rad], beside
 #: a step of its encoder.

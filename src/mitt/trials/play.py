@@ -30,9 +30,11 @@ from mitt.errors import ShapeError
 from mitt.jit import kernel
 from mitt.link.clock import Stopwatch, now_ns
 from mitt.signals import TICK, Array, Image
+from mitt.structs import Record
+from mitt.vision.camera import CAMERA
+from mitt.vision.head import HEAD
 from mitt.vision.held import window_about
-from mitt.vision.segmentation import suffices
-from mitt.vision.target import WORK, region_of_interest
+from mitt.vision.segmentation import WORK, region_of_interest, suffices, whole_image
 from mitt.world.capsules import lay_capsules
 from mitt.world.engine import Plant
 from mitt.world.exposure import Bank, Cameras, render_images
@@ -77,13 +79,14 @@ class LookAhead(NamedTuple):
     Attributes:
         windows: Rows and columns, first and last, shape (2, 4).
         known: Whether they are less than the images, shape (2,).
-        work, weights: Of :func:`mitt.vision.segmentation.suffices`.
+        work: Of :func:`mitt.vision.segmentation.suffices`, shape (1,).
+        hand: Where the hand is expected [m], shape (3,).
     """
 
     windows: NDArray[np.int64]
     known: NDArray[np.bool_]
-    work: NDArray[np.int64]
-    weights: Array
+    work: Record
+    hand: Array
 
 
 class Sight(NamedTuple):
@@ -105,7 +108,7 @@ _NO_LIGHT = Light(*(0.0,) * 13, painted=False)
 #: Cameras where there are none, and what arrives from them.
 _DARK: Film = (
     (
-        np.zeros((0, 1)), np.zeros((0, 4)), np.zeros((0, 2, 5, 3)), np.zeros((0, 2)),
+        np.zeros(0, HEAD), np.zeros((0, 4)), np.zeros((0, 2), CAMERA), np.zeros((0, 2)),
         np.zeros((1, 14)), _NO_LIGHT, np.zeros(0), np.zeros(0, np.float32),
     ),
     (np.zeros((0, 0), np.uint8), np.zeros(0, np.uint8), np.zeros(0)),
@@ -143,17 +146,16 @@ def render(
         held: Whether the tick before has looked for a held ball.
     """
     windows, known = ahead.windows, ahead.known
-    memory, settings, count = state.eyes_memory, state.eyes_settings, len(shot) - 2
+    eyes, count = state.eyes, len(shot) - 2
     r_o, dr_o = shot[count, :3], shot[count + 1, :3]
     if state.scalars[0].phase == BRAKE:
-        hand = ahead.weights[:3]
+        hand = ahead.hand
         hand[:] = state.hand[2] + TICK * state.hand[1]
         for n in range(2):
             if not held or window_about(
-                state.eyes_cameras[n], hand, state.eyes_ball[0], MARGIN, images[n].shape, windows[n]
+                eyes.cameras[n], hand, eyes.ball[0].radius, MARGIN, images[n].shape, windows[n]
             ) == 0.0:  # fmt: skip
-                windows[n, 0], windows[n, 1] = 0, images[n].shape[0] - 1
-                windows[n, 2], windows[n, 3] = 0, images[n].shape[1] - 1
+                whole_image(images[n], windows[n])
         render_images(
             images, camera, bank, starts, half, radius, r_o, dr_o, shot[:count], windows, t
         )
@@ -161,16 +163,17 @@ def render(
     for whole in (False, True):
         missed = False
         for n in range(2):
-            windows[n, 0], windows[n, 1] = 0, images[n].shape[0] - 1
-            windows[n, 2], windows[n, 3] = 0, images[n].shape[1] - 1
-            known[n] = not whole and region_of_interest(memory[n], settings, windows[n])
+            whole_image(images[n], windows[n])
+            known[n] = not whole and region_of_interest(
+                eyes.targets[n], eyes.segmenter[0], windows[n]
+            )
         render_images(
             images, camera, bank, starts, half, radius, r_o, dr_o, shot[:count], windows, t
         )
         for n in range(2):
             missed |= known[n] and not suffices(
-                images[n], backgrounds[n], backgrounds[2], windows[n], memory[n], settings,
-                ahead.work, ahead.weights,
+                images[n], backgrounds[n], backgrounds[2], windows[n], eyes.targets[n],
+                eyes.segmenter[0], ahead.work[0],
             )  # fmt: skip
         if not missed:
             return
@@ -293,9 +296,8 @@ def play_out(
         np.empty((2, *shape), np.uint8),
     )
     ahead = LookAhead(
-        np.zeros((2, 4), np.int64), np.zeros(2, np.bool_), np.zeros((WORK, 4), np.int64),
-        np.zeros(7),
-    )  # fmt: skip
+        np.zeros((2, 4), np.int64), np.zeros(2, np.bool_), np.zeros(1, WORK), np.zeros(3)
+    )
     points = Points(np.zeros((0, 3)), stage.sensors.covariance, np.zeros((latency + 1, 3)))
     half = 0.0 if imager is None else imager.half
     rows, log = stage.trace_buffer.reserve(most + 1), room_for(catcher.result, most)

@@ -34,8 +34,8 @@ from mitt.trials.score import (
     was_held,
 )
 from mitt.trials.source import Source
-from mitt.vision.calibration.caught import Catch
 from mitt.vision.camera import Rig, fixed_rig
+from mitt.vision.clock_offset import Catch
 from mitt.vision.eyes import Eyes
 from mitt.vision.head import active_rig
 from mitt.world.calibration import drawn_rig, error_root

@@ -50,7 +50,7 @@ from mitt.trials.result import result
 from mitt.trials.runner import LOOKS, TrialRunner
 from mitt.trials.score import Trial, reason_of
 from mitt.trials.source import Source, source_of
-from mitt.vision.calibration.caught import ClockOffset, LearnedClock, caught_offset
+from mitt.vision.clock_offset import ClockOffset, LearnedClock, caught_offset
 from mitt.world.flights import BallPath
 from mitt.world.motion import move
 from mitt.world.scene import Scene

@@ -10,12 +10,12 @@ tan(theta) / (1 - sin^2(rho) / cos^2(theta)), the mean of tan(theta + rho) and t
 | ``T_world_cam`` | p_world = T_world_cam @ p_cam, homogeneous               | m    | (4, 4)    |
 | ``f_px``        | focal length over the pixel pitch                        | px   |           |
 | ``cu, cv``      | principal point, column and row                          | px   |           |
-| ``cameras``     | for kernels: rotation in rows 0 to 2, centre in row 3,   | m    | (n, 5, 3) |
-|                 | f_px, cu, cv in row 4                                    | px   |           |
+| ``camera``      | for kernels: a record of ``CAMERA``                      |      |           |
 """
 
 from dataclasses import dataclass, field
 from math import pi
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -24,6 +24,17 @@ from mitt.errors import InputError
 from mitt.fields import brief
 from mitt.jit import kernel
 from mitt.signals import Array, all_of
+from mitt.structs import Record
+
+Row: TypeAlias = Any
+"""One record of an array: its fields are attributes in kernels, and keys in Python."""
+
+CAMERA = np.dtype([
+    ("R", float, (3, 3)),  # axes of the optical frame as columns in the world [1]
+    ("centre", float, (3,)),  # optical centre [m]
+    ("f_px", float), ("cu", float), ("cv", float),  # [px]
+])  # fmt: skip
+"""A camera for kernels."""
 
 _keep = object.__setattr__
 
@@ -184,70 +195,118 @@ def look_at(centre: Array, target: Array) -> Array:
     return T
 
 
-def pack_cameras(rig: Rig) -> Array:
-    """Return a rig as the array ``cameras`` of the module's table.
+def rotation(w: Array) -> Array:
+    """Return the rotation by a vector [rad], shape (3, 3), by Rodrigues' formula."""
+    angle, (x, y, z) = float(np.linalg.norm(w)), w
+    K = np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))
+    sine, half = np.sinc(angle / np.pi), np.sinc(0.5 * angle / np.pi)  # of the angle, over it
+    return np.asarray(np.eye(3) + sine * K + 0.5 * half**2 * K @ K)
 
-    Raises:
-        InputError: There are fewer than two cameras.
+
+def rotation_vector(R: Array) -> Array:
+    """Return the vector w [rad], shape (3,), of ``rotation``; for less than half a turn."""
+    axis = 0.5 * np.array((R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]))
+    sine = float(np.linalg.norm(axis))
+    angle = np.arctan2(sine, 0.5 * (np.trace(R) - 1.0))
+    return np.asarray(axis * (angle / sine if sine > 0.0 else 1.0))
+
+
+def turned(T: Array, step: Array) -> Array:
+    """Return a pose moved by a step: R becomes exp(w) R, t becomes t + v.
+
+    Args:
+        T: Pose, shape (4, 4).
+        step: w [rad] and v [m], shape (6,).
     """
-    if len(rig.cameras) < 2:
-        raise InputError("rig", "at least two cameras", len(rig.cameras))
-    return np.array([(*c.rotation, c.centre, (c.f_px, c.cu, c.cv)) for c in rig.cameras])
+    out = np.array(T)
+    out[:3, :3] = rotation(step[:3]) @ T[:3, :3]
+    out[:3, 3] += step[3:]
+    return out
+
+
+def inverse(T: Array) -> Array:
+    """Return the inverse of a rigid transform, shape (4, 4)."""
+    out = np.eye(4)
+    out[:3, :3] = T[:3, :3].T
+    out[:3, 3] = -T[:3, :3].T @ T[:3, 3]
+    return out
+
+
+def applied(T: Array, p: Array) -> Array:
+    """Return points, shape (n, 3), moved by a pose."""
+    return np.asarray(p @ T[:3, :3].T + T[:3, 3])
+
+
+def by_pose(p_turned: Array) -> Array:
+    """Return the derivative of R p + t with respect to a step of ``turned``, shape (n, 3, 6).
+
+    Args:
+        p_turned: R p [m], shape (n, 3).
+    """
+    out = np.empty((len(p_turned), 3, 6))
+    out[:, :, :3] = np.cross(np.eye(3), p_turned[:, None]).swapaxes(1, 2)
+    out[:, :, 3:] = np.eye(3)
+    return out
+
+
+def laid(a: Array, b: Array, weights: Array) -> Array:
+    """Return the pose that lays points ``a`` on points ``b`` with the least weighted squares.
+
+    W. Kabsch, A solution for the best rotation to relate two sets of vectors, Acta
+    Crystallographica A 32 (1976) 922-923.
+
+    Args:
+        a: Points [m], shape (n, 3), n >= 3 and not on one line.
+        b: The same points elsewhere [m], shape (n, 3).
+        weights: Weight of each, shape (n,).
+    """
+    w = weights / weights.sum()
+    mean_a, mean_b = w @ a, w @ b
+    U, _, Vt = np.linalg.svd((a - mean_a).T @ ((b - mean_b) * w[:, None]))
+    flip = np.diag((1.0, 1.0, np.linalg.det(U @ Vt)))
+    T = np.eye(4)
+    T[:3, :3] = (U @ flip @ Vt).T
+    T[:3, 3] = mean_b - T[:3, :3] @ mean_a
+    return T
+
+
+def pack_cameras(rig: Rig) -> Record:
+    """Return the cameras of a rig as records of ``CAMERA``, shape (n,)."""
+    return np.array([(c.rotation, c.centre, c.f_px, c.cu, c.cv) for c in rig.cameras], CAMERA)
 
 
 @kernel
-def in_camera(camera: Array, r: Array) -> tuple[float, float, float]:
-    """Return a place in the optical frame of a camera [m].
-
-    Args:
-        camera: A row of ``cameras``.
-        r: The place in the world [m], shape (3,) or more.
-    """
-    x, y, z = 0.0, 0.0, 0.0
+def in_camera(camera: Row, r: Array) -> tuple[float, float, float]:
+    """Return a place of the world [m], shape (3,), in the optical frame of a camera [m]."""
+    x, y, z, R = 0.0, 0.0, 0.0, camera.R
     for i in range(3):
-        d = r[i] - camera[3, i]
-        x += camera[i, 0] * d
-        y += camera[i, 1] * d
-        z += camera[i, 2] * d
+        d = r[i] - camera.centre[i]
+        x += R[i, 0] * d
+        y += R[i, 1] * d
+        z += R[i, 2] * d
     return x, y, z
 
 
 @kernel
 def sphere_centroid(
-    lens: Array, place: tuple[float, float, float], radius: float, uv: Array
-) -> None:
-    """Write where the centroid of a ball's image lies.
+    camera: Row, place: tuple[float, float, float], radius: float
+) -> tuple[float, float]:
+    """Return the column and row [px] at which the centroid of a ball's image lies.
 
     Args:
-        lens: f_px, cu, cv [px], shape (3,).
+        camera: A record of ``CAMERA``.
         place: Ball centre in the optical frame [m], its depth greater than ``radius``.
         radius: Ball radius [m].
-        uv: Result, column and row [px], shape (2,).
     """
     x, y, z = place
     stretch = 1.0 / (1.0 - radius * radius / (z * z))
-    uv[0] = lens[1] + lens[0] * stretch * x / z
-    uv[1] = lens[2] + lens[0] * stretch * y / z
+    return camera.cu + camera.f_px * stretch * x / z, camera.cv + camera.f_px * stretch * y / z
 
 
 @kernel
-def project_ball(camera: Array, r: Array, radius: float, uv: Array) -> bool:
-    """Write where in an image the centroid of a ball lies.
-
-    Args:
-        camera: A row of ``cameras``.
-        r: Ball centre [m], shape (3,).
-        radius: Ball radius [m].
-        uv: Result, column and row [px], shape (2,); unchanged where there is none.
-
-    Returns:
-        Whether the ball is in front of the camera.
-    """
-    place = in_camera(camera, r)
-    if not place[2] > 1.01 * radius:
-        return False
-    sphere_centroid(camera[4], place, radius, uv)
-    return True
+def ray_of(camera: Row, u: float, v: float) -> tuple[float, float]:
+    """Return the ideal point at unit distance [1] of an image point [px]."""
+    return (u - camera.cu) / camera.f_px, (v - camera.cv) / camera.f_px
 
 
 def fixed_rig() -> Rig:

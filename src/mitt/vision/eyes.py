@@ -8,19 +8,15 @@ from math import inf, isfinite
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mitt import checks, fields
 from mitt.errors import InputError
 from mitt.fields import brief
 from mitt.signals import Array, BallState, Frame, Image, Sighting
-from mitt.vision import localization, target, triangulation
+from mitt.vision import head, localization, segmentation, triangulation
 from mitt.vision.camera import Rig, fixed_rig, pack_cameras
-from mitt.vision.gaze import empty_gaze, lead
-from mitt.vision.head import HEAD, aim, pack_heads
-from mitt.vision.localization import STATUS, localize
-from mitt.vision.segmentation import SegmenterConfig, pack_segmenter
-from mitt.vision.target import forget
+from mitt.vision.localization import EyesHandle, EyesMemory, eyes_handle, localize
+from mitt.vision.segmentation import SegmenterConfig, forget, pack_segmenter
 from mitt.vision.triangulation import TriangulatorConfig, pack_ball, unseen
 
 
@@ -57,11 +53,21 @@ class EyesStatus(Enum):
 #: Type of an image.
 _GREY = np.dtype(np.uint8)
 
-_ARRAYS = (
-    "memory", "settings", "boxes", "cameras", "ball", "work", "heads", "angles", "gaze",
-    "gaze_work",
-)  # fmt: skip
-"""Arrays of the eyes that the compiled tick shares."""
+
+def _memory_of(rig: Rig, config: EyesConfig) -> EyesMemory:
+    """Return what eyes know before they have seen anything."""
+    n, rows = len(rig.cameras), max(len(rig.heads), 1)
+    heads = head.pack_heads(rig)
+    return EyesMemory(
+        targets=np.zeros(n, segmentation.TARGET), rig=np.zeros(1, localization.RIG),
+        segmenter=pack_segmenter(config.segmenter),
+        ball=pack_ball(config.triangulator, config.ball_radius, rig),
+        cameras=pack_cameras(rig), heads=heads if len(heads) else np.zeros(1, head.HEAD),
+        angles=np.zeros((rows, 2)), gaze=head.fresh_gaze(rows),
+        points=np.zeros(n, triangulation.POINT), corrected=np.zeros(n, triangulation.POINT),
+        segment_work=np.zeros(1, segmentation.WORK), solve_work=np.zeros(1, triangulation.WORK),
+        match_work=np.zeros(1, localization.WORK), gaze_work=np.zeros(1, head.WORK),
+    )  # fmt: skip
 
 
 class Eyes:
@@ -71,6 +77,7 @@ class Eyes:
 
     Attributes:
         heads: Number of heads; 0 where the cameras stand still.
+        memory: What the eyes know and remember, which the compiled tick shares.
         backgrounds: As of :func:`mitt.vision.localization.localize`; empty until they are learned.
     """
 
@@ -82,18 +89,9 @@ class Eyes:
         config = EyesConfig() if config is None else checks.instance("config", config, EyesConfig)
         n, self._closed = len(rig.cameras), False
         self._max_skew = config.triangulator.max_skew
-        self._settings = pack_segmenter(config.segmenter)
-        self._cameras = pack_cameras(rig)
-        self._ball = pack_ball(config.triangulator, config.ball_radius, rig)
-        self._memory = np.empty((n + 1, target.MEMORY))
-        self.heads = len(rig.heads)
-        rows = max(self.heads, 1)  # a rig that stands still has a row that is not used
-        self._heads, self._angles = np.zeros((rows, HEAD)), np.zeros((rows, 2))
-        self._heads[: self.heads] = pack_heads(rig)
-        self._gaze, self._gaze_work = empty_gaze(rows), np.zeros((9, 3))
+        self.heads, self.memory = len(rig.heads), _memory_of(rig, config)
+        self._handle: EyesHandle = eyes_handle(self.memory)
         self._numbers, self._t = [-1] * n, 0.0
-        self._boxes = np.zeros((target.WORK, 4), dtype=np.int64)
-        self._work = np.empty((triangulation.WORK + 2 * n + 4, 3))
         self._none = [np.empty((0, 0), dtype=np.uint8)] * n
         self._shapes = [(camera.height, camera.width) for camera in rig.cameras]
         self.reset()
@@ -102,16 +100,25 @@ class Eyes:
         """Take no image from now on: a frame is refused."""
         self._closed = True
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what is known, without the handle to it."""
+        return {name: value for name, value in vars(self).items() if name != "_handle"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Take what :meth:`__getstate__` returned."""
+        vars(self).update(state)
+        self._handle = eyes_handle(self.memory)
+
     def __copy__(self) -> "Eyes":
         """Return eyes that know the same, with memory of their own."""
         return deepcopy(self)
 
     def reset(self) -> None:
         """Forget the last ball and the background, as before a new throw."""
-        forget(self._memory)
+        forget(self.memory.targets)
         self.backgrounds = (*self._none, self._none[0])
-        self._memory[-1] = 0.0
-        self._gaze[:] = empty_gaze(len(self._gaze))
+        self.memory.rig[...] = np.zeros((), localization.RIG)
+        self.memory.gaze[...] = head.fresh_gaze(1)
         self._numbers = [-1] * len(self._none)
 
     def learn_background(self, views: Sequence[tuple[Frame, ...]]) -> None:
@@ -151,7 +158,7 @@ class Eyes:
         sight have not met: two different things, cameras that are swapped, or a calibration that
         is not theirs.
         """
-        return EyesStatus(int(self._memory[-1, STATUS]))
+        return EyesStatus(int(self.memory.rig["status"][0]))
 
     def gaze(self, ball: BallState, t: float) -> Array | None:
         """Return where the heads are to look at ``t`` [s]: pan, tilt, rates, shape (n, 4).
@@ -170,10 +177,7 @@ class Eyes:
         if ball.tracked:
             motion[0], motion[1] = ball.r_o + (t - ball.t) * ball.dr_o, ball.dr_o
         t_seen = ball.t_seen if ball.tracked else -inf
-        lead(
-            self._heads, self._cameras, self._memory, self._gaze, motion, t_seen, self._t, t,
-            self._gaze_work, desired,
-        )  # fmt: skip
+        head.lead(self._handle, motion, t_seen, self._t, t, desired)
         return desired
 
     def guide(self, ball: BallState, t: float, *, gap: float, alone: bool) -> None:
@@ -192,13 +196,8 @@ class Eyes:
         ball = checks.instance("ball", ball, BallState)
         ahead = checks.number("t", t, finite=True) - ball.t
         gap, alone = checks.number("gap", gap, finite=True), checks.flag("alone", alone)
-        known, rig = ball.tracked, self._memory[-1]
-        sigma = np.sqrt(np.trace(ball.covariance[:3, :3]) / 3.0) if known else np.inf
-        localization.guide(rig, ball.r_o, ball.dr_o, ahead, gap, sigma, alone)
-
-    def arrays(self) -> dict[str, NDArray[Any]]:
-        """Return the arrays of ``localize`` and of the gaze, which the compiled tick shares."""
-        return {name: vars(self)[f"_{name}"] for name in _ARRAYS}
+        sigma = np.sqrt(np.trace(ball.covariance[:3, :3]) / 3.0) if ball.tracked else np.inf
+        localization.guide(self.memory.rig[0], ball.r_o, ball.dr_o, ahead, gap, sigma, alone)
 
     def step(self, frames: tuple[Frame, ...]) -> Sighting:
         """Return where the ball is in frames exposed together.
@@ -215,13 +214,9 @@ class Eyes:
         images, apart, t = self.arrange(frames)
         self._t = t if frames else self._t
         if self.heads:
-            aim(self._heads, self._angles, self._cameras)
+            head.aim(self._handle)
         r_o, covariance = np.empty(3), np.empty((3, 3))
-        found = localize(
-            images, self.backgrounds, apart, self._memory, self._settings, self._boxes,
-            self._cameras, self._ball, self._work, r_o, covariance,
-        )  # fmt: skip
-        if found:
+        if localize(images, self.backgrounds, apart, self._handle, r_o, covariance):
             return Sighting(t=t, found=True, r_o=r_o, covariance=covariance)
         return unseen(t)
 
@@ -252,7 +247,7 @@ class Eyes:
             if not abs(frame.t - t) <= self._max_skew:
                 apart |= 1 << k
             if self.heads:
-                self._angles[k] = frame.pan, frame.tilt
+                self.memory.angles[k] = frame.pan, frame.tilt
         return tuple(images), apart, t
 
     def _check(self, frame: Frame) -> None:

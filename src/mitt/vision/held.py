@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 
 from mitt.jit import kernel
 from mitt.signals import Array, Image
-from mitt.views import view
-from mitt.vision import triangulation
-from mitt.vision.camera import in_camera
-from mitt.vision.localization import ALONG
-from mitt.vision.target import GAIN, LEVEL, LOST, STATE, WEIGHED
+from mitt.vision.camera import Row, in_camera
+from mitt.vision.localization import EyesMemory
+from mitt.vision.segmentation import LOST
 from mitt.vision.triangulation import on_ray, triangulate
+
+Edges = tuple[int, int, int, int]
+"""First and last row, first and last column [px]."""
 
 REACH = 0.1
 """How far from the catch point a held ball is looked for [m]: 40 mm in the hand, and what a hand of
@@ -37,13 +38,13 @@ rendered catches, at radii of 3 px."""
 
 @kernel
 def window_about(
-    camera: Array, r: Array, radius: float, slack: float, shape: tuple[int, ...],
+    camera: Row, r: Array, radius: float, slack: float, shape: tuple[int, ...],
     window: NDArray[np.int64],
 ) -> float:  # fmt: skip
     """Write where in an image a held ball is looked for.
 
     Args:
-        camera: A row of ``cameras``.
+        camera: A record of ``CAMERA``.
         r: Where the hand's catch point is at the exposure [m], shape (3,).
         radius: Radius of the ball [m].
         slack: What is added on all sides [px].
@@ -57,8 +58,8 @@ def window_about(
     x, y, z = in_camera(camera, r)
     if not z > 2.0 * radius:
         return 0.0
-    scale = camera[4, 0] / z
-    u, v, size = camera[4, 1] + scale * x, camera[4, 2] + scale * y, scale * radius
+    scale = camera.f_px / z
+    u, v, size = camera.cu + scale * x, camera.cv + scale * y, scale * radius
     around = size + scale * REACH + 1.0 + slack
     if not (abs(u) < 1e6 and abs(v) < 1e6):
         return 0.0
@@ -69,7 +70,7 @@ def window_about(
 
 @kernel
 def _middle(
-    pixels: Image, window: NDArray[np.int64], light: tuple[float, float], stride: int, uv: Array
+    pixels: Image, window: Edges, light: tuple[float, float], stride: int, point: Row
 ) -> bool:
     """Write the middle of what is bright in a window; return whether anything is."""
     level, gain = light
@@ -83,14 +84,14 @@ def _middle(
                 mv += bright * v
     if not mass > 0.0:
         return False
-    uv[0], uv[1] = mu / mass, mv / mass
+    point.u, point.v = mu / mass, mv / mass
     return True
 
 
 @kernel
 def _misfit(
-    pixels: Image, about: NDArray[np.int64], light: tuple[float, float], radius: float,
-    stride: int, u_0: float, v_0: float,
+    pixels: Image, about: Edges, light: tuple[float, float], radius: float, stride: int,
+    u_0: float, v_0: float,
 ) -> tuple[float, float]:  # fmt: skip
     """Return how badly a disc explains what is bright about it, and what share of it is in sight.
 
@@ -119,51 +120,43 @@ def _misfit(
 
 @kernel
 def _lay_disc(
-    pixels: Image, window: NDArray[np.int64], light: tuple[float, float], radius: float,
-    stride: int, point: Array,
+    pixels: Image, window: Edges, light: tuple[float, float], radius: float, stride: int,
+    point: Row,
 ) -> float:  # fmt: skip
     """Move a disc from the middle of what is bright to where it explains that best.
 
     By a search about it whose steps are halved; return what share of the disc is in sight.
     """
-    around, about = 1.5 * radius + 2.0, np.empty(4, np.int64)
-    about[0], about[1] = (
-        max(floor(point[1] - around), window[0]),
-        min(ceil(point[1] + around), window[1]),
-    )
-    about[2], about[3] = (
-        max(floor(point[0] - around), window[2]),
-        min(ceil(point[0] + around), window[3]),
-    )
+    around = 1.5 * radius + 2.0
+    about = (
+        max(floor(point.v - around), window[0]), min(ceil(point.v + around), window[1]),
+        max(floor(point.u - around), window[2]), min(ceil(point.u + around), window[3]),
+    )  # fmt: skip
     step, reach = 0.5 * radius, 2
-    best, in_sight = _misfit(pixels, about, light, radius, stride, point[0], point[1])
+    best, in_sight = _misfit(pixels, about, light, radius, stride, point.u, point.v)
     while step > FINEST:
-        u_0, v_0 = point[0], point[1]
+        u_0, v_0 = point.u, point.v
         for i in range(-reach, reach + 1):
             for k in range(-reach, reach + 1):
                 u, v = u_0 + i * step, v_0 + k * step
                 cost, share = _misfit(pixels, about, light, radius, stride, u, v)
                 if cost < best:
-                    best, in_sight, point[0], point[1] = cost, share, u, v
+                    best, in_sight, point.u, point.v = cost, share, u, v
         step, reach = 0.5 * step, 1
     return float(in_sight)
 
 
 @kernel
 def find_held(
-    images: tuple[Image, ...], apart: int, memory: Array, cameras: Array, ball: Array, work: Array,
-    hand: Array, r: Array, P: Array,
-) -> bool:  # fmt: skip
+    images: tuple[Image, ...], apart: int, eyes: EyesMemory, hand: Array, r: Array, P: Array
+) -> bool:
     """Find a held ball in the images, then in the world.
 
     Args:
-        images: As for :func:`mitt.vision.localization.localize`, as are ``apart``, ``cameras``,
-            ``ball`` and ``work``.
-        apart: See ``images``.
-        memory: What the cameras have learned of the ball's light in flight; its place is forgotten.
-        cameras: See ``images``.
-        ball: See ``images``.
-        work: See ``images``.
+        images: As for :func:`mitt.vision.localization.localize`.
+        apart: As for ``localize``.
+        eyes: As for ``localize``: what the cameras have learned of the ball's light in flight;
+            where it was is forgotten.
         hand: Where the hand's catch point was at the exposure [m], shape (3,).
         r: Result, centre of the ball [m], shape (3,).
         P: Result, its covariance [m^2], shape (3, 3).
@@ -171,24 +164,26 @@ def find_held(
     Returns:
         Whether two or more cameras agree on the ball, or one alone sees it, on its ray.
     """
-    eyes, count, one = len(images), 0, 0
-    points, window = view(work, 3 * triangulation.WORK, (eyes, 3)), np.empty(4, np.int64)
-    for n in range(eyes):
-        pixels, own, point = images[n], memory[n], points[n]
-        point[2], own[STATE] = -1.0, float(LOST)
-        if pixels.size == 0 or apart >> n & 1 or own[WEIGHED] == 0.0 or not own[GAIN] > 0.0:
+    ball, window, count, one = eyes.ball[0], eyes.segment_work[0].window, 0, 0
+    for n in range(len(images)):
+        pixels, own, point = images[n], eyes.targets[n], eyes.points[n]
+        point.sigma, own.state = -1.0, LOST
+        if pixels.size == 0 or apart >> n & 1 or own.weighed == 0.0 or not own.gain > 0.0:
             continue
-        size = window_about(cameras[n], hand, ball[0], 0.0, pixels.shape, window)
+        size = window_about(eyes.cameras[n], hand, ball.radius, 0.0, pixels.shape, window)
         if size == 0.0:
             continue
-        stride = max(floor(size / FINE), 1)
-        light = own[LEVEL], own[GAIN]
-        if not _middle(pixels, window, light, stride, point):
+        stride, light = max(floor(size / FINE), 1), (own.level, own.gain)
+        edges = window[0], window[1], window[2], window[3]
+        if not _middle(pixels, edges, light, stride, point):
             continue
-        in_sight = _lay_disc(pixels, window, light, size, stride, point)
+        in_sight = _lay_disc(pixels, edges, light, size, stride, point)
         if in_sight > IN_SIGHT:
             error = stride * (ERROR + MORE * (1.0 - in_sight))
-            point[2], count, one = sqrt(ball[1] + error * error), count + 1, n
+            point.sigma, count, one = sqrt(ball.floor + error * error), count + 1, n
     if count == 1:
-        return bool(on_ray(cameras[one], points[one], ball[0], hand, r, P, ALONG))
-    return count > 1 and bool(triangulate(cameras, points, ball[0], r, P, work) <= ball[3])
+        return bool(on_ray(eyes.cameras[one], eyes.points[one], ball.radius, hand, r, P))
+    if count == 0:
+        return False
+    residual = triangulate(eyes.cameras, eyes.points, ball.radius, r, P, eyes.solve_work[0])
+    return bool(residual <= ball.max_residual)

@@ -1,12 +1,14 @@
 """From the moments of two or more images to the ball's centre in the world.
 
-Maximum likelihood on the image points: two Gauss-Newton steps from the point nearest to the
-rays.
+Maximum likelihood on the image points: Gauss-Newton steps from the point nearest to the rays.
 
-| here        | meaning                                                  | unit | shape      |
-|-------------|----------------------------------------------------------|------|------------|
-| ``cameras`` | as in :mod:`mitt.vision.camera`                          | m    | (n, 5, 3)  |
-| ``points``  | centroid and its standard deviation; negative if unseen  | px   | (n, 3)     |
+| here        | meaning                                                  | shape  |
+|-------------|----------------------------------------------------------|--------|
+| ``cameras`` | records of ``CAMERA``                                    | (n,)   |
+| ``points``  | records of ``POINT``, what each camera sees              | (n,)   |
+| ``ball``    | record of ``BALL``                                       |        |
+| ``work``    | record of ``WORK``: scratch                              |        |
+| ``r, P``    | centre of the ball [m], and its covariance [m^2]         | (3,), (3, 3) |
 """
 
 from dataclasses import dataclass
@@ -20,15 +22,35 @@ from mitt.errors import InputError
 from mitt.fields import brief
 from mitt.jit import kernel
 from mitt.signals import Array, Moments, Sighting
-from mitt.vision.camera import Rig, in_camera, pack_cameras, sphere_centroid
+from mitt.structs import Record
+from mitt.vision.camera import Rig, Row, in_camera, pack_cameras, ray_of, sphere_centroid
 
-WORK = 7
-"""Rows of the scratch array."""
+POINT = np.dtype([("u", float), ("v", float), ("sigma", float)])
+"""Centroid and its standard deviation [px]; a negative one says that nothing was seen."""
 
+BALL = np.dtype([
+    ("radius", float),  # [m]
+    ("floor", float),  # squared error of a centroid that no disc falls below [px^2]
+    ("spread", float),  # squared error of a disc's centroid times its area^1.5 [px^5]
+    ("max_residual", float),  # at which cameras disagree [px]
+    ("fixed", np.int64),  # whether the cameras stand still
+])  # fmt: skip
+"""What is known of the ball and of the cameras' errors."""
 
-#: Least and largest number of each setting; choices of this project.
+WORK = np.dtype([
+    ("H", float, (3, 3)), ("inverse", float, (3, 3)), ("b", float, (3,)),
+    ("axis_u", float, (3,)), ("axis_v", float, (3,)),
+])  # fmt: skip
+"""Scratch of a triangulation."""
+
+ALONG = 1.0
+"""Standard deviation along the ray of a ball that one camera alone sees [m]: a thousand times what
+is known of it, and few enough digits away from what is seen across."""
+NEAR = 1.01
+"""Depth over the radius below which a ball is not in front of a camera."""
 _RANGES = {"sigma_floor": (0.0, 1e3), "sigma_spread": (0.0, 1e3), "max_residual": (0.0, 1e6),
            "max_skew": (0.0, 1.0)}  # fmt: skip
+"""Least and largest number of each setting; choices of this project."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,26 +80,59 @@ class TriangulatorConfig:
         fields.check(self, _RANGES)
 
 
+def pack_ball(config: TriangulatorConfig, ball_radius: float, rig: Rig) -> Record:
+    """Return what is known of ball and cameras as a record of ``BALL``, shape (1,).
+
+    The floor holds what the encoders of the heads add: a step, uniformly distributed, through the
+    focal length.
+
+    Raises:
+        InputError: The radius is not that of a ball, or there are fewer than two cameras.
+    """
+    if len(rig.cameras) < 2:
+        raise InputError("rig", "at least two cameras", len(rig.cameras))
+    if not 0.0 < ball_radius < 1.0:
+        raise InputError("ball_radius", "a length between 0 and 1 m", ball_radius)
+    pairs = zip(rig.heads, rig.cameras, strict=False)
+    steps = max((h.encoder_step * camera.f_px for h, camera in pairs), default=0.0)
+    floor = config.sigma_floor**2 + steps**2 / 12.0
+    spread, fixed = config.sigma_spread**2 * pi**1.5, not rig.heads
+    return np.array([(ball_radius, floor, spread, config.max_residual, fixed)], BALL)
+
+
 @kernel
-def _nearest(cameras: Array, points: Array, r: Array, work: Array) -> bool:
+def note(point: Row, u: float, v: float, area: float, clipped: bool, ball: Row) -> bool:
+    """Write what one camera sees into its record of ``points``; return whether it counts.
+
+    A centroid [px] of a target of an area [px^2]; one that touches the border does not count, and
+    then nothing is written.
+    """
+    if clipped or not area > 0.0 or not np.isfinite(u + v):
+        return False
+    point.u, point.v = u, v
+    point.sigma = sqrt(ball.floor + ball.spread / (area * sqrt(area)))
+    return True
+
+
+@kernel
+def _nearest(cameras: Record, points: Record, r: Array, work: Row) -> bool:
     """Write the point with the least squared distance to all rays; False if they are parallel."""
-    H, inverse, b = work[:3], work[3:6], work[6]
+    H, inverse, b = work.H, work.inverse, work.b
     H[:, :] = 0.0
     b[:] = 0.0
-    for n in range(cameras.shape[0]):
-        if points[n, 2] < 0.0:
+    for n in range(len(cameras)):
+        if points[n].sigma < 0.0:
             continue
-        pose = cameras[n]
-        x = (points[n, 0] - pose[4, 1]) / pose[4, 0]
-        y = (points[n, 1] - pose[4, 2]) / pose[4, 0]
+        R, centre = cameras[n].R, cameras[n].centre
+        x, y = ray_of(cameras[n], points[n].u, points[n].v)
         norm = sqrt(x * x + y * y + 1.0)
         for i in range(3):
-            ray_i = (pose[i, 0] * x + pose[i, 1] * y + pose[i, 2]) / norm
+            ray_i = (R[i, 0] * x + R[i, 1] * y + R[i, 2]) / norm
             for j in range(3):
-                ray_j = (pose[j, 0] * x + pose[j, 1] * y + pose[j, 2]) / norm
+                ray_j = (R[j, 0] * x + R[j, 1] * y + R[j, 2]) / norm
                 projector = (1.0 if i == j else 0.0) - ray_i * ray_j
                 H[i, j] += projector
-                b[i] += projector * pose[3, j]
+                b[i] += projector * centre[j]
     if not invert_positive(H, inverse):
         return False
     for i in range(3):
@@ -86,30 +141,29 @@ def _nearest(cameras: Array, points: Array, r: Array, work: Array) -> bool:
 
 
 @kernel
-def _refine(cameras: Array, points: Array, radius: float, r: Array, P: Array, work: Array) -> float:
+def _refine(cameras: Record, points: Record, radius: float, r: Array, P: Array, work: Row) -> float:
     """Move ``r`` by one Gauss-Newton step, write its covariance into ``P``.
 
     Returns:
         The largest residual before the step [px], infinite where a camera cannot see ``r``.
     """
-    H, b, axis_u, axis_v, uv = work[:3], work[3], work[4], work[5], work[6]
+    H, b, axis_u, axis_v, worst = work.H, work.b, work.axis_u, work.axis_v, 0.0
     H[:, :] = 0.0
     b[:] = 0.0
-    worst = 0.0
-    for n in range(cameras.shape[0]):
-        if points[n, 2] < 0.0:
+    for n in range(len(cameras)):
+        if points[n].sigma < 0.0:
             continue
-        R, lens, place = cameras[n], cameras[n, 4], in_camera(cameras[n], r)
-        x, y, z = place
-        if not z > 1.01 * radius:
+        camera, place = cameras[n], in_camera(cameras[n], r)
+        R, (x, y, z) = camera.R, place
+        if not z > NEAR * radius:
             return np.inf
-        sphere_centroid(lens, place, radius, uv)
-        du, dv = points[n, 0] - uv[0], points[n, 1] - uv[1]
+        u, v = sphere_centroid(camera, place, radius)
+        du, dv = points[n].u - u, points[n].v - v
         worst = max(worst, sqrt(du * du + dv * dv))
-        weight = 1.0 / (points[n, 2] * points[n, 2])
+        weight = 1.0 / (points[n].sigma * points[n].sigma)
         for i in range(3):
-            axis_u[i] = lens[0] / z * (R[i, 0] - x / z * R[i, 2])
-            axis_v[i] = lens[0] / z * (R[i, 1] - y / z * R[i, 2])
+            axis_u[i] = camera.f_px / z * (R[i, 0] - x / z * R[i, 2])
+            axis_v[i] = camera.f_px / z * (R[i, 1] - y / z * R[i, 2])
         for i in range(3):
             b[i] += weight * (axis_u[i] * du + axis_v[i] * dv)
             for j in range(3):
@@ -123,17 +177,9 @@ def _refine(cameras: Array, points: Array, radius: float, r: Array, P: Array, wo
 
 @kernel
 def triangulate(
-    cameras: Array, points: Array, radius: float, r: Array, P: Array, work: Array
+    cameras: Record, points: Record, radius: float, r: Array, P: Array, work: Row
 ) -> float:
-    """Write the ball's centre and its covariance; shapes of the inputs in the module's table.
-
-    Args:
-        cameras: Cameras in the world.
-        points: What they see.
-        radius: Ball radius [m].
-        r: Result, centre in the world [m], shape (3,).
-        P: Result, covariance [m^2], shape (3, 3).
-        work: Scratch, shape (WORK, 3).
+    """Write the ball's centre and its covariance, as in the module's table.
 
     Returns:
         The largest distance that remains between centroid and ball [px]; infinite if there is
@@ -150,81 +196,32 @@ def triangulate(
 
 
 @kernel
-def note(point: Array, u: float, v: float, area: float, clipped: bool, ball: Array) -> bool:
-    """Write what one camera sees into its row of ``points``; return whether it counts.
+def on_ray(camera: Row, point: Row, radius: float, known: Array, r: Array, P: Array) -> bool:
+    """Write where one camera alone sees the ball: on its ray, nearest to where it was known [m].
 
-    Args:
-        point: Result, unchanged where the target does not count, shape (3,).
-        u: Centroid, column [px].
-        v: Centroid, row [px].
-        area: Pixels of the target [px^2].
-        clipped: Whether it touches the border.
-        ball: As of :func:`pack_ball`.
-    """
-    if clipped or not area > 0.0 or not np.isfinite(u + v):
-        return False
-    point[0], point[1] = u, v
-    point[2] = sqrt(ball[1] + ball[2] / (area * sqrt(area)))
-    return True
-
-
-def pack_ball(config: TriangulatorConfig, ball_radius: float, rig: Rig) -> Array:
-    """Return what is known of ball and cameras, shape (5,).
-
-    Radius [m]; squared error of a centroid that no disc falls below [px^2], and that of a disc
-    times its area^1.5 [px^5]; the largest residual [px]; 1 for fixed cameras, else 0. The floor
-    holds what the encoders of the heads add: a step, uniformly distributed, through the focal
-    length.
-
-    Raises:
-        InputError: The radius is not that of a ball.
-    """
-    if not 0.0 < ball_radius < 1.0:
-        raise InputError("ball_radius", "a length between 0 and 1 m", ball_radius)
-    c = config
-    pairs = zip(rig.heads, rig.cameras, strict=False)
-    steps = max((h.encoder_step * camera.f_px for h, camera in pairs), default=0.0)
-    floor = c.sigma_floor**2 + steps**2 / 12.0
-    still = float(not rig.heads)
-    return np.array((ball_radius, floor, c.sigma_spread**2 * pi**1.5, c.max_residual, still))
-
-
-@kernel
-def on_ray(
-    camera: Array, point: Array, radius: float, known: Array, r: Array, P: Array, along: float
-) -> bool:
-    """Write where one camera alone sees the ball: on its ray, nearest to where it was known.
-
-    Args:
-        camera: A row of ``cameras``.
-        point: A row of ``points``.
-        radius: Ball radius [m].
-        known: Last or predicted centre [m], shape (3,).
-        r: Result, centre [m], shape (3,).
-        P: Result, covariance [m^2], shape (3, 3): true across the ray, ``along``^2 along it.
-        along: Standard deviation along the ray [m].
+    The covariance is true across the ray, and ``ALONG``^2 along it.
 
     Returns:
         Whether the known place is in front of the camera.
     """
-    x, y = (point[0] - camera[4, 1]) / camera[4, 0], (point[1] - camera[4, 2]) / camera[4, 0]
-    c, z = camera[3], in_camera(camera, known)[2]
-    if not z > 1.01 * radius:
+    x, y = ray_of(camera, point.u, point.v)
+    c, z = camera.centre, in_camera(camera, known)[2]
+    if not z > NEAR * radius:
         return False
     shrink = 1.0 - radius * radius / (z * z)
     x, y = shrink * x, shrink * y
     norm = sqrt(x * x + y * y + 1.0)
     depth = 0.0
     for i in range(3):
-        r[i] = (camera[i, 0] * x + camera[i, 1] * y + camera[i, 2]) / norm
+        r[i] = (camera.R[i, 0] * x + camera.R[i, 1] * y + camera.R[i, 2]) / norm
         depth += r[i] * (known[i] - c[i])
-    if not depth > 1.01 * radius:
+    if not depth > NEAR * radius:
         return False
-    across = depth * point[2] / camera[4, 0]
+    across = depth * point.sigma / camera.f_px
     for i in range(3):
         for j in range(3):
             own = across * across if i == j else 0.0
-            P[i, j] = own + (along * along - across * across) * r[i] * r[j]
+            P[i, j] = own + (ALONG * ALONG - across * across) * r[i] * r[j]
     for i in range(3):
         r[i] = c[i] + depth * r[i]
     return True
@@ -249,9 +246,9 @@ class Triangulator:
         config = config or TriangulatorConfig()
         self._max_skew = config.max_skew
         self._cameras = pack_cameras(rig)
-        self._ball = pack_ball(config, ball_radius, rig)
-        self._points = np.empty((len(rig.cameras), 3))
-        self._work = np.empty((WORK, 3))
+        self._ball = pack_ball(config, ball_radius, rig)[0]
+        self._points = np.empty(len(rig.cameras), POINT)
+        self._work = np.empty(1, WORK)
 
     def step(self, moments: tuple[Moments, ...]) -> Sighting:
         """Return where the ball is; ``found`` is False unless two or more cameras agree on it.
@@ -259,14 +256,14 @@ class Triangulator:
         Moments without a target, clipped by the border or not finite do not count.
         """
         t, ball, count = moments[0].t if moments else 0.0, self._ball, 0
-        self._points[:, 2] = -1.0
+        self._points["sigma"] = -1.0
         for m in moments:
             if m.found and not m.merged and abs(m.t - t) <= self._max_skew:
                 count += note(self._points[m.camera], m.u, m.v, m.area, m.clipped, ball)
         if count >= 2:
             r_o, P = np.empty(3), np.empty((3, 3))
-            worst = triangulate(self._cameras, self._points, ball[0], r_o, P, self._work)
-            if worst <= ball[3]:
+            worst = triangulate(self._cameras, self._points, ball["radius"], r_o, P, self._work[0])
+            if worst <= ball["max_residual"]:
                 return Sighting(t=t, found=True, r_o=r_o, covariance=P)
         return unseen(t)
 

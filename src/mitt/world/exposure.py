@@ -6,8 +6,8 @@ far away; it does not smear, nor do arm and hand.
 
 | here     | meaning                                                        | unit | shape        |
 |----------|----------------------------------------------------------------|------|--------------|
-| optics   | cameras at begin and end of the exposure, each as in           | m    | (n, 2, 5, 3) |
-|          | :mod:`mitt.vision.triangulation`                               | px   |              |
+| optics   | cameras at begin and end of the exposure, records of           | m    | (n, 2)       |
+|          | :data:`mitt.vision.camera.CAMERA`                              | px   |              |
 | windows  | part of each image that is drawn: first and last row, first    | px   | (n, 4)       |
 |          | and last column; beyond it nothing that counts is drawn        |      |              |
 | balls    | centre in the world at begin and end, radius; then grey level, | m    | (k, 14)      |
@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from mitt.jit import kernel
 from mitt.signals import Array, Image
+from mitt.structs import Record
 from mitt.world.capsules import Camera, Edges, Point, draw_body, into
 from mitt.world.heads import open_and_shut
 from mitt.world.noise import PERIOD
@@ -28,7 +29,7 @@ from mitt.world.outline import draw_ball
 from mitt.world.painting import Light, paint
 from mitt.world.shading import Canvas
 
-Cameras: TypeAlias = tuple[Array, Array, Array, Array, Array, Light, Array, Canvas]
+Cameras: TypeAlias = tuple[Record, Array, Record, Array, Array, Light, Array, Canvas]
 Bank: TypeAlias = tuple[Image, Image, Array]
 Window: TypeAlias = NDArray[np.int64]
 
@@ -48,12 +49,13 @@ def _hang(pixels: Image, turn: Point, wall: Image, noise: Image, start: int, win
 
 
 @kernel
-def _camera(optics: Array, n: int, shut: int) -> Camera:
+def _camera(optics: Record, n: int, shut: int) -> Camera:
     """Return a camera as in :mod:`mitt.world.capsules`, at begin (0) or end (1)."""
     o = optics[n, shut]
+    R, c = o.R, o.centre
     return (
-        o[0, 0], o[0, 1], o[0, 2], o[1, 0], o[1, 1], o[1, 2], o[2, 0], o[2, 1], o[2, 2],
-        o[3, 0], o[3, 1], o[3, 2], o[4, 0], o[4, 1], o[4, 2],
+        R[0, 0], R[0, 1], R[0, 2], R[1, 0], R[1, 1], R[1, 2], R[2, 0], R[2, 1], R[2, 2],
+        c[0], c[1], c[2], o.f_px, o.cu, o.cv,
     )  # fmt: skip
 
 
@@ -78,7 +80,7 @@ def _draw_balls(
 @kernel
 def draw_images(
     images: tuple[Image, ...],
-    optics: Array,
+    optics: Record,
     places: Array,
     balls: Array,
     capsules: Array,

@@ -13,6 +13,7 @@ import numpy as np
 from mitt import checks
 from mitt.jit import kernel
 from mitt.signals import Array
+from mitt.structs import Record
 from mitt.vision.camera import Rig
 from mitt.vision.head import aim_one, pack_heads
 
@@ -21,7 +22,7 @@ BANDWIDTH, STEPS = 300.0, 4
 
 
 @kernel
-def follow(heads: Array, state: Array, desired: Array, bandwidth: float, duration: float) -> None:
+def follow(heads: Record, state: Array, desired: Array, bandwidth: float, duration: float) -> None:
     """Let the servos follow for a while, within the limits of speed and acceleration.
 
     A loop of angle around a loop of rate, critically damped, with the desired rate fed forward.
@@ -36,7 +37,7 @@ def follow(heads: Array, state: Array, desired: Array, bandwidth: float, duratio
     """
     h = duration / STEPS
     for n in range(state.shape[0]):
-        top, most = heads[n, 18], heads[n, 19]
+        top, most = heads[n].max_speed, heads[n].max_accel
         for axis in range(2):
             angle, rate, drift = state[n, axis], state[n, axis + 2], desired[n, axis + 2]
             for k in range(STEPS):
@@ -51,14 +52,14 @@ def follow(heads: Array, state: Array, desired: Array, bandwidth: float, duratio
 
 
 @kernel
-def open_and_shut(heads: Array, state: Array, half: float, optics: Array, places: Array) -> None:
+def open_and_shut(heads: Record, state: Array, half: float, optics: Record, places: Array) -> None:
     """Write how the cameras stand as the shutter opens and as it closes.
 
     Args:
         heads: As in :mod:`mitt.vision.head`.
         state: In the middle of the exposure.
         half: Half the exposure [s].
-        optics: Result, a camera each, as in :mod:`mitt.vision.triangulation`, shape (n, 2, 5, 3).
+        optics: Result, records of ``CAMERA``, shape (n, 2).
         places: Result, pan and tilt in the middle [rad], shape (n, 2).
     """
     for n in range(state.shape[0]):

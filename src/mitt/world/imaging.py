@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from mitt.errors import InputError
 from mitt.signals import Array, Frame, Image
-from mitt.vision.camera import Rig
+from mitt.vision.camera import Rig, pack_cameras
 from mitt.world.exposure import Bank, Cameras, render_images
 from mitt.world.heads import Heads
 from mitt.world.noise import NOISE_SIZE, PERIOD, SIDE, noise_bank
@@ -167,8 +167,7 @@ class Imager:
         if largest > SIDE - PERIOD:
             raise InputError("rig", f"images of at most {SIDE - PERIOD} pixels a side", largest)
         self._shapes = [(c.height, c.width) for c in rig.cameras]
-        cameras = [(*c.rotation, c.centre, (c.f_px, c.cu, c.cv)) for c in rig.cameras]
-        optics = np.repeat(np.array(cameras)[:, None], 2, axis=1)
+        optics = np.repeat(pack_cameras(rig)[:, None], 2, axis=1)
         self._heads = Heads(rig)
         self._packed, self._state = self._heads.packed, self._heads.state
         self._turnable, self._half = len(self._state) > 0, 0.5 * sensor.exposure
@@ -189,7 +188,7 @@ class Imager:
         self._starts = self._draw_starts(rng)
         canvas = np.zeros(2 * largest * largest if sensor.painted else 0, np.float32)
         self._camera: Cameras = (
-            self._packed, self._state, optics, np.zeros((len(cameras), 2)), balls, light, work,
+            self._packed, self._state, optics, np.zeros((len(optics), 2)), balls, light, work,
             canvas,
         )  # fmt: skip
         self._banks: Bank = bank.wall, bank.ground, bank.normal

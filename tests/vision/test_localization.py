@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from mitt.ball.flight import advance
 from mitt.signals import Array
 from mitt.vision.camera import fixed_rig
-from mitt.vision.candidates import MOST, _fastest
 from mitt.vision.eyes import Eyes
+from mitt.vision.localization import MOST, TRACK, _fastest
 from mitt.world.imaging import Imager, ImageSensor
 
 TICKS, SOON = 120, 25
@@ -78,11 +78,11 @@ def test_a_slow_candidate_is_not_taken_for_a_thrown_ball(
     slow: float, fast: float, looks: int, seed: int
 ) -> None:
     """Places are known to 2 mm an axis: what rolls waits, also alone; what was thrown is taken."""
-    rng, tracks = np.random.default_rng(seed), np.zeros((MOST, 11))
+    rng, tracks = np.random.default_rng(seed), np.zeros(MOST, TRACK)
     for k, speed in enumerate((slow, fast)):
-        tracks[k, :6] = rng.normal(scale=0.002, size=6)
-        tracks[k, 0] += 1e-3 * looks * speed
-        tracks[k, 6:9] = 1.0, 1.0 + looks, looks
+        tracks["r"][k], tracks["start"][k] = rng.normal(scale=0.002, size=(2, 3))
+        tracks["r"][k, 0] += 1e-3 * looks * speed
+        tracks["first"][k], tracks["last"][k], tracks["seen"][k] = 1, 1 + looks, looks
     assert _fastest(tracks, 1, False) == -1
     assert _fastest(tracks, 1, True) == 0
     assert _fastest(tracks, 2, False) == _fastest(tracks, 2, True) == 1

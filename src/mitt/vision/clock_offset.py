@@ -1,21 +1,25 @@
-"""The offset between the clocks of eyes and arm, from a ball that rides on the braking hand.
+"""The offset between the clocks of eyes and arm, from a ball in a moving hand.
 
 The hand's path is known by the arm's clock, that of the ball by the eyes'. With offset d the ball
-seen at t lies in the hand as the hand was at t + d, at a place that does not change:
+seen at t is where the hand was at t + d. There are two such records:
 
-    seen(t) = l(q(t + d)) + R(q(t + d)) c
-
-Fitted for d and c by weighted least squares, from when the ball has come to rest in the hand until
-the arm has. A place that drifts must not be fitted beside d: under constant braking it imitates d.
-In flight alone d does not show: a flight that is shifted in time is a flight.
+- **Carried**, for a calibration (``ClockProblem``): the hand carries a ball about, which lies at a
+  constant gap from the catch point, in the world.
+- **Caught**, after each catch (``caught_offset``): the ball rides on the braking hand, at a place c
+  that does not change in the hand, seen(t) = l(q(t + d)) + R(q(t + d)) c. d and c are fitted by
+  weighted least squares, from when the ball has come to rest in the hand until the arm has. A place
+  that drifts must not be fitted beside d: under constant braking it imitates d. In flight alone d
+  does not show: a flight that is shifted in time is a flight. ``LearnedClock`` collects what the
+  catches say.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import final
 
 import numpy as np
 
 from mitt.ball.motion_models import LOOSE
+from mitt.errors import InputError
 from mitt.fields import brief
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
@@ -23,19 +27,18 @@ from mitt.robot.basket import Basket
 from mitt.robot.kinematics import packed_chain, tip_motion
 from mitt.signals import TICK, Array
 
-SETTLES = 0.02
-"""Time from the catch until the ball lies still in the hand [s]."""
 FEWEST = 20
 """Fewest sightings that say something."""
+FARTHEST = 0.05
+"""Largest offset that is looked for after a catch [s]."""
+SETTLES = 0.02
+"""Time from the catch until the ball lies still in the hand [s]."""
 GATE, LOST, HAND = 0.003, 0.006, 0.06
 """Residual above which a fit tells nothing, as of a ball that slips: dropped ones leave 5 mm; above
 which the ball was lost; and distance from the catch point beyond which it is in no hand [m]."""
-UNSURE = 0.001
-"""Standard deviation above which the hand has moved too little to tell [s]."""
-FARTHEST = 0.05
-"""Largest offset that is looked for [s]."""
-WARNED = 0.002
-"""Offset that costs catches [s]."""
+UNSURE, WARNED = 0.001, 0.002
+"""Standard deviation above which the hand has moved too little to tell, and offset that costs
+catches [s]."""
 TRIAL = 0.007
 """Offset that is tried where no ball was held [s]: up to 8 ms either way the ball is held for long
 enough to tell."""
@@ -44,9 +47,106 @@ LEAST = 1e-4
 FLIES, STRIKES, STRUCK = 0.25, 0.05, 0.01
 """Time before the braking from which a flight is fitted, until and around which a hand may strike
 the ball [s], and how far off its flight a ball was struck [m]."""
-_FEW = 10
+_SEARCH = 0.002
+"""Step in which a carried ball's offset is looked for first [s]."""
 _STEPS, _NEAR = 15, 1e-7
+"""Most Gauss-Newton steps to the offset of a catch, and the step that ends them [s]."""
+_STRUCK_COUNT = 10
+"""Sightings from the blow on that say where a struck ball went."""
+_SYSTEMATIC, _DRIFT = 3e-4, 1e-4
+"""What a catch may be off beyond its own sigma, and what a clock drifts from throw to throw, one
+sigma [s]."""
+_OTHER, _OTHER_LEAST = 4.0, 1e-3
+"""Sigmas, and least difference [s], from which an offset is another one: a clock was set, or the
+catch was none. The next catch says which."""
 _UNSEEN = "the ball was hardly seen in the braking hand"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ClockProblem:
+    """Two records of one motion, and the offset that should lay them on each other.
+
+    Attributes:
+        t_seen: Times of the sightings, cameras' clock [s], shape (n,).
+        seen: Ball [m], shape (n, 3).
+        t_arm: Times of the hand, arm's clock, rising [s], shape (m,).
+        hand: Catch point [m], shape (m, 3).
+        offset: Arm's clock minus cameras' clock [s].
+        gap: Ball minus catch point [m], shape (3,).
+    """
+
+    t_seen: Array
+    seen: Array
+    t_arm: Array
+    hand: Array
+    offset: float = 0.0
+    gap: Array
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The offset and the gap."""
+        return ("offset", "gap_x", "gap_y", "gap_z")
+
+    def residuals(self) -> Array:
+        """Return seen minus predicted [m], shape (3 n,)."""
+        return np.asarray((self.seen - self._at(self.hand) - self.gap).ravel())
+
+    def jacobian(self) -> Array:
+        """Return the derivative of the predicted positions, shape (3 n, 4)."""
+        J = np.zeros((len(self.t_seen), 3, 4))
+        J[:, :, 0] = self._at(np.gradient(self.hand, self.t_arm, axis=0))
+        J[:, :, 1:] = np.eye(3)
+        return J.reshape(-1, 4)
+
+    def moved(self, step: Array) -> "ClockProblem":
+        """Return the problem with offset and gap moved by a step."""
+        return replace(self, offset=self.offset + float(step[0]), gap=self.gap + step[1:])
+
+    def _at(self, values: Array) -> Array:
+        """Return what the arm's log says at the sightings, shape (n, 3)."""
+        t = self.t_seen + self.offset
+        return np.column_stack([np.interp(t, self.t_arm, v) for v in values.T])
+
+
+def clock_problem(
+    *, t_seen: Array, seen: Array, t_arm: Array, hand: Array, search: float
+) -> ClockProblem:
+    """Return the problem at the best of many offsets, with the sightings inside the arm's log.
+
+    Args:
+        t_seen: Times of the sightings, cameras' clock [s], shape (n,).
+        seen: Ball [m], shape (n, 3).
+        t_arm: Times of the hand, arm's clock, rising [s], shape (m,).
+        hand: Catch point [m], shape (m, 3).
+        search: Largest offset looked for, either way [s].
+
+    Raises:
+        InputError: At no offset do the records overlap by ``FEWEST`` sightings.
+    """
+    if len(t_arm) < FEWEST:
+        raise InputError("arm log", f"{FEWEST} rows or more", len(t_arm))
+    best: tuple[float, ClockProblem] | None = None
+    for offset in np.arange(-search, search + _SEARCH, _SEARCH):
+        t = t_seen + offset
+        inside = (t > t_arm[0] + _SEARCH) & (t < t_arm[-1] - _SEARCH)
+        if inside.sum() < max(min(FEWEST, len(t_seen)), 0.5 * len(t_seen)):
+            continue
+        trial = ClockProblem(
+            t_seen=t_seen[inside], seen=seen[inside], t_arm=t_arm, hand=hand,
+            offset=float(offset), gap=np.zeros(3),
+        )  # fmt: skip
+        r = trial.residuals().reshape(-1, 3)
+        gap = np.median(r, axis=0)
+        cost = float(np.mean(np.abs(r - gap)))
+        if best is None or cost < best[0]:
+            best = (cost, replace(trial, gap=gap))
+    if best is None or len(t_seen) < FEWEST:
+        raise InputError(
+            "clock offset",
+            f"{FEWEST} sightings that overlap the arm's log within +-{search:g} s",
+            f"{len(t_seen)} sightings", do="compare the times in both files or widen --search",
+        )  # fmt: skip
+    return best[1]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -275,18 +375,10 @@ def _side(arm: Arm, of: Catch) -> int:
     k = int(np.argmin(np.abs(of.t_arm - of.t_brake - t[struck[0], 0])))
     way = arm.position(of.q[k]) - arm.position(of.q[max(k - 1, 0)])
     way = way / max(float(np.linalg.norm(way)), 1e-12)
-    push = np.mean(off[struck[:_FEW]], axis=0)
+    push = np.mean(off[struck[:_STRUCK_COUNT]], axis=0)
     push = push - way * (way @ push)  # along its way the hand brakes, and the ball does not
     out = float(push @ arm.orientation(of.q[k])[:, 2])
     return -1 if out > 0.0 and 2.0 * out**2 > push @ push else 1
-
-
-#: What a catch may be off beyond its own sigma, and what a clock drifts from throw to throw, one
-#: sigma [s].
-_SYSTEMATIC, _DRIFT = 3e-4, 1e-4
-#: Sigmas, and least difference [s], from which an offset is another one: a clock was set, or the
-#: catch was none. The next catch says which.
-_OTHER, _STEP = 4.0, 1e-3
 
 
 @final
@@ -321,7 +413,7 @@ class LearnedClock:
             return
         new, own = used + found.offset, float(np.hypot(found.sigma, _SYSTEMATIC))
         before = float(np.hypot(self.sigma, _DRIFT))
-        gap = max(_OTHER * float(np.hypot(own, before)), _STEP)
+        gap = max(_OTHER * float(np.hypot(own, before)), _OTHER_LEAST)
         if self.count == 0:
             self.offset, self.sigma, self.count = new, own, 1
         elif abs(new - self.offset) <= gap:

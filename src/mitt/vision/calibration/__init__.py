@@ -1,1 +1,0 @@
-"""Calibration: each module builds one least-squares problem, which ``fit`` solves."""
