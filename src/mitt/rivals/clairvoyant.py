@@ -334,7 +334,7 @@ def braked(arm: Arm, q: Expression, dq: Expression) -> Expression:
         q: Angles at the catch, shape (n,).
         dq: Speeds there, shape (n,).
     """
-    size, inertia = casadi().sqrt(dq**2 + 0.01), hand_of(arm)[3:]
+    size, inertia = casadi().sqrt(dq**2 + 0.01), hand_of(arm).inertia
     return q + FOLLOW * dq + 0.5 * dq * size * inertia
 
 

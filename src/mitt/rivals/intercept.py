@@ -15,7 +15,6 @@ counts as range.
 |----------|--------------------------------------------------|---------------|--------|
 | ``ball`` | r_o, dr_o, ddr_o                                 | m, m/s, m/s^2 | (3, 3) |
 | ``rows`` | q, dq, ddq; row 0 is where the iteration starts  | rad ...       | (3, n) |
-| ``hand`` | n in the last joint's frame, then M_kk / tau_max | 1, s^2/rad    | (3 + n,) |
 """
 
 from dataclasses import dataclass, replace
@@ -60,12 +59,24 @@ _POOR, _DAMPING = 1e-3, 1e-2
 _STEP, _RESIDUAL, _STEPS = 0.4, 1e-9, 30
 
 
-def hand_of(arm: Arm) -> Array:
-    """Return ``hand`` of the module's table, shape (3 + n,)."""
+class Hand(NamedTuple):
+    """What the kernels know of the hand and of what moves it.
+
+    Attributes:
+        normal: The palm's normal n in the last joint's frame, shape (3,).
+        inertia: M_kk / tau_max of each joint [s^2/rad], shape (n,).
+    """
+
+    normal: Array
+    inertia: Array
+
+
+def hand_of(arm: Arm) -> Hand:
+    """Return the hand of an arm."""
     q = arm.q_ready
     frame = np.array([_frame(arm.chain, q, axis) for axis in np.eye(3)]).T
     normal = frame.T @ arm.orientation(q)[:, 2]
-    return np.array([*normal, *np.diag(arm.mass_matrix(q)) / arm.tau_max])
+    return Hand(normal, np.diag(arm.mass_matrix(q)) / arm.tau_max)
 
 
 @kernel
@@ -132,12 +143,12 @@ def reach(packed: Array, r: Array, q: Array, work: Array) -> float:
 
 
 @kernel
-def lift(packed: Array, hand: Array, ahead: Vec, point: Array, rows: Array, work: Array) -> float:
+def lift(packed: Array, hand: Hand, ahead: Vec, point: Array, rows: Array, work: Array) -> float:
     """Write q, dq, ddq at which a point in front of the palm follows a moving point.
 
     Args:
         packed: The arm.
-        hand: As of :func:`hand_of`.
+        hand: The hand.
         ahead: Distance in front of the catch point along the palm's normal, and its two
             derivatives in time [m, m/s, m/s^2].
         point: Position, velocity, acceleration to be followed [m ...], shape (3, 3).
@@ -150,19 +161,19 @@ def lift(packed: Array, hand: Array, ahead: Vec, point: Array, rows: Array, work
     longer = packed.copy()  # kept by its use as an argument below: views do not keep it
     tip = unpack(longer).chain.tip
     for c in range(3):
-        tip[c] += ahead[0] * hand[c]
+        tip[c] += ahead[0] * hand.normal[c]
     gap: float = _lift(longer, hand, ahead, point, rows, work)
     return gap
 
 
 @kernel
-def _lift(packed: Array, hand: Array, ahead: Vec, point: Array, rows: Array, work: Array) -> float:
+def _lift(packed: Array, hand: Hand, ahead: Vec, point: Array, rows: Array, work: Array) -> float:
     """As :func:`lift`, for an arm whose tip is the point in front of the palm."""
     g = unpack(packed)
     gap = reach(packed, point[0], rows[0], work)
     w = unfold(work, rows.shape[1])
     m = w.motion
-    normal = _frame(g.chain, rows[0], hand[:3])
+    normal = _frame(g.chain, rows[0], hand.normal)
     resolve(m.J, minus(row(point, 1), times(ahead[1], normal)), rows[1])
     sweep(g.chain, rows[0], rows[1], m)
     turning = ZERO
@@ -175,28 +186,22 @@ def _lift(packed: Array, hand: Array, ahead: Vec, point: Array, rows: Array, wor
 
 @kernel
 def meet(
-    packed: Array, hand: Array, bounds: tuple[float, float], ball: Array, rows: Array, work: Array
+    packed: Array, hand: Hand, bounds: tuple[float, float], ball: Array, rows: Array, work: Array
 ) -> bool:
-    """Write how the ball is met; False where the catch point cannot be where the ball is.
+    """Write how the ball is met, shape (3, n); False where the catch point cannot be there.
 
-    Args:
-        packed: The arm, as :attr:`DirectMap.packed`.
-        hand: As of :func:`hand_of`.
-        bounds: Smallest and largest relative acceleration a [m/s^2].
-        ball: The ball, shape (3, 3).
-        rows: Result, shape (3, n).
-        work: Scratch.
+    ``bounds`` are the smallest and largest relative acceleration a [m/s^2].
     """
     n = rows.shape[1]
     if not _lift(packed, hand, ZERO, ball, rows, work) <= 1e3 * _RESIDUAL:
         return False
     g = unpack(packed)
     w = unfold(work, n)
-    resolve(w.motion.J, _frame(g.chain, rows[0], hand[:3]), w.dq)
+    resolve(w.motion.J, _frame(g.chain, rows[0], hand.normal), w.dq)
     along, size = 0.0, 1e-300
     for k in range(n):
-        along += rows[2, k] * w.dq[k] * hand[3 + k] ** 2
-        size += (w.dq[k] * hand[3 + k]) ** 2
+        along += rows[2, k] * w.dq[k] * hand.inertia[k] ** 2
+        size += (w.dq[k] * hand.inertia[k]) ** 2
     a = min(max(along / size, bounds[0]), bounds[1])
     for k in range(n):
         rows[2, k] -= a * w.dq[k]
@@ -205,7 +210,7 @@ def meet(
 
 @kernel
 def meetings(
-    packed: Array, hand: Array, bounds: tuple[float, float], balls: Array, rows: Array, work: Array
+    packed: Array, hand: Hand, bounds: tuple[float, float], balls: Array, rows: Array, work: Array
 ) -> NDArray[np.bool_]:
     """Write how each of several balls (K, 3, 3) is met, shape (K, 3, n); say which can be.
 
@@ -256,11 +261,16 @@ class Intercept:
     low: bool
 
 
+#: What a catch comes to: its price [1], infinite where there is no catch; the largest utilization of
+#: a limit [1]; and which limit, kind n + joint with the kinds torque, speed, range.
+WEIGHED = np.dtype([("price", np.float64), ("utilization", np.float64), ("limit", np.int64)])
+
+
 class Search(NamedTuple):
     """What the search knows of the arm, and scratch."""
 
-    packed: Array  # this, hand and work as of mitt.rivals.intercept
-    hand: Array
+    packed: Array  # the arm, as :attr:`DirectMap.packed`
+    hand: Hand
     work: Array
     bounds: Array  # (3, n) lowest and highest joints; where the first inverse starts [rad]
     plant: Plant
@@ -281,8 +291,8 @@ class Chooser:
         return self.map.arm
 
     @cached_property
-    def hand(self) -> Array:
-        """Numbers of the kernels."""
+    def hand(self) -> Hand:
+        """The hand, as the kernels take it."""
         return hand_of(self.arm)
 
     @cached_property
@@ -302,14 +312,9 @@ class Chooser:
         return Search(f.packed, self.hand, f.work, bounds, plant_of(arm), work_of(arm), self.floor)
 
     def choose(self, ball: BallState, motion: Array) -> Intercept | None:
-        """Return the best catch: the best in even steps, then the best about that.
+        """Return the best catch: the best in even steps, then the best about that; None without.
 
-        Args:
-            ball: The ball's estimate.
-            motion: The arm's q, dq, ddq at the same time, shape (3, n).
-
-        Returns:
-            None where there is no catch.
+        ``motion`` is the arm's q, dq, ddq at the ball's time, shape (3, n).
         """
         after = np.arange(SOONEST, HORIZON, STRIDE)
         first = self.best(after, flown(ball, after), motion)
@@ -328,13 +333,13 @@ class Chooser:
             balls: r_o, dr_o, ddr_o then, shape (K, 3, 3).
             motion: q, dq, ddq now, shape (3, n).
         """
-        ends, table = np.zeros((len(after), 3, self.arm.n)), np.zeros((len(after), 3))
+        ends, table = np.zeros((len(after), 3, self.arm.n)), np.zeros(len(after), WEIGHED)
         weigh(self._search, after, balls, motion, ends, table)
-        k = int(np.argmin(table[:, 0]))
-        price, utilization, which = table[k].tolist()
+        k = int(np.argmin(table["price"]))
+        price, utilization, limit = table[k].tolist()
         if not price < np.inf:
             return None
-        kind, joint = divmod(int(which), self.arm.n)
+        kind, joint = divmod(limit, self.arm.n)
         return Intercept(
             t_c=float(after[k]),
             end=ends[k],
@@ -368,7 +373,9 @@ class Chooser:
 
 
 @kernel
-def weigh(g: Search, after: Array, balls: Array, motion: Array, ends: Array, table: Array) -> None:
+def weigh(
+    g: Search, after: Array, balls: Array, motion: Array, ends: Array, table: NDArray[np.void]
+) -> None:
     """Weigh several catches; those that need much too high speeds only if there are no others.
 
     Args:
@@ -377,7 +384,7 @@ def weigh(g: Search, after: Array, balls: Array, motion: Array, ends: Array, tab
         balls: r_o, dr_o, ddr_o then, shape (K, 3, 3).
         motion: q, dq, ddq now, shape (3, n).
         ends: Result: q, dq, ddq then, shape (K, 3, n).
-        table: Result: the module's table, shape (K, 3).
+        table: Result: rows of :data:`WEIGHED`, shape (K,).
     """
     p, n = g.plant, motion.shape[1]
     ends[0, 0] = g.bounds[2]
@@ -393,17 +400,17 @@ def weigh(g: Search, after: Array, balls: Array, motion: Array, ends: Array, tab
                 found[k], speed[k] = False, np.inf
     most = max(REFUSED, np.min(speed))
     for k in range(len(after)):
-        table[k, 0] = np.inf
+        table[k].price = np.inf
         if found[k] and speed[k] <= most:
-            _weigh(g, balls[k, 0, 2] < g.floor, ends[k], paths[k], table[k])
-            if not table[k, 0] < np.inf:
-                table[k, 0] = np.inf
+            low = balls[k, 0, 2] < g.floor
+            price, table[k].utilization, table[k].limit = _weigh(g, low, ends[k], paths[k])
+            table[k].price = price if price < np.inf else np.inf
 
 
 @kernel
-def _weigh(g: Search, low: bool, end: Array, path: Array, out: Array) -> None:
-    """Write a row of the table, shape (3,), for a path, shape (S, 3, n)."""
-    p, inertia, (count, _, n) = g.plant, g.hand[3:], path.shape
+def _weigh(g: Search, low: bool, end: Array, path: Array) -> tuple[float, float, int]:
+    """Return a row of the table for a path, shape (S, 3, n)."""
+    p, inertia, (count, _, n) = g.plant, g.hand.inertia, path.shape
     links = len(g.scratch.tau)
     d = Demand(
         np.empty(count), np.empty(count), np.empty((count, links)), np.empty((count, links)),
@@ -424,5 +431,5 @@ def _weigh(g: Search, low: bool, end: Array, path: Array, out: Array) -> None:
             if x > share:
                 share, which = x, kind * n + j
     cost = np.sum(d.cost_torque + d.cost_speed) / count
-    out[0] = cost + PRICE * max(share - SPARE, 0.0) ** 2 + LOW * low
-    out[1], out[2] = share, which
+    price = cost + PRICE * max(share - SPARE, 0.0) ** 2 + LOW * low
+    return price, share, which

@@ -82,6 +82,24 @@ class Quadratic:
     kind: NDArray[np.int32]
 
 
+class Horizon(NamedTuple):
+    """From where to where in which instants.
+
+    Attributes:
+        start: q, dq, ddq now, shape (3, n).
+        end: The same at the catch.
+        step: Time between two instants [s].
+        D, P: How speeds and angles at the instants follow from the accelerations
+            (:func:`mitt.rivals.paths.responses`), shape (M + 1, M + 1) each.
+    """
+
+    start: Array
+    end: Array
+    step: float
+    D: Array
+    P: Array
+
+
 class Rows(NamedTuple):
     """The programme as the kernels write it; see the module's table."""
 
@@ -98,7 +116,7 @@ class MpcPlanner:
     """Plans for one arm."""
 
     arm: Arm
-    settings: MpcSettings
+    settings: MpcSettings = MpcSettings()
 
     def __call__(self, motion: Array, t: float, catch: Intercept) -> Plan | None:
         """Return the plan that ends at the catch; None where the programme has no answer."""
@@ -115,7 +133,8 @@ class MpcPlanner:
             np.zeros((len(kind), size)), np.empty(len(kind)), np.empty(len(kind)),
             np.zeros((2 * size, size)), np.empty(2 * size),
         )  # fmt: skip
-        condense(*self._scales, self._ranges, motion, end, step, (s.share, s.speed), out)
+        h = Horizon(motion, end, step, *responses(s.parts, step))
+        condense(*self._scales, self._ranges, h, (s.share, s.speed), out)
         H = 2.0 * (out.price.T @ out.price)
         H.ravel()[:: size + 1] += s.damping
         f = 2.0 * (out.at @ out.price)
@@ -167,36 +186,31 @@ def solve(problem: Quadratic) -> Array | None:
 
 def make_mpc(f: DirectMap) -> Generator:
     """Return the rival for the arm of a map."""
-    planner = MpcPlanner(f.arm, MpcSettings())
-    return rival(f, Planned(planner=planner, dead_q=0.0, dead_dq=0.0, every=0.01))
+    return rival(f, Planned(planner=MpcPlanner(f.arm), dead_q=0.0, dead_dq=0.0, every=0.01))
 
 
 @kernel
 def condense(
-    p: Plant, w: Work, ranges: Array, start: Array, end: Array, step: float,
-    shares: tuple[float, float], out: Rows,
-) -> None:  # fmt: skip
+    p: Plant, w: Work, ranges: Array, h: Horizon, shares: tuple[float, float], out: Rows
+) -> None:
     """Write the programme; see the module's table.
 
     Args:
         p: The arm.
         w: Scratch.
         ranges: Smallest and largest angle allowed [rad], shape (2, n).
-        start: q, dq, ddq now, shape (3, n).
-        end: q, dq, ddq at the end, shape (3, n).
-        step: Time between two instants [s].
+        h: From where to where.
         shares: Shares of the torque and of the speed limits.
         out: Result; zeros where the programme has none.
     """
-    n, links = start.shape[1], len(w.tau)
+    start, step, D, P = h.start, h.step, h.D, h.P
+    n, links, M = start.shape[1], len(w.tau), len(D) - 1
     rows, low, high, price, at = out
-    M = rows.shape[1] // n - 1
-    D, P = responses(M, step)
-    _pin_ends(D, P, start, end, step, out)
+    _pin_ends(h, out)
     first = 4 * n + (M + 1) * links
     half, size = (M - 1) * n, (M + 1) * n
     for k in range(M + 1):
-        _load(p, w, D, P, start, end, step, k, shares[0], out)
+        _load(p, w, h, k, shares[0], out)
         for j in range(n):
             own, top = k * n + j, p.dq_max[j]
             at[size + own] = start[1, j] / top
@@ -213,9 +227,10 @@ def condense(
 
 
 @kernel
-def _pin_ends(D: Array, P: Array, start: Array, end: Array, step: float, out: Rows) -> None:
+def _pin_ends(h: Horizon, out: Rows) -> None:
     """Write what must hold: both ends' accelerations, angles and speeds at the end."""
     rows, low, high = out.rows, out.low, out.high
+    start, end, step, D, P = h
     n, M = start.shape[1], len(D) - 1
     for j in range(n):
         rows[j, j], rows[n + j, M * n + j] = 1.0, 1.0
@@ -228,12 +243,10 @@ def _pin_ends(D: Array, P: Array, start: Array, end: Array, step: float, out: Ro
 
 
 @kernel
-def _load(
-    p: Plant, w: Work, D: Array, P: Array, start: Array, end: Array, step: float, k: int,
-    share: float, out: Rows,
-) -> None:  # fmt: skip
+def _load(p: Plant, w: Work, h: Horizon, k: int, share: float, out: Rows) -> None:
     """Write the torques of instant k: those of the drives as bounds, the joints' as a price."""
     rows, low, high, price, at = out
+    start, end, step, D, P = h
     n, links, motion, slope = start.shape[1], len(w.tau), w.motion, w.slope
     quintic(start, end, (len(D) - 1) * step, k * step, motion)
     torque_slopes(p.bodies, motion, w.tau, slope, w.links)

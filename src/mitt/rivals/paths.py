@@ -19,12 +19,7 @@ from mitt.signals import Array
 def quintic(start: Array, end: Array, span: float, t: float, out: Array) -> None:
     """Write q, dq, ddq at time ``t`` of the quintic from one state to another, shape (3, n).
 
-    Args:
-        start: State at time 0, shape (3, n).
-        end: State at time ``span``, shape (3, n).
-        span: Duration [s], positive.
-        t: Time since the start [s]; the polynomial goes on outside [0, span].
-        out: Result, shape (3, n).
+    ``t`` counts from the start [s]; the polynomial goes on outside [0, ``span``], ``span`` > 0.
     """
     s = t / span
     for k in range(start.shape[1]):
@@ -89,13 +84,7 @@ def responses(parts: int, step: float) -> tuple[Array, Array]:
     """Return how speeds and angles at the instants follow from the accelerations there.
 
     dq_k = dq_0 + (D a)_k and q_k = q_0 + k step dq_0 + (P a)_k for one joint.
-
-    Args:
-        parts: Number M of parts.
-        step: Time between the instants [s].
-
-    Returns:
-        D [s] and P [s^2], shapes (M + 1, M + 1).
+    D [s] and P [s^2] have the shape (M + 1, M + 1) for M parts of a length ``step`` [s].
     """
     D, P = np.zeros((parts + 1, parts + 1)), np.zeros((parts + 1, parts + 1))
     for k in range(parts):

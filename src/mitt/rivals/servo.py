@@ -8,7 +8,6 @@ palm faces on the way. The goal is kept within the reach of the arm, where the h
 |----------|-----------------------------------------------------------|---------|--------|
 | ``goal`` | q, dq, ddq to be followed                                 | rad ... | (3, n) |
 | ``rows`` | q, dq, ddq, advanced by a tick in place                   | rad ... | (3, n) |
-| ``most`` | q_min, q_max, largest speed, largest acceleration         | rad ... | (4, n) |
 
 Two rivals move so, each with a point of its own that attracts the hand: ``ik``
 (:func:`on_the_line`) and ``ds`` (:func:`virtual_ball`).
@@ -18,7 +17,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
-from typing import final
+from typing import NamedTuple, final
 
 import numpy as np
 
@@ -27,7 +26,7 @@ from mitt.generator.mapping import DirectMap
 from mitt.generator.prediction import fly_on, state_of
 from mitt.generator.tangent import unfold, unpack
 from mitt.jit import kernel
-from mitt.rivals.intercept import Intercept, hand_of, lift
+from mitt.rivals.intercept import Hand, Intercept, hand_of, lift
 from mitt.rivals.paths import quintic
 from mitt.rivals.pursuit import rival
 from mitt.robot.description import STOP_GAP
@@ -45,6 +44,22 @@ _APPROACH, _BACK = 90.0, 0.2
 _SHARPEN, _FASTEST = 6.0, 60.0
 
 
+class Bounds(NamedTuple):
+    """Bounds of the joints, shape (n,) each: angles, largest speed, largest acceleration [rad ...]."""
+
+    q_min: Array
+    q_max: Array
+    speed: Array
+    acceleration: Array
+
+
+class Sphere(NamedTuple):
+    """Where the hand may wait: about a centre, shape (3,), within a radius [m]."""
+
+    centre: Array
+    radius: float
+
+
 @final
 @dataclass(frozen=True, eq=False)
 class Reach:
@@ -53,26 +68,26 @@ class Reach:
     map: DirectMap
 
     @cached_property
-    def most(self) -> Array:
-        """Bounds of the joints, as in the module's table."""
+    def most(self) -> Bounds:
+        """Bounds of the joints."""
         arm = self.map.arm
         top = _TORQUE * arm.tau_max / np.diag(arm.mass_matrix(arm.q_ready))
-        return np.array([arm.q_min + STOP_GAP, arm.q_max - STOP_GAP, _SPEED * arm.dq_max, top])
+        return Bounds(arm.q_min + STOP_GAP, arm.q_max - STOP_GAP, _SPEED * arm.dq_max, top)
 
     @cached_property
-    def hand(self) -> Array:
-        """Numbers of the hand, as of :func:`mitt.rivals.intercept.hand_of`."""
+    def hand(self) -> Hand:
+        """The hand, as the kernels take it."""
         return hand_of(self.map.arm)
 
     @cached_property
-    def sphere(self) -> Array:
-        """Where the hand may wait: the second joint, and a radius about it [m], shape (4,)."""
+    def sphere(self) -> Sphere:
+        """Where the hand may wait: about the second joint."""
         f, arm, centre = self.map, self.map.arm, np.zeros(3)
         _second(f.packed, arm.q_ready, centre, f.work)
         ends = zip(arm.q_min, arm.q_max, strict=True)
         grid = product(*(np.linspace(low, high, _GRID) for low, high in ends))
         far = max(float(np.linalg.norm(arm.position(np.array(q)) - centre)) for q in grid)
-        return np.array([*centre, _REACH * far])
+        return Sphere(centre, _REACH * far)
 
     def lead(self, point: Array, left: float, goal: Array) -> None:
         """Write the joint motion that leads the hand, palm first, to a moving point.
@@ -144,7 +159,7 @@ def _second(packed: Array, q: Array, place: Array, work: Array) -> None:
 
 @kernel
 def _lead(
-    packed: Array, hand: Array, sphere: Array, left: float, point: Array, rows: Array, work: Array
+    packed: Array, hand: Hand, sphere: Sphere, left: float, point: Array, rows: Array, work: Array
 ) -> None:
     """As :meth:`Reach.lead`."""
     h = _set_back(left)
@@ -166,46 +181,40 @@ def _set_back(left: float) -> Vec:
 
 
 @kernel
-def _hold_back(point: Array, sphere: Array, longer: float) -> None:
-    """Project a moving point onto the reach, its centre and radius in ``sphere`` (4,) [m]."""
-    size, radius = 0.0, sphere[3] + longer
+def _hold_back(point: Array, sphere: Sphere, longer: float) -> None:
+    """Project a moving point onto the reach, made longer [m]."""
+    size, radius, centre = 0.0, sphere.radius + longer, sphere.centre
     for c in range(3):
-        size += (point[0, c] - sphere[c]) ** 2
+        size += (point[0, c] - centre[c]) ** 2
     size = np.sqrt(size)
     if size <= radius:
         return
     along = 0.0
     for c in range(3):
-        along += point[1, c] * (point[0, c] - sphere[c]) / size
+        along += point[1, c] * (point[0, c] - centre[c]) / size
     for c in range(3):
-        ray = (point[0, c] - sphere[c]) / size
-        point[0, c] = sphere[c] + radius * ray
+        ray = (point[0, c] - centre[c]) / size
+        point[0, c] = centre[c] + radius * ray
         point[1, c] = radius / size * (point[1, c] - along * ray)
         point[2, c] = 0.0
 
 
 @kernel
-def _follow(most: Array, goal: Array, gain: float, dt: float, rows: Array) -> None:
+def _follow(most: Bounds, goal: Array, gain: float, dt: float, rows: Array) -> None:
     """Advance ``rows`` by a tick so that the gap to the goal decays, critically damped.
 
     ddq = ddq_g + 2 w (dq_g - dq) + w^2 (q_g - q), the goal being that of the end of the tick.
-
-    Args:
-        most: Bounds, shape (4, n).
-        goal: The goal at the end of the tick, shape (3, n).
-        gain: w [rad/s].
-        dt: Length of the tick [s].
-        rows: q, dq, ddq, shape (3, n).
+    ``gain`` is w [rad/s], ``dt`` the length of the tick [s].
     """
     for k in range(rows.shape[1]):
         q, dq = rows[0, k] + dt * rows[1, k], rows[1, k]
         lag, slow = goal[0, k] - q, goal[1, k] - dt * goal[2, k] - dq
         ddq = goal[2, k] + 2.0 * gain * slow + gain * gain * lag
-        ddq = min(max(ddq, -most[3, k]), most[3, k])
-        dq = min(max(dq + dt * ddq, -most[2, k]), most[2, k])
+        ddq = min(max(ddq, -most.acceleration[k]), most.acceleration[k])
+        dq = min(max(dq + dt * ddq, -most.speed[k]), most.speed[k])
         q = rows[0, k] + 0.5 * dt * (rows[1, k] + dq)
-        if q < most[0, k] or q > most[1, k]:
-            q, dq = min(max(q, most[0, k]), most[1, k]), 0.0
+        if q < most.q_min[k] or q > most.q_max[k]:
+            q, dq = min(max(q, most.q_min[k]), most.q_max[k]), 0.0
         rows[2, k] = (dq - rows[1, k]) / max(dt, 1e-9)
         rows[0, k], rows[1, k] = q, dq
 

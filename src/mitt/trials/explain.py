@@ -15,16 +15,15 @@ from mitt.generator.feasibility import Outcome
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
 from mitt.signals import Array
-from mitt.trials.log import FIRST_CONTACT
+from mitt.trials.log import FIRST_CONTACT, catch_tick
 from mitt.trials.replay import Judged, Replayed
 from mitt.trials.score import drive_loads
 
 #: What a hand needs: 1-sigma of the ball's place, and how far it may be off [m] (Baeuml and others,
 #: ICRA 2011, as of ``CatcherSettings.tolerance``).
 _NEAR = 0.02
-#: Time around the catch in which the map's own time to it is taken for exact [s]; age of the last
-#: measurement that a catch survives [s], a choice of this project.
-_AT_CATCH, _OLD = 0.006, 0.1
+#: Age of the last measurement that a catch survives [s], a choice of this project.
+_OLD = 0.1
 #: Ticks after the last sighting that are shown.
 _AFTER = 350
 _STATES, _CONTACT = tuple(State), (EVENT, FIRST_CONTACT)
@@ -115,7 +114,6 @@ def evidence_of(x: Replayed) -> Evidence:
     """Return what a replay shows."""
     s, arm, command = x.ticks.scalars, x.about.driven_arm, x.ticks.command
     tracked, following = s["tracked"] & np.isin(s["phase"], (WATCH, FOLLOW)), s["following"]
-    near = np.flatnonzero(np.abs(s["time_to_catch"]) < _AT_CATCH)
     q, q_d = command[:, 0], x.ticks.reference[:, 0]
     places = [np.array([_place(arm, row) for row in rows]).reshape(-1, 3)
               for rows in (q, q_d, x.ticks.encoders[:, 0])]  # fmt: skip
@@ -132,7 +130,7 @@ def evidence_of(x: Replayed) -> Evidence:
         torque=arm.by_joint(loads.share) if len(s) else np.zeros((0, arm.n)),
         speed=np.abs(command[:, 1]) / arm.dq_max,
         behind=behind,
-        catch=int(near[-1]) if len(near) else None,
+        catch=catch_tick(x.ticks),
     )
 
 

@@ -31,7 +31,9 @@ _SOFT = 0.2
 
 def known_settings(arm: Arm, scene: Scene) -> CatcherSettings:
     """Return the settings of the catcher: what it is told of the scene and its own arm."""
-    ball = scene.ball
+    ball, actuation = scene.ball, scene.actuation
+    rate, torques = 2.0 * pi * actuation.bandwidth, actuation.takes == "torque"
+    steps = encoder_steps(scene, arm.model)
     return CatcherSettings(
         ball_mass=ball.mass,
         ball_radius=ball.radius,
@@ -39,10 +41,10 @@ def known_settings(arm: Arm, scene: Scene) -> CatcherSettings:
         ball_friction=friction_of(scene),
         flight=known_ball(ball.drag, ball.mass, spread=scene.mismatch.drag),
         around=Surroundings(floor=scene.floor),
-        encoders=known_encoders(scene, arm),
-        bandwidth=bandwidth_of(scene.actuation.takes, scene.actuation.servo),
-        torque_lead=torque_lead_of(scene.actuation),
-        setpoint_delay=setpoint_delay_of(scene.actuation),
+        encoders=Encoders(step=tuple(np.where(steps > 0.0, steps, arm.encoder_step).tolist())),
+        bandwidth=bandwidth_of(actuation.takes, actuation.servo),
+        torque_lead=TICK * (1.0 + actuation.delay) + (1.0 / rate if rate > 0.0 else 0.0),
+        setpoint_delay=0 if torques else actuation.delay,
     )
 
 
@@ -58,12 +60,6 @@ def known_eyes(scene: Scene) -> EyesConfig:
     return EyesConfig(
         ball_radius=scene.ball.radius, triangulator=TriangulatorConfig(sigma_floor=floor)
     )
-
-
-def known_encoders(scene: Scene, arm: Arm) -> Encoders:
-    """Return what the catcher knows of the encoders: a scene's resolution, or else the arm's."""
-    steps = encoder_steps(scene, arm.model)
-    return Encoders(step=tuple(np.where(steps > 0.0, steps, arm.encoder_step).tolist()))
 
 
 def driven(arm: Arm, scene: Scene) -> Arm:
@@ -85,27 +81,11 @@ def reserved(arm: Arm) -> Arm:
 
 
 def bandwidth_of(takes: str, servo: float) -> float:
-    """Return the bandwidth of the tracking error [rad/s]: a robot's own, or that of the torques.
+    """Return the bandwidth of the tracking error [rad/s]: of the torques, or a robot's own.
 
-    Args:
-        takes: What the robot takes.
-        servo: Bandwidth of its own control, where that is no torque [Hz].
+    ``servo`` is the bandwidth of its own control, where it does not take torques [Hz].
     """
     return CatcherSettings().bandwidth if takes == "torque" else 2.0 * pi * servo
-
-
-def torque_lead_of(actuation: Actuation) -> float:
-    """Return from when joints are read until the torque commanded then ceases to act [s].
-
-    A tick, the delay of the command, and the time constant of the drives.
-    """
-    rate = 2.0 * pi * actuation.bandwidth
-    return TICK * (1.0 + actuation.delay) + (1.0 / rate if rate > 0.0 else 0.0)
-
-
-def setpoint_delay_of(actuation: Actuation) -> int:
-    """Return after how many ticks a setpoint acts; 0 where torques are commanded."""
-    return 0 if actuation.takes == "torque" else actuation.delay
 
 
 def known_ball(drag: float, mass: float, *, spread: float = 0.0) -> FilterConfig:

@@ -159,13 +159,7 @@ def kicked(
 ) -> Motion:  # fmt: skip
     """Return a flight from its release [m, m/s], shape (3,) each, and draw its kick, if it has one.
 
-    Args:
-        r_0: Position at the release [m], shape (3,).
-        dr_0: Velocity there [m/s], shape (3,).
-        drag: Drag coefficient [1/m].
-        rng: Source of randomness.
-        settings: How large a kick may be.
-        is_kicked: Whether the ball is kicked on the way.
+    ``drag`` in 1/m.
     """
     change, t_change = np.zeros(3), float(rng.uniform(0.15, 0.4))
     if is_kicked:
@@ -198,9 +192,7 @@ def _release(
 def _bounced(arrival: Array, rng: np.random.Generator, aside: float) -> Motion:
     """Draw a flight that bounces off a level surface shortly before it passes a point [m], (3,).
 
-    It comes from ``aside`` off +x in the middle [rad].
-
-    Drawn backwards from that point. Speeds after and losses at the bounce as in the recorded
+    It comes from ``aside`` off +x in the middle [rad]. Drawn backwards from that point. Speeds after and losses at the bounce as in the recorded
     table-tennis flights: 1.6 to 3.5 m/s, 0.75 to 0.9 of the vertical speed kept, 0.55 to 0.85 of
     the horizontal.
     """
@@ -282,13 +274,9 @@ def _catch_time(f: DirectMap, motion: Motion, t_0: float, longest: float) -> flo
 
 
 def _crossing(f: DirectMap, motion: Motion, times: Array, before: float) -> float | None:
-    """Return when q_o,i reaches q_alpha at or before one of some times; None where it does not.
+    """Return when q_o,i reaches q_alpha at one of some times [s] or before; None where never.
 
-    Args:
-        f: The map.
-        motion: Of the ball.
-        times: Every one to look at [s], :data:`_GRID` apart.
-        before: q_o,i - q_alpha one such step earlier [rad].
+    The times are :data:`_GRID` apart; ``before`` is q_o,i - q_alpha one such step earlier [rad].
     """
     for t in times:
         now = _beyond(f, motion, t)

@@ -18,7 +18,10 @@ from mitt.trials.result import finite, plain
 from mitt.trials.score import Trial, reason_of
 from mitt.world.truth import Trace
 
-__all__ = ["PHASES", "TrialLog", "log_of"]
+#: What the event of the first contact is called.
+FIRST_CONTACT = "first contact"
+#: Time around the catch in which the map's own time to it is taken for exact [s].
+_NEAR_CATCH = 0.006
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -72,20 +75,10 @@ class TrialLog:
 
 
 def log_of(
-    arm: Arm, ticks: Result, truth: Trace, *, t_0: float, t_catch: float,
-    senses: tuple[Senses, ...] = (), background: tuple[Frame, ...] = (),
+    arm: Arm, ticks: Result, truth: Trace, *, t_0: float, senses: tuple[Senses, ...] = (),
+    background: tuple[Frame, ...] = (), clock_offset: float = 0.0,
 ) -> TrialLog:  # fmt: skip
-    """Return the log of a finished trial.
-
-    Args:
-        arm: The arm.
-        ticks: Results of all k ticks.
-        truth: True states, k + 1 rows.
-        t_0: Time at which the arm began to move [s].
-        t_catch: Time of the catch by the map [s].
-        senses: As of :class:`TrialLog`.
-        background: As of :class:`TrialLog`.
-    """
+    """Return the log of a finished trial from the results of its ticks; what else as it has it."""
     s, command = ticks.scalars, ticks.command
     reference = np.where(s["following"][:, None, None], ticks.reference, 0.0)
     return TrialLog(
@@ -103,16 +96,25 @@ def log_of(
         hand=s["hand"],
         brakes=s["brakes"],
         t_0=t_0,
-        t_catch=t_catch,
+        t_catch=catch_time(ticks),
         truth=truth,
         ticks=ticks,
         senses=senses,
         background=background,
+        clock_offset=clock_offset,
     )
 
 
-#: What the event is called.
-FIRST_CONTACT = "first contact"
+def catch_tick(ticks: Result) -> int | None:
+    """Return the tick of the catch by the map: the last one near it; None without one."""
+    near = np.flatnonzero(np.abs(ticks.scalars["time_to_catch"]) < _NEAR_CATCH)
+    return int(near[-1]) if len(near) else None
+
+
+def catch_time(ticks: Result) -> float:
+    """Return the time of the catch, as the map announced it last [s]; infinite without one."""
+    k, s = catch_tick(ticks), ticks.scalars
+    return np.inf if k is None else float(s["t"][k] + s["time_to_catch"][k])
 
 
 def recording_of(

@@ -90,9 +90,20 @@ class LookAhead(NamedTuple):
 
 
 class Sight(NamedTuple):
-    """Arm and hand, cameras, exposures, points, and single numbers.
+    """What the catcher is given to see, and where that comes from.
 
-    Those are half the exposure [s], radius of the ball [m], and what is added to stamps [s].
+    Attributes:
+        body: Arm and hand.
+        film: Cameras.
+        shots: Exposures that are on their way.
+        points: Positions in place of images.
+        half: Half the exposure [s].
+        radius: Radius of the ball [m].
+        offset: What is added to stamps [s].
+        encoders: As of :func:`mitt.world.sensors.fresh_encoders`.
+        nothing: Images where none has arrived yet.
+        backgrounds: As of ``Catcher.backgrounds``.
+        ahead: Scratch.
     """
 
     body: Body
@@ -102,6 +113,24 @@ class Sight(NamedTuple):
     half: float
     radius: float
     offset: float
+    encoders: Array
+    nothing: tuple[Image, Image]
+    backgrounds: tuple[Image, ...]
+    ahead: LookAhead
+
+
+class Kept(NamedTuple):
+    """What is kept of the ticks.
+
+    Attributes:
+        trace: Rows of the trace.
+        results: Result of each tick, at its number.
+        times: How long the catcher took in each tick [ns], and two numbers of scratch.
+    """
+
+    trace: Array
+    results: ResultHandle
+    times: NDArray[np.int64]
 
 
 _NO_LIGHT = Light(*(0.0,) * 13, painted=False)
@@ -121,33 +150,18 @@ NOTHING = np.empty((0, 0), np.uint8), np.empty((0, 0), np.uint8)
 
 
 @kernel
-def render(
-    shot: Array, starts: NDArray[np.int64], images: tuple[Image, Image], camera: Cameras,
-    bank: Bank, half: float, radius: float, t: float, backgrounds: tuple[Image, ...],
-    state: StateHandle, ahead: LookAhead, held: bool,
-) -> None:  # fmt: skip
-    """Draw of the images of an exposure what the eyes are going to look at.
+def render(sight: Sight, k: int, state: StateHandle, held: bool) -> None:
+    """Draw of the images exposed in tick ``k`` what the eyes are going to look at.
 
     That is where they find the ball again; where they do not, and so look everywhere, all. A ball
-    that the braking hand holds is looked for about the hand.
-
-    Args:
-        shot: A row of ``Shots.rows``, shape (c + 2, 8).
-        starts: A row of ``Shots.starts``, shape (2, 2).
-        images: Result.
-        camera: As of ``Film``.
-        bank: As of ``Film``.
-        half: Half the exposure [s].
-        radius: Of the ball [m].
-        t: Middle of the exposure [s].
-        backgrounds: As of ``Catcher.backgrounds``.
-        state: As of ``Catcher.parts``.
-        ahead: Scratch.
-        held: Whether the tick before has looked for a held ball.
+    that the braking hand holds is looked for about the hand, if the tick before has done so
+    (``held``).
     """
-    windows, known = ahead.windows, ahead.known
+    shots, ahead, (camera, bank, _) = sight.shots, sight.ahead, sight.film
+    shot, starts = shots.rows[k % len(shots.rows)], shots.starts[k % len(shots.rows)]
+    images, windows, known = (shots.images[0], shots.images[1]), ahead.windows, ahead.known
     eyes, count = state.eyes, len(shot) - 2
-    r_o, dr_o = shot[count, :3], shot[count + 1, :3]
+    r_o, dr_o, t = shot[count, :3], shot[count + 1, :3], k * TICK
     if state.scalars[0].phase == BRAKE:
         hand = ahead.hand
         hand[:] = state.hand[2] + TICK * state.hand[1]
@@ -157,8 +171,9 @@ def render(
             ) == 0.0:  # fmt: skip
                 whole_image(images[n], windows[n])
         render_images(
-            images, camera, bank, starts, half, radius, r_o, dr_o, shot[:count], windows, t
-        )
+            images, camera, bank, starts, sight.half, sight.radius, r_o, dr_o, shot[:count],
+            windows, t,
+        )  # fmt: skip
         return
     for whole in (False, True):
         missed = False
@@ -168,11 +183,12 @@ def render(
                 eyes.targets[n], eyes.segmenter[0], windows[n]
             )
         render_images(
-            images, camera, bank, starts, half, radius, r_o, dr_o, shot[:count], windows, t
-        )
+            images, camera, bank, starts, sight.half, sight.radius, r_o, dr_o, shot[:count],
+            windows, t,
+        )  # fmt: skip
         for n in range(2):
             missed |= known[n] and not suffices(
-                images[n], backgrounds[n], backgrounds[2], windows[n], eyes.targets[n],
+                images[n], sight.backgrounds[n], sight.backgrounds[2], windows[n], eyes.targets[n],
                 eyes.segmenter[0], ahead.work[0],
             )  # fmt: skip
         if not missed:
@@ -180,11 +196,8 @@ def render(
 
 
 @kernel
-def capture(
-    plant: Plant, sight: Sight, backgrounds: tuple[Image, ...], state: StateHandle,
-    ahead: LookAhead, k: int, held: bool,
-) -> None:  # fmt: skip
-    """Keep what is in view in tick ``k``, and draw the images that arrive in it; see ``play``."""
+def capture(plant: Plant, sight: Sight, state: StateHandle, k: int, held: bool) -> None:
+    """Keep what is in view in tick ``k``, and draw the images that arrive in it."""
     shots, points = sight.shots, sight.points
     ball, latency = len(plant.ctrl), len(points.line) - 1
     r_o, dr_o = plant.qpos[ball : ball + 3], plant.qvel[ball : ball + 3]
@@ -192,40 +205,29 @@ def capture(
         for i in range(3):
             points.line[k % len(points.line), i] = r_o[i] + points.noise[k % BLOCK, i]
         return
-    body, (camera, bank, starts), row = sight.body, sight.film, k % len(shots.rows)
-    shot, place = shots.rows[row], (k - latency) % len(shots.rows)
+    body, row = sight.body, k % len(shots.rows)
+    shot = shots.rows[row]
     lay_capsules(body[0], body[1], body[2], body[3], shot[: len(shot) - 2])
     for i in range(3):
         shot[len(shot) - 2, i], shot[len(shot) - 1, i] = r_o[i], dr_o[i]
-    shots.starts[row] = starts[k % BLOCK]
+    shots.starts[row] = sight.film[2][k % BLOCK]
     if k >= latency:
-        render(
-            shots.rows[place], shots.starts[place], (shots.images[0], shots.images[1]), camera,
-            bank, sight.half, sight.radius, (k - latency) * TICK, backgrounds, state, ahead, held,
-        )  # fmt: skip
+        render(sight, k - latency, state, held)
 
 
 @kernel
 def play(
-    plant: Plant, trace: Array, sight: Sight, until: tuple[float, float],
-    nothing: tuple[Image, Image], backgrounds: tuple[Image, ...], encoders: Array,
-    catcher: tuple[Array, StateHandle, ResultHandle], ahead: LookAhead, log: ResultHandle,
-    times: NDArray[np.int64], count: int,
+    plant: Plant, sight: Sight, catcher: tuple[Array, StateHandle, ResultHandle], kept: Kept,
+    until: tuple[float, float], count: int,
 ) -> int:  # fmt: skip
-    """Make ticks until there is something to think about, or the trial is over.
+    """Make up to ``count`` ticks, until there is something to think about or the trial is over.
 
     Args:
         plant: As of ``Stage``.
-        trace: Rows of the trace.
         sight: What the catcher sees.
-        until: Two numbers of :func:`mitt.world.motion.over`.
-        nothing: Images where none has arrived yet.
-        backgrounds: As of ``Catcher.backgrounds``.
-        encoders: As of :func:`mitt.world.sensors.fresh_encoders`.
         catcher: As of ``Catcher.parts``.
-        ahead: Scratch.
-        log: Result of each tick, at its number.
-        times: How long the catcher took in each tick [ns], and two numbers of scratch.
+        kept: What is kept of the ticks.
+        until: Two numbers of :func:`mitt.world.motion.over`.
         count: Most ticks to be made.
 
     Returns:
@@ -233,13 +235,13 @@ def play(
     """
     brake, state, result = catcher
     s, out, p, n = state.scalars[0], result.scalars[0], plant.state, len(plant.slides)
-    line, clock = sight.points.line, times[len(times) - 2 :]
+    line, encoders, clock = sight.points.line, sight.encoders, kept.times[len(kept.times) - 2 :]
     latency, with_points = len(line) - 1, len(sight.points.noise) > 0
     for _ in range(count):
-        k, images, exposed = int(p[TICKS]), nothing, 0.0
+        k, images, exposed = int(p[TICKS]), sight.nothing, 0.0
         looking, held = looks(state, result), s.phase == BRAKE
         if looking:
-            capture(plant, sight, backgrounds, state, ahead, k, out.phase == BRAKE)
+            capture(plant, sight, state, k, out.phase == BRAKE)
         arrived, stamp = looking and k >= latency, (k - latency) * TICK + sight.offset
         if arrived and not with_points:
             images, exposed = (sight.shots.images[0], sight.shots.images[1]), stamp
@@ -250,18 +252,18 @@ def play(
                 state.ball_filter, stamp, line[(k - latency) % len(line)], sight.points.covariance
             )
         seen, read = (
-            (images, backgrounds, 0, exposed),
+            (images, sight.backgrounds, 0, exposed),
             (k * TICK, k * TICK, encoders[Q], encoders[DQ]),
         )
         todo = tick(seen, read, brake, state, result)
-        times[k] = now_ns(clock) - before
+        kept.times[k] = now_ns(clock) - before
         if arrived and with_points:
             out.sighted, out.t_sighted = True, stamp
             result.sighting[0] = line[(k - latency) % len(line)]
             result.sighting[1:] = sight.points.covariance
         note_stop(p, out.brakes, s.phase == STOPPED)
-        move(plant, result.command[3], out.hand, trace)
-        store(result, log, k)
+        move(plant, result.command[3], out.hand, kept.trace)
+        store(result, kept.results, k)
         todo = 0 if undecided(todo, state, result) else todo
         if todo != 0 or over(p, until[0], until[1]):
             return int(todo)
@@ -278,8 +280,7 @@ def play_out(
         stage: The world at the release.
         catcher: A catcher whose ``parts`` are there.
         stopwatch: Gets how long the catcher took in each tick.
-        longest: As of :func:`mitt.world.motion.over` [s].
-        held: As of :func:`mitt.world.motion.over` [s].
+        longest, held: As of :func:`mitt.world.motion.over` [s].
         offset: What is added to the stamps of what is seen [s].
 
     Raises:
@@ -300,19 +301,20 @@ def play_out(
     )
     points = Points(np.zeros((0, 3)), stage.sensors.covariance, np.zeros((latency + 1, 3)))
     half = 0.0 if imager is None else imager.half
-    rows, log = stage.trace_buffer.reserve(most + 1), room_for(catcher.result, most)
-    times, kept, cameras = np.zeros(most + 2, np.int64), result_handle(log), _DARK
+    log, cameras = room_for(catcher.result, most), _DARK
+    trace, times = stage.trace_buffer.reserve(most + 1), np.zeros(most + 2, np.int64)
+    kept = Kept(trace, result_handle(log), times)
     while (parts := catcher.parts) is not None and not over(p, longest, held):
         k = int(p[TICKS])
         if imager is not None:
             cameras = imager.film
         elif k % BLOCK == 0 and catcher.looking:
             points = points._replace(noise=stage.sensors.noise(BLOCK))
-        sight = Sight(stage.body, cameras, shots, points, half, stage.radius, offset)
-        todo = play(
-            stage.plant, rows, sight, (longest, held), NOTHING, catcher.backgrounds,
-            stage.sensors.encoders, parts, ahead, kept, times, BLOCK - k % BLOCK,
+        sight = Sight(
+            stage.body, cameras, shots, points, half, stage.radius, offset,
+            stage.sensors.encoders, NOTHING, catcher.backgrounds, ahead,
         )  # fmt: skip
+        todo = play(stage.plant, sight, parts, kept, (longest, held), BLOCK - k % BLOCK)
         if imager is not None and catcher.looking:
             imager.advance(int(p[TICKS]) - k)
         catcher.ticked(todo, float(log.scalars["t"][k]))

@@ -27,16 +27,11 @@ Factory = Callable[[DirectMap], Generator]
 GROUP = "mitt.generators"
 
 
-def make_unoptimised(f: DirectMap) -> Generator:
-    """Return the map with alpha = 0."""
-    return Unoptimised(unlearned(f.arm, f.design))
-
-
 #: Generators that ship.
 BUILT_IN: dict[str, Factory] = {
     "direct": Direct,
     "several": learn_several,
-    "unoptimised": make_unoptimised,
+    "unoptimised": lambda f: Unoptimised(unlearned(f.arm, f.design)),  # alpha = 0
     "ik": make_ik,
     "quintic": make_quintic,
     "ruckig": make_ruckig,
@@ -52,11 +47,7 @@ def available() -> tuple[str, ...]:
 
 
 def make_generator(name: str, f: DirectMap) -> Generator:
-    """Return a generator by name.
-
-    Args:
-        name: Its name.
-        f: A learned map; it knows the arm.
+    """Return a generator by name, for the arm of a learned map.
 
     Raises:
         UnknownNameError: No generator is called that.

@@ -87,7 +87,7 @@ class Replayed:
         return "points" if np.any(self.recorded.ticks["points"]) else "eyes"
 
 
-def generator_of(about: About) -> Generator:
+def recorded_generator(about: About) -> Generator:
     """Return the generator of a recording.
 
     Raises:
@@ -106,7 +106,7 @@ def generator_of(about: About) -> Generator:
 def catcher_of(about: About) -> Catcher:
     """Return the catcher of a recording as it was before the throw."""
     eyes = Eyes(about.rig, about.eyes)
-    return Catcher(about.driven_arm, generator_of(about), eyes, settings=about.settings)
+    return Catcher(about.driven_arm, recorded_generator(about), eyes, settings=about.settings)
 
 
 def changed(
@@ -137,18 +137,13 @@ def changed(
 
 
 def replay(recorded: Recorded, about: About | None = None) -> Replayed:
-    """Drive a catcher with the senses of a recording.
-
-    Args:
-        recorded: The recording.
-        about: What makes the catcher; what made that of the recording if left out.
+    """Drive a catcher with the senses of a recording: its own one, or another.
 
     Raises:
         FileError: The recording holds what no catcher was ever given.
     """
     checks.instance("recorded", recorded, Recorded)
-    about = about or recorded.about
-    run = _Run(recorded, about)
+    run = _Run(recorded, about or recorded.about)
     try:
         return run.played()
     except MittError as error:
@@ -177,11 +172,10 @@ class _Run:
             results.append(copied(self.catcher.result))
             self.catcher.think()
             self._note(senses.t)
-        empty = room_for(self.catcher.result, 0)
         return Replayed(
             recorded=self.recorded,
             about=self.about,
-            ticks=gathered(results) if results else empty,
+            ticks=gathered(results) if results else room_for(self.catcher.result, 0),
             differs=differs,
             verdicts=tuple(self.verdicts),
             stopped_by=self.stopped_by,
@@ -223,7 +217,7 @@ class _Run:
             self.catcher.think()
             self.catcher.recover(checked=name == "recover checked")
         elif name == "again":
-            self.catcher = self.fresh.again(generator_of(self.about))
+            self.catcher = self.fresh.again(recorded_generator(self.about))
 
     def _note(self, t: float) -> None:
         """Keep the verdict where it has changed, and why the catcher stopped."""

@@ -27,6 +27,17 @@ from mitt.trials.statistics import wilson
 
 SCHEMA = "mitt.catch/1"
 STATUSES = ("caught", "dropped", "missed", "unreachable", "stopped", "aborted")
+NAME, RESULT, MAP, PAGE = "trials.jsonl", "result.json", "map.json", "report.html"
+"""What the throws are called in the folder of a run, the result, the map and the page."""
+
+LEAVES = Leaves(
+    command="mitt catch", schema=SCHEMA, manifests=(NAME, RESULT),
+    names=(*map(re.escape, (NAME, RESULT, MAP, PAGE)), r"recordings/throw-\d{5,}\.mcap"),
+)  # fmt: skip
+"""All that a run leaves in its folder."""
+
+MAX_BYTES = 200_000_000
+"""Largest list of throws that is read, and largest result [bytes]."""
 
 
 def result(
@@ -34,12 +45,7 @@ def result(
 ) -> dict[str, Any]:
     """Return the whole result.
 
-    Args:
-        trials: Finished trials.
-        stopwatch: Times of the catcher's ticks.
-        head: version, arm, limits, generator, vision, seed.
-        wanted: How many throws there should have been; a result of fewer says that it is
-            incomplete. As many as there are if left out.
+    ``head`` is what it says of the run; with fewer trials than ``wanted`` it is incomplete.
     """
     return {
         "schema": SCHEMA,
@@ -108,19 +114,6 @@ def force_words(force: Mapping[str, float] | None, over: int) -> str:
 def spread_words(force: Mapping[str, float]) -> str:
     """Return median and 95th percentile of forces [N] in words."""
     return f"{force['median']:.0f} N median, 95 % {force['p95']:.0f} N"
-
-
-NAME, RESULT, MAP, PAGE = "trials.jsonl", "result.json", "map.json", "report.html"
-"""What the throws are called in the folder of a run, the result, the map and the page."""
-
-LEAVES = Leaves(
-    command="mitt catch", schema=SCHEMA, manifests=(NAME, RESULT),
-    names=(*map(re.escape, (NAME, RESULT, MAP, PAGE)), r"recordings/throw-\d{5,}\.mcap"),
-)  # fmt: skip
-"""All that a run leaves in its folder."""
-
-MAX_BYTES = 200_000_000
-"""Largest list of throws that is read, and largest result [bytes]."""
 
 
 @final

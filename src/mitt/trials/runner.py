@@ -16,12 +16,8 @@ from mitt.link.clock import Stopwatch
 from mitt.rivals.clairvoyant import Clairvoyant
 from mitt.robot.arm import Arm
 from mitt.signals import ArmState, Frame, Senses, Sighting
-from mitt.trials.known import (
-    driven,
-    known_eyes,
-    known_settings,
-)
-from mitt.trials.log import TrialLog, log_of
+from mitt.trials.known import driven, known_eyes, known_settings
+from mitt.trials.log import TrialLog, catch_time, log_of
 from mitt.trials.play import play_out
 from mitt.trials.score import (
     HELD_AFTER,
@@ -50,8 +46,6 @@ from mitt.world.throws import Throw
 LONGEST = 2.0
 #: Looks at the scene before a throw from which the catcher learns its background.
 LOOKS = 10
-#: Time around the catch in which the map's own time to it is taken for exact [s].
-_NEAR_CATCH = 0.006
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,14 +74,7 @@ class TrialRunner:
     def __init__(
         self, arm: Arm, generator: Generator, scene: Scene, *, pixels: bool = True
     ) -> None:
-        """Build the runner.
-
-        Args:
-            arm: The arm.
-            generator: What turns the ball's estimate into joint motion.
-            scene: The world's settings.
-            pixels: Whether the catcher sees images; noisy points otherwise.
-        """
+        """Build the runner; without ``pixels`` the catcher sees noisy points."""
         self.arm, self._generator, self._scene, self._pixels = arm, generator, scene, pixels
         self.rig = active_rig() if scene.sensing.cameras == "active" else fixed_rig()
         cameras = cameras_of(self.rig, scene) if pixels else None
@@ -105,12 +92,7 @@ class TrialRunner:
         )
 
     def about(self, generator: str, f: DirectMap) -> About:
-        """Return what makes the catcher of this runner again.
-
-        Args:
-            generator: Name of its generator.
-            f: The map that the generator was made from.
-        """
+        """Return what makes the catcher again: its generator by name, made from a map."""
         limits, used = driven(self.arm, self._scene).limits, self._generator
         maps = tuple(x.map for x in used.maps) if isinstance(used, Several) else (f,)
         return About(
@@ -137,12 +119,7 @@ class TrialRunner:
         return self._catcher.again(generator)
 
     def release(self, ball: Throw | BallPath, *, seed: int) -> Catcher:
-        """Begin a trial and return its catcher, which has looked at the scene before.
-
-        Args:
-            ball: What is thrown.
-            seed: Seed of the plant's mismatch and of all noise.
-        """
+        """Begin a trial and return its catcher, which has looked at the scene before."""
         self.world.reset(ball, seed)
         catcher = self.catcher()
         self.views = self.world.views_before(LOOKS)
@@ -177,16 +154,16 @@ class TrialRunner:
         """
         catcher, senses = self.release(ball, seed=seed), list[Senses]()
         self.ticks = ticks = self._play(catcher, senses if log else None, images=images)
-        truth, t_catch = self.world.trace(), catch_time(ticks)
-        trial = self._score(index, catcher, measure(self.arm, ticks, truth), t_catch)
+        truth = self.world.trace()
+        trial = self._score(index, catcher, measure(self.arm, ticks, truth), catch_time(ticks))
         if not log:
             return LoggedTrial(trial, None)
         ground = tuple(frame for view in self.views for frame in view) if images else ()
         kept = log_of(
-            self.arm, ticks, truth, t_0=catcher.t_0, t_catch=t_catch, senses=tuple(senses),
-            background=ground,
+            self.arm, ticks, truth, t_0=catcher.t_0, senses=tuple(senses), background=ground,
+            clock_offset=self.clock_offset,
         )  # fmt: skip
-        return LoggedTrial(trial, replace(kept, clock_offset=self.clock_offset))
+        return LoggedTrial(trial, kept)
 
     def throw(
         self, source: Source, index: int, *, log: bool = False, images: bool = False
@@ -272,16 +249,6 @@ def _with_points(ticks: Result) -> list[Senses]:
         out.append(Senses(t=t, arm=ArmState(t=t, q=q, dq=dq), points=points))
     s["sighted"], ticks.sighting[:] = False, 0.0
     return out
-
-
-def catch_time(ticks: Result) -> float:
-    """Return the time of the catch by the map [s]; infinite without one.
-
-    It is what the map itself announces, the last time it was near.
-    """
-    left = ticks.scalars["time_to_catch"]
-    near = np.flatnonzero(np.abs(left) < _NEAR_CATCH)
-    return float(ticks.scalars["t"][near[-1]] + left[near[-1]]) if len(near) else np.inf
 
 
 def _max_tracking_error(generator: Generator) -> float:

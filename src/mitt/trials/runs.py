@@ -62,26 +62,19 @@ _KERNELS, _PERIOD = 331, 1.0
 #: What the bar says.
 _COMPILING = "compiling, once"
 
-Report = Callable[[str, int, int], None]
+Progress = Callable[[str, int, int], None]
+"""Is told what is being done, how many are done, and of how many."""
 
 
 @contextmanager
 def warming(
     arm: Arm, design: MapDesign, scene: Scene, ball: Throw | BallPath, *, pixels: bool,
-    progress: Report,
+    progress: Progress,
 ) -> Iterator[None]:  # fmt: skip
     """Compile in a second process what the eyes need, meanwhile here what the arm needs.
 
     Does nothing where the kernels have been compiled before, or cannot be kept. What a process
-    could not compile is compiled when it is needed.
-
-    Args:
-        arm: The arm.
-        design: Of the map.
-        scene: The world.
-        ball: Any throw.
-        pixels: Whether the catcher sees images.
-        progress: Is told how many kernels are compiled.
+    could not compile is compiled when it is needed. ``ball`` is any throw.
     """
     if cache_folder() is None or not is_cold():
         yield
@@ -106,7 +99,7 @@ def warming(
         watch.join()
 
 
-def _watch(over: Event, progress: Report) -> None:
+def _watch(over: Event, progress: Progress) -> None:
     """Report how many kernels are compiled until it is over."""
     before = compiled_count()
     while not over.wait(_PERIOD):
@@ -265,16 +258,13 @@ def runner_for(prepared: Prepared, generator: Generator) -> TrialRunner:
 def run(
     prepared: Prepared,
     *,
-    progress: Callable[[str, int, int], None],
+    progress: Progress,
     keeping: Callable[[Learned], AbstractContextManager[Callable[[Trial], None]]] | None = None,
 ) -> FinishedRun:
     """Learn if no map was given, and throw; an interrupt ends the run and keeps what is done.
 
-    Args:
-        prepared: The run.
-        progress: Is told what is being done, how many are done, and of how many.
-        keeping: Is called when the first ball is about to be thrown, and gives what keeps each
-            throw that has ended.
+    ``keeping`` is called when the first ball is about to be thrown, and gives what keeps each throw
+    that has ended.
     """
     count = prepared.source.count
     ball, pixels = prepared.source.ball(_WARM_UP), prepared.settings.vision == "pixels"

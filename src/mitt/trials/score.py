@@ -54,8 +54,7 @@ def drive_loads(arm: Arm, q: Array, dq: Array, tau: Array) -> DriveLoads:
 
     Args:
         arm: The arm.
-        q: Positions of the active joints [rad], shape (k, n).
-        dq: Their speeds [rad/s], shape (k, n).
+        q, dq: Positions and speeds of the active joints [rad, rad/s], shape (k, n) each.
         tau: Their torques [N m], shape (k, n).
     """
     links, limits = link_torques(arm, q, dq, tau), arm.limits
@@ -67,10 +66,7 @@ def drive_loads(arm: Arm, q: Array, dq: Array, tau: Array) -> DriveLoads:
 
 
 def link_torques(arm: Arm, q: Array, dq: Array, tau: Array) -> Array:
-    """Return the torques of all links while the active ones are driven [N m], shape (k, N).
-
-    Args as of :func:`drive_loads`.
-    """
+    """Return the torques of all links while the active ones are driven [N m], shape (k, N)."""
     out = np.zeros((len(tau), len(arm.bodies)))
     rows = (np.ascontiguousarray(x) for x in (q, dq, tau))
     _hold(arm.tables, *rows, slopes_work(len(arm.bodies)), out)
@@ -248,13 +244,7 @@ class Measured:
 
 
 def measure(arm: Arm, ticks: Result, truth: Trace) -> Measured:
-    """Return what a trial was by the numbers.
-
-    Args:
-        arm: The arm.
-        ticks: Results of all k ticks.
-        truth: True states, k + 1 rows.
-    """
+    """Return what a trial was by the numbers, from k ticks and the k + 1 rows of its truth."""
     drives = drive_loads(arm, truth.q[:-1], truth.dq[:-1], truth.tau[1:])
     bad = ticks_beyond(arm, truth, drives, ticks.command, driven=~ticks.scalars["brakes"])
     rms = continuous_shares(arm, np.sum(drives.torque**2, axis=0), len(drives.torque))
@@ -310,10 +300,7 @@ def ticks_beyond(
 def continuous_shares(arm: Arm, squares: Array, ticks: int) -> Array:
     """Return how much of its continuous torque each drive used, as root mean square.
 
-    Args:
-        arm: The arm.
-        squares: Sum of the squares of each drive's torque [N^2 m^2].
-        ticks: Over how many ticks.
+    ``squares`` is the sum of the squares of each drive's torque over some ticks [N^2 m^2].
     """
     shares: Array = np.sqrt(squares / max(ticks, 1)) / arm.limits.tau_rms
     return shares

@@ -91,11 +91,7 @@ class Folder:
         return self.path / "maps" / f"map-{name}.json"
 
     def flights(self, study: Study, address: str) -> Path:
-        """Return where recorded flights are kept; copied there when they are first asked for.
-
-        Args:
-            study: The study.
-            address: Address of the file as the study has it.
+        """Return where the recorded flights of an address are kept; copied there when first asked.
 
         Raises:
             FileError: The file is not there any more, or holds something else.
@@ -332,10 +328,7 @@ def read_part(path: Path) -> tuple[list[dict[str, Any]], dict[str, str]]:
         FileError: The file is missing, cut short or altered.
     """
     path = checks.path("part", path)
-    try:
-        table = pq.read_table(path, page_checksum_verification=True)
-    except (OSError, pa.ArrowException) as error:
-        raise FileError(str(path), "a whole part of a study", str(error)[:100]) from None
+    table = _table(path, "part")
     if set(table.schema.names) != set(_COLUMNS.names):
         raise FileError(str(path), "the columns of this version", "others")
     notes = {k.decode(): v.decode() for k, v in (table.schema.metadata or {}).items()}
@@ -351,15 +344,18 @@ def read_columns(
         FileError: The file is missing, cut short or altered.
     """
     path = checks.path("table", path)
-    try:
-        table = pq.read_table(
-            path, columns=list(columns), filters=list(filters), page_checksum_verification=True
-        )
-    except (OSError, pa.ArrowException) as error:
-        raise FileError(str(path), "a whole table of a study", str(error)[:100]) from None
+    table = _table(path, "table", columns=list(columns), filters=list(filters))
     if any(table.schema.field(name).type != _COLUMNS.field(name).type for name in columns):
         raise FileError(str(path), "the columns of this version", "others")
     return table
+
+
+def _table(path: Path, what: str, **of: Any) -> Any:  # noqa: ANN401
+    """Return what a Parquet file holds, its checksums looked at."""
+    try:
+        return pq.read_table(path, page_checksum_verification=True, **of)
+    except (OSError, pa.ArrowException) as error:
+        raise FileError(str(path), f"a whole {what} of a study", str(error)[:100]) from None
 
 
 def merge(parts: Sequence[Path], out: Path, notes: dict[str, str]) -> None:
@@ -454,11 +450,7 @@ def cell_of(
 ) -> Cell:
     """Return the throws of one generator in one condition, as far as they are done.
 
-    Args:
-        generator: Name of the generator.
-        condition: The condition.
-        wanted: How many throws there should be.
-        trials: Those that there are, as rows of the table.
+    ``trials`` are rows of the table; ``wanted`` is how many throws there should be.
     """
     counts = dict.fromkeys(STATUSES, 0)
     values: dict[str, list[float]] = {name: [] for name in _MEDIANS}
@@ -509,14 +501,11 @@ def compared(cells: Sequence[Cell]) -> list[dict[str, Any]]:
 
 
 def against(caught: Mapping[Place, Mapping[int, bool]], reference: str) -> dict[Place, Pair]:
-    """Return how others differ from a generator on the throws that both had.
+    """Return how others differ from a reference generator on the throws that both had.
 
     McNemar's test, ``p``, and the same after Holm's correction over the conditions of a generator,
-    ``p_holm``.
-
-    Args:
-        caught: Whether each throw was caught, by its index, of each generator in each condition.
-        reference: Name of the generator that all others are compared with.
+    ``p_holm``. ``caught`` says of each generator in each condition whether each throw was caught,
+    by its index.
     """
     out = {
         (generator, condition): _paired(caught[reference, condition], hits)

@@ -32,6 +32,7 @@ from mitt.trials.learning import learn
 from mitt.trials.log import recording_of
 from mitt.trials.registry import make_generator, origin_of
 from mitt.trials.runner import LoggedTrial, TrialRunner
+from mitt.trials.runs import Progress
 from mitt.trials.source import Source, source_of, widened
 from mitt.trials.study_file import SCHEMA, Condition, Study
 from mitt.trials.study_results import (
@@ -191,22 +192,10 @@ def _row(job: Job, runner: TrialRunner, source: Source, arm: Arm, index: int) ->
     truth = runner.world.trace()
     power = np.abs(truth.tau * truth.dq).sum(axis=1)
     energy_j = float(np.sum(0.5 * (power[1:] + power[:-1]) * np.diff(truth.t)))
-    release, passing = _release(ball), _passing(ball, arm, source.drag)
+    release = np.concatenate((ball.r, ball.dr) if isinstance(ball, Throw) else ball.at(0.0))
+    flight = Undisturbed(ball=ball, drag=source.drag, hand=arm.position(arm.q_ready))
+    passing = np.concatenate(flight.at(flight.nearest()))
     return row_of(job.generator, job.condition.name, trial, energy_j, release, passing)
-
-
-def _release(ball: Throw | BallPath) -> Array:
-    """Return position [m] and velocity [m/s] at release, shape (6,)."""
-    return np.concatenate((ball.r, ball.dr) if isinstance(ball, Throw) else ball.at(0.0))
-
-
-def _passing(ball: Throw | BallPath, arm: Arm, drag: float) -> Array:
-    """Return where the undisturbed ball is nearest to the waiting hand [m, m/s], shape (6,)."""
-    flight = Undisturbed(ball=ball, drag=drag, hand=arm.position(arm.q_ready))
-    return np.concatenate(flight.at(flight.nearest()))
-
-
-Progress = Callable[[str, int, int], None]
 
 
 @final
@@ -243,7 +232,7 @@ def run_study(study: Study, folder: Folder, engine: Engine, *, progress: Progres
         study: The study.
         folder: Its folder, claimed and locked.
         engine: Where to throw.
-        progress: Is told what is being done, how many are done, and of how many.
+        progress: Is told how far it is.
     """
     jobs, done = list(all_jobs(study, folder, progress)), FinishedStudy()
     try:
@@ -322,14 +311,9 @@ def _throw_all(
 
 
 def _throw(
-    jobs: list[Job],
-    folder: Folder,
-    engine: Engine,
-    done: FinishedStudy,
-    progress: Progress,
-    *,
+    jobs: list[Job], folder: Folder, engine: Engine, done: FinishedStudy, progress: Progress, *,
     window: int,
-) -> list[Job]:
+) -> list[Job]:  # fmt: skip
     """Throw chunks and keep their parts; return those whose worker died."""
     suspects = []
     for job, outcome in run_tasks(engine, throw_chunk, jobs, window=window):
@@ -378,20 +362,11 @@ def by_cell(jobs: list[Job]) -> list[list[Job]]:
 
 
 def record_failures(
-    cells: list[list[Job]],
-    folder: Folder,
-    engine: Engine,
-    most: int,
-    progress: Callable[[str, int, int], None],
+    cells: list[list[Job]], folder: Folder, engine: Engine, most: int, progress: Progress
 ) -> None:
-    """Record failures that are not recorded yet; one that cannot be is left out.
+    """Record up to ``most`` failures of each cell that are not recorded yet.
 
-    Args:
-        cells: Chunks of each generator in each condition.
-        folder: Folder of the study.
-        engine: Where the throws are made once more, which gives the same trials.
-        most: Most recordings of a cell.
-        progress: Is told how many are done, and of how many.
+    Throws are made once more, which gives the same trials; one that cannot be is left out.
     """
     wanted = [task for group in cells for task in _failures(group, folder, most)]
     missing = [task for task in wanted if not _recording(folder, *task).exists()]

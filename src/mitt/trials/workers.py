@@ -139,7 +139,7 @@ class _Pool:
             workers, mp_context=context, initializer=_begin, initargs=(module, self._told)
         )
 
-    def close(self, *, at_once: bool) -> "Sequence[BaseProcess]":
+    def close(self, *, at_once: bool) -> Sequence[BaseProcess]:
         """Let the processes go; return those that there were."""
         started = list((self.executor._processes or {}).values())
         self.executor.shutdown(wait=not at_once, cancel_futures=True)
@@ -168,7 +168,7 @@ class _Pool:
         return _end_of(code), pid in begun
 
 
-def _join(process: "BaseProcess") -> None:
+def _join(process: BaseProcess) -> None:
     """Wait until a process has ended and its exit code is known.
 
     The executor's own thread waits for it as well, and may be the one that hears of its end.
@@ -197,14 +197,11 @@ def _no_workers(why: str) -> InputError:
 
 
 def _begin(module: str, told: Connection) -> None:
-    """Begin a worker: interrupts are its parent's business, and it does not outlive its parent.
+    """Begin a worker, import what its jobs will, and say that it has begun or why it cannot.
 
-    The process throws and nothing else, so the garbage collector need not look at all that it
-    has imported again and again.
-
-    Args:
-        module: What a job will import.
-        told: Where the process says that it has begun, or why it cannot.
+    Interrupts are its parent's business, and it does not outlive its parent. The process throws and
+    nothing else, so the garbage collector need not look at all that it has imported again and
+    again.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     end_with_parent()
@@ -291,16 +288,10 @@ def check_engine(name: str) -> str:
 def run_tasks(
     engine: Engine, work: Callable[[_Task], bytes], tasks: Sequence[_Task], *, window: int
 ) -> Iterator[tuple[_Task, bytes | BaseException]]:
-    """Yield what became of each task, as they end.
+    """Yield what became of each task, as they end; at most ``window`` are under way.
 
     A worker that dies takes with it what is under way in a pool of processes, so that few tasks
     are under way at once; all of those are yielded with the error.
-
-    Args:
-        engine: Where the work is done.
-        work: What is done with each task.
-        tasks: The tasks.
-        window: Most tasks under way.
     """
     waiting, under_way = deque(tasks), dict[Future[bytes], _Task]()
     while waiting or under_way:
