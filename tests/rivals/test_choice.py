@@ -38,7 +38,7 @@ def _price(chooser: Chooser, way: Array, end: Array) -> tuple[float, str, float]
     """Return price of a way, shape (S, 3, n), its most asked limit and how much of it is asked."""
     arm, asked = chooser.arm, demand(chooser.arm, way)
     half, middle = 0.5 * (arm.q_max - arm.q_min), 0.5 * (arm.q_max + arm.q_min)
-    stop = end[0] + FOLLOW * end[1] + 0.5 * end[1] * np.abs(end[1]) * chooser.hand[3:]
+    stop = end[0] + FOLLOW * end[1] + 0.5 * end[1] * np.abs(end[1]) * chooser.hand.inertia
     kinds = {
         "torque": arm.active(asked.torque).max(axis=0),
         "speed": arm.active(asked.speed).max(axis=0),

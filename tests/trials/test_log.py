@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from mitt.catcher.settings import PHASES
 from mitt.robot.arm import Arm
-from mitt.trials.log import PHASES
 from mitt.trials.runner import LoggedTrial
 
 TICK = 0.001

@@ -44,9 +44,8 @@ def test_the_types_are_those_of_a_throw(
     runs._compile_arm(f, Scene(), throw, pixels)
     given: dict[str, Any] = {}
 
-    def play(plant: Any, rows: Any, *rest: Any) -> int:  # noqa: ANN401 (arguments of a kernel)
-        names = ("sight", "scalars", "nothing", "backgrounds", "encoders", "parts")
-        given.update(zip(names, rest, strict=False), plant=plant, rows=rows)
+    def play(plant: Any, sight: Any, parts: Any, kept: Any, *_: Any) -> int:  # noqa: ANN401
+        given.update(sight._asdict(), plant=plant, parts=parts, rows=kept.trace)
         raise StopIteration
 
     monkeypatch.setattr(loop, "play", play)

@@ -13,10 +13,11 @@ import mujoco
 import numpy as np
 import viser
 
+from mitt.catcher.settings import PHASES
 from mitt.report.meshes import BALL, body_meshes
 from mitt.report.own_pages import own_pages_alone
 from mitt.robot.arm import Arm
-from mitt.trials.log import PHASES, TrialLog
+from mitt.trials.log import TrialLog
 from mitt.world.build import build_scene
 from mitt.world.scene import Scene
 

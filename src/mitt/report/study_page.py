@@ -14,9 +14,9 @@ from mitt.report.page import Cell, Section, interval, number, page
 from mitt.report.worst import worst_throws
 from mitt.signals import Array
 from mitt.trials.result import STATUSES
+from mitt.trials.runs import Progress
 from mitt.trials.study_file import SCHEMA, Condition, Study, extent
 from mitt.trials.study_results import REFERENCE, StudyResult, read_columns
-from mitt.trials.study_run import Progress
 
 Row = Mapping[str, Any]
 Curve = list[tuple[float, float]]

@@ -6,8 +6,9 @@ import mitt
 from mitt.files.writing import write_text
 from mitt.report.page import Cell
 from mitt.report.replay import replay_page
+from mitt.trials.runs import Progress
 from mitt.trials.study_results import StudyResult, read_columns
-from mitt.trials.study_run import Job, Progress, all_jobs, by_cell, throw_again
+from mitt.trials.study_run import Job, all_jobs, by_cell, throw_again
 
 
 def worst_throws(result: StudyResult, count: int, progress: Progress) -> list[tuple[Cell, ...]]:

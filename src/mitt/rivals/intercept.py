@@ -261,8 +261,8 @@ class Intercept:
     low: bool
 
 
-#: What a catch comes to: its price [1], infinite where there is no catch; the largest utilization of
-#: a limit [1]; and which limit, kind n + joint with the kinds torque, speed, range.
+#: What a catch comes to: its price [1], infinite where there is none; the largest utilization of a
+#: limit [1]; and which limit, kind n + joint with the kinds torque, speed, range.
 WEIGHED = np.dtype([("price", np.float64), ("utilization", np.float64), ("limit", np.int64)])
 
 

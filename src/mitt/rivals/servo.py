@@ -45,7 +45,7 @@ _SHARPEN, _FASTEST = 6.0, 60.0
 
 
 class Bounds(NamedTuple):
-    """Bounds of the joints, shape (n,) each: angles, largest speed, largest acceleration [rad ...]."""
+    """Bounds of the joints, shape (n,) each: angles, speed, acceleration [rad ...]."""
 
     q_min: Array
     q_max: Array

@@ -192,9 +192,9 @@ def _release(
 def _bounced(arrival: Array, rng: np.random.Generator, aside: float) -> Motion:
     """Draw a flight that bounces off a level surface shortly before it passes a point [m], (3,).
 
-    It comes from ``aside`` off +x in the middle [rad]. Drawn backwards from that point. Speeds after and losses at the bounce as in the recorded
-    table-tennis flights: 1.6 to 3.5 m/s, 0.75 to 0.9 of the vertical speed kept, 0.55 to 0.85 of
-    the horizontal.
+    It comes from ``aside`` off +x in the middle [rad], and is drawn backwards from that point.
+    Speeds after and losses at the bounce as in the recorded table-tennis flights: 1.6 to 3.5 m/s,
+    0.75 to 0.9 of the vertical speed kept, 0.55 to 0.85 of the horizontal.
     """
     dr_aim = np.array([-rng.uniform(1.6, 3.5), rng.uniform(-0.3, 0.3), rng.uniform(0.3, 2.2)])
     c, s = np.cos(aside), np.sin(aside)

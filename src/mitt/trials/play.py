@@ -37,7 +37,7 @@ from mitt.vision.held import window_about
 from mitt.vision.segmentation import WORK, region_of_interest, suffices, whole_image
 from mitt.world.capsules import lay_capsules
 from mitt.world.engine import Plant
-from mitt.world.exposure import Bank, Cameras, render_images
+from mitt.world.exposure import render_images
 from mitt.world.imaging import BLOCK, Film
 from mitt.world.motion import TICKS, WATCHED, move, note_stop, over
 from mitt.world.painting import Light
@@ -280,7 +280,8 @@ def play_out(
         stage: The world at the release.
         catcher: A catcher whose ``parts`` are there.
         stopwatch: Gets how long the catcher took in each tick.
-        longest, held: As of :func:`mitt.world.motion.over` [s].
+        longest: As of :func:`mitt.world.motion.over` [s].
+        held: The same.
         offset: What is added to the stamps of what is seen [s].
 
     Raises:

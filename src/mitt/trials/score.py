@@ -54,7 +54,8 @@ def drive_loads(arm: Arm, q: Array, dq: Array, tau: Array) -> DriveLoads:
 
     Args:
         arm: The arm.
-        q, dq: Positions and speeds of the active joints [rad, rad/s], shape (k, n) each.
+        q: Positions of the active joints [rad], shape (k, n).
+        dq: Their speeds [rad/s], shape (k, n).
         tau: Their torques [N m], shape (k, n).
     """
     links, limits = link_torques(arm, q, dq, tau), arm.limits

@@ -7,7 +7,7 @@ folder of the study. A chunk is the same whoever throws it and whatever was thro
 import hashlib
 import json
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -27,7 +27,6 @@ from mitt.interrupts import notice, status_of
 from mitt.link.clock import Stopwatch
 from mitt.reading import read_json
 from mitt.robot.arm import Arm
-from mitt.signals import Array
 from mitt.trials.learning import learn
 from mitt.trials.log import recording_of
 from mitt.trials.registry import make_generator, origin_of
@@ -49,7 +48,7 @@ from mitt.trials.study_results import (
 )
 from mitt.trials.workers import Engine, run_tasks
 from mitt.world.faults.flight import Undisturbed
-from mitt.world.flights import BallPath, Recording, builtin_flights, read_flights
+from mitt.world.flights import Recording, builtin_flights, read_flights
 from mitt.world.throws import Throw
 
 #: Arms with their maps, and generators, that a worker keeps.
