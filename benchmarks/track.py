@@ -16,7 +16,7 @@ import numpy as np
 from mitt.ball.filter import BallFilter, FilterConfig
 from mitt.signals import Array, Sighting
 from mitt.tracks.filtering import UNKNOWN_BALL, follow
-from mitt.trials.known import known_ball
+from mitt.trials.catcher_settings import filter_settings
 from mitt.world.ballistics import fly
 from mitt.world.flights import Recording, builtin_flights
 
@@ -147,7 +147,7 @@ def faults(throws: int) -> None:
     """Print the error at contact under each fault, beside the table's."""
     print(f"faults, {throws} throws, 3 mm of noise: error at contact [mm rms], growth, table, its")
     print("growth, and throws that end untracked or more than 30 mm off")
-    config, clean = known_ball(0.04, 0.07), np.nan
+    config, clean = filter_settings(0.04, 0.07), np.nan
     for name, fault in FAULTS.items():
         rng, errors = np.random.default_rng(SEED), []
         for _ in range(throws):
@@ -172,7 +172,7 @@ def heads(throws: int) -> None:
     rng, position, velocity = np.random.default_rng(SEED + 1), [], []
     for _ in range(throws):
         r, dr = thrown(rng)
-        ball = BallFilter(known_ball(0.04, 0.07))
+        ball = BallFilter(filter_settings(0.04, 0.07))
         for i, x in enumerate(r):
             far = float(np.linalg.norm(x))
             ray, depth = x / far, 2.5e-3 * (far / 3.0) ** 2

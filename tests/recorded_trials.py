@@ -13,7 +13,7 @@ from mitt.robot.load import load_arm
 from mitt.trials.learning import learn
 from mitt.trials.log import recording_of
 from mitt.trials.registry import make_generator
-from mitt.trials.replay import Replayed, replay
+from mitt.trials.replayed import Replayed, replay
 from mitt.trials.runner import TrialRunner
 from mitt.trials.source import source_of
 from mitt.world.scenes import read_scene

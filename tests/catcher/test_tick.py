@@ -40,7 +40,7 @@ from mitt.signals import (
     MapStatus,
     Senses,
 )
-from mitt.trials.known import known_ball
+from mitt.trials.catcher_settings import filter_settings
 from mitt.trials.learning import learn
 from mitt.trials.runner import TrialRunner
 from mitt.trials.source import aim_of
@@ -248,7 +248,7 @@ def compare(
     notes, b = Notes(generator), scene.ball
     runner = TrialRunner(arm, Watched(generator, notes), scene, pixels=pixels)
     settings = CatcherSettings(
-        ball_mass=b.mass, ball_radius=b.radius, flight=known_ball(b.drag, b.mass)
+        ball_mass=b.mass, ball_radius=b.radius, flight=filter_settings(b.drag, b.mass)
     )
     catcher, staged = runner.catcher(), Staged(arm, settings, notes)
     phases: set[Phase] = set()

@@ -23,7 +23,7 @@ from mitt.link.frames import FrameSet
 from mitt.link.live import Mode
 from mitt.link.ticks import Ticks
 from mitt.signals import ArmState, Command, Senses, Sighting
-from mitt.trials.replay import replay
+from mitt.trials.replayed import replay
 from mitt.vision.clock_offset import caught_offset
 from mitt.vision.lens import Lens
 

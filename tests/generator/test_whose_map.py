@@ -17,7 +17,7 @@ from mitt.robot.hands import HandModel
 from mitt.robot.limits import Limits
 from mitt.robot.load import load_arm
 from mitt.signals import BallState
-from mitt.trials.known import reserved
+from mitt.trials.catcher_settings import reserved
 
 Change = Callable[[Arm], Arm]
 

@@ -24,7 +24,7 @@ from mitt.report.replay import NODE, served
 from mitt.report.stage_view import ellipsoid, way
 from mitt.report.view import Viewer, newest, watch
 from mitt.signals import ArmState, BallState, Senses
-from mitt.trials.replay import catcher_of
+from mitt.trials.replayed import catcher_of
 
 
 @pytest.fixture(scope="module")

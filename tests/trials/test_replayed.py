@@ -15,7 +15,7 @@ from mitt.generator.learn import Learned
 from mitt.link.recorder import Recorder
 from mitt.trials.explain import evidence_of, explain
 from mitt.trials.log import FIRST_CONTACT, recording_of
-from mitt.trials.replay import changed, replay
+from mitt.trials.replayed import changed, replay
 from mitt.trials.runner import TrialRunner
 from mitt.trials.runs import simulate
 from mitt.trials.source import source_of

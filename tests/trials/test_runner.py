@@ -20,7 +20,7 @@ from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
 from mitt.robot.load import load_arm
 from mitt.signals import Array, BallState, JointReference
-from mitt.trials.known import driven, known_ball
+from mitt.trials.catcher_settings import driven, filter_settings
 from mitt.trials.learning import learn
 from mitt.trials.log import recording_of
 from mitt.trials.runner import LoggedTrial, TrialRunner
@@ -118,7 +118,7 @@ def test_logging_and_timing_change_nothing(
 @pytest.mark.parametrize(("mass", "density"), [(0.07, 1e-4), (1.0, 1e-4), (0.0027, 0.00259)])
 def test_a_lighter_ball_is_believed_less_steady(mass: float, density: float) -> None:
     """The unmodelled acceleration grows as the ball gets lighter than 70 g."""
-    known = known_ball(0.1, mass)
+    known = filter_settings(0.1, mass)
     assert known.accel_density == pytest.approx(density, rel=0.01)
     assert known.drag_mean == 0.1
     assert known.drag_sigma == pytest.approx(0.025)
@@ -170,14 +170,15 @@ def test_drives_that_lag_are_not_asked_for_all_their_torque(arm: Arm) -> None:
 
 def test_the_filter_believes_what_it_is_told_of_the_drag() -> None:
     """A uniform error of 60 % is 0.35 of the drag, 1 sigma; of 30 % less than the usual quarter."""
-    assert known_ball(0.1, 0.07, spread=0.3).drag_sigma == known_ball(0.1, 0.07).drag_sigma
-    assert known_ball(0.1, 0.07, spread=0.6).drag_sigma == pytest.approx(0.1 * 0.6 / np.sqrt(3.0))
+    usual, little, much = (filter_settings(0.1, 0.07, spread=x).drag_sigma for x in (0.0, 0.3, 0.6))
+    assert little == usual
+    assert much == pytest.approx(0.1 * 0.6 / np.sqrt(3.0))
 
 
 def test_the_filter_may_find_twice_the_drag_that_it_was_told() -> None:
     """The usual bound, 0.3 per metre, is below what a very light ball has."""
-    assert known_ball(0.5, 0.07).drag_max == 1.0
-    assert known_ball(0.04, 0.07).drag_max == FilterConfig().drag_max
+    assert filter_settings(0.5, 0.07).drag_max == 1.0
+    assert filter_settings(0.04, 0.07).drag_max == FilterConfig().drag_max
 
 
 def test_a_trial_that_is_over_before_its_first_tick_is_a_result(

@@ -11,7 +11,7 @@ from mitt.generator.generators import Direct
 from mitt.generator.learn import Learned
 from mitt.robot.arm import Arm
 from mitt.signals import TICK, Array, Command
-from mitt.trials.known import bandwidth_of
+from mitt.trials.catcher_settings import bandwidth_of
 from mitt.trials.runner import TrialRunner
 from mitt.trials.source import source_of
 from mitt.world.scene import Actuation, Scene

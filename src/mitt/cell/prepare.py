@@ -26,7 +26,7 @@ from mitt.jit import cache_folder
 from mitt.robot.arm import Arm, identity_of
 from mitt.robot.shapes import Surroundings
 from mitt.signals import TICK
-from mitt.trials.known import bandwidth_of, known_ball, reserved
+from mitt.trials.catcher_settings import bandwidth_of, filter_settings, reserved
 from mitt.trials.learning import learn, neighbourhood_of_ball
 from mitt.trials.source import Source, source_of, widened
 from mitt.version import __version__
@@ -117,7 +117,7 @@ def about_of(prepared: PreparedCell, f: DirectMap) -> About:
     settings = CatcherSettings(
         ball_mass=ball.mass, ball_radius=ball.radius, ball_restitution=ball.restitution,
         ball_friction=ball.friction,
-        flight=known_ball(ball.drag, ball.mass, spread=ball.drag_spread),
+        flight=filter_settings(ball.drag, ball.mass, spread=ball.drag_spread),
         around=prepared.around, encoders=Encoders(step=tuple(arm.encoder_step.tolist())),
         torque_lead=cell.robot.delay, bandwidth=bandwidth_of(cell.robot.takes, cell.robot.servo),
         setpoint_delay=0 if cell.robot.takes == "torque" else round(_delay_of(cell) / TICK),

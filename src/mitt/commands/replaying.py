@@ -15,8 +15,8 @@ from mitt.files.writing import Leaves, check_folder, check_ours, locked
 from mitt.report.view import newest, watch
 from mitt.trials.explain import Explanation, evidence_of, explain
 from mitt.trials.registry import check_generator
-from mitt.trials.replay import Replayed, changed
-from mitt.trials.replay import replay as played
+from mitt.trials.replayed import Replayed, changed
+from mitt.trials.replayed import replay as played
 
 #: Most recordings in one call.
 _MOST = 10_000

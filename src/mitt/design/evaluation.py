@@ -23,7 +23,7 @@ from mitt.generator.mapping import DirectMap, unlearned
 from mitt.robot.arm import Arm
 from mitt.robot.shapes import Surroundings, clearance, shapes_of
 from mitt.signals import Array, MapStatus
-from mitt.trials.known import driven, known_settings
+from mitt.trials.catcher_settings import catcher_settings, driven
 from mitt.trials.learning import FASTEST_SHARE, Neighbourhood, learn
 from mitt.trials.runner import TrialRunner
 from mitt.trials.score import Trial
@@ -232,7 +232,7 @@ def judged(c: Candidate, f: DirectMap, task: Task) -> Evaluation:
     meet, and so judge a map by what suits it.
     """
     balls = balls_of(f, task, count=_JUDGED_BALLS, seed=_JUDGE_SEED)
-    said = verdicts(f, balls, driven(f.arm, task.scene), known_settings(f.arm, task.scene))
+    said = verdicts(f, balls, driven(f.arm, task.scene), catcher_settings(f.arm, task.scene))
     return Evaluation(
         candidate=c, able=_able(said), speed=_middle(said.speed), binding=said.binds
     )  # fmt: skip

@@ -24,7 +24,7 @@ from mitt.design.verdicts import START, Verdicts, verdicts
 from mitt.generator.mapping import DirectMap
 from mitt.robot.arm import Arm
 from mitt.signals import Array, BallState
-from mitt.trials.known import driven, known_settings
+from mitt.trials.catcher_settings import catcher_settings, driven
 from mitt.trials.learning import Neighbourhood
 
 #: How far off the middle the outermost points are [m].
@@ -100,7 +100,7 @@ def _row(f: DirectMap, c: Candidate, task: Task, across: Array, up: float) -> Ve
         for x in across
         for faster in _SPEEDS
     ]
-    return verdicts(f, balls, driven(f.arm, task.scene), known_settings(f.arm, task.scene))
+    return verdicts(f, balls, driven(f.arm, task.scene), catcher_settings(f.arm, task.scene))
 
 
 def _through(point: Array, task: Task, faster: float) -> BallState:

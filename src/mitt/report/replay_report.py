@@ -9,7 +9,7 @@ from mitt.files.writing import write_text
 from mitt.report.figures.replay import estimate, hand, limits, states
 from mitt.report.page import Section, number, page
 from mitt.trials.explain import evidence_of, explain
-from mitt.trials.replay import Replayed
+from mitt.trials.replayed import Replayed
 
 _SECTIONS = (
     Section("summary", "Summary", "What happened"),

@@ -16,7 +16,7 @@ from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
 from mitt.signals import Array
 from mitt.trials.log import FIRST_CONTACT, catch_tick
-from mitt.trials.replay import Judged, Replayed
+from mitt.trials.replayed import Judged, Replayed
 from mitt.trials.score import drive_loads
 
 #: What a hand needs: 1-sigma of the ball's place, and how far it may be off [m] (Baeuml and others,

@@ -16,7 +16,7 @@ from mitt.link.clock import Stopwatch
 from mitt.rivals.clairvoyant import Clairvoyant
 from mitt.robot.arm import Arm
 from mitt.signals import ArmState, Frame, Senses, Sighting
-from mitt.trials.known import driven, known_eyes, known_settings
+from mitt.trials.catcher_settings import catcher_settings, driven, eyes_settings
 from mitt.trials.log import TrialLog, catch_time, log_of
 from mitt.trials.play import play_out
 from mitt.trials.score import (
@@ -86,7 +86,7 @@ class TrialRunner:
 
     def _made(self) -> Catcher:
         """Return the catcher that those of all throws begin as."""
-        eyes = Eyes(self.rig, known_eyes(self._scene))
+        eyes = Eyes(self.rig, eyes_settings(self._scene))
         return Catcher(
             driven(self.arm, self._scene), self._generator, eyes, settings=self._settings()
         )
@@ -101,7 +101,7 @@ class TrialRunner:
             maps=maps,
             settings=self._settings(),
             rig=self.rig,
-            eyes=known_eyes(self._scene),
+            eyes=eyes_settings(self._scene),
             driven=None if limits is f.arm.limits else limits,
             refines=isinstance(used, Direct) and used.refines,
         )
@@ -109,7 +109,7 @@ class TrialRunner:
     def _settings(self) -> CatcherSettings:
         """Return the settings of the catcher: what it is told of the scene."""
         most = _max_tracking_error(self._generator)
-        return replace(known_settings(self.arm, self._scene), max_tracking_error=most)
+        return replace(catcher_settings(self.arm, self._scene), max_tracking_error=most)
 
     def catcher(self) -> Catcher:
         """Return a fresh catcher; the clairvoyant is given the flight of the ball just released."""

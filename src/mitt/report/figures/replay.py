@@ -19,7 +19,7 @@ from mitt.report.figures.style import (
 )
 from mitt.signals import Array
 from mitt.trials.explain import Evidence, timeline
-from mitt.trials.replay import Replayed
+from mitt.trials.replayed import Replayed
 
 _COLOURS = {
     "watch": PALE, "follow": BLUE, "brake": GREEN, "refused": ORANGE, "stopped": PURPLE,

@@ -29,7 +29,7 @@ _DRAGGIEST = 2.0
 _SOFT = 0.2
 
 
-def known_settings(arm: Arm, scene: Scene) -> CatcherSettings:
+def catcher_settings(arm: Arm, scene: Scene) -> CatcherSettings:
     """Return the settings of the catcher: what it is told of the scene and its own arm."""
     ball, actuation = scene.ball, scene.actuation
     rate, torques = 2.0 * pi * actuation.bandwidth, actuation.takes == "torque"
@@ -39,7 +39,7 @@ def known_settings(arm: Arm, scene: Scene) -> CatcherSettings:
         ball_radius=ball.radius,
         ball_restitution=_restitution(scene, arm),
         ball_friction=friction_of(scene),
-        flight=known_ball(ball.drag, ball.mass, spread=scene.mismatch.drag),
+        flight=filter_settings(ball.drag, ball.mass, spread=scene.mismatch.drag),
         around=Surroundings(floor=scene.floor),
         encoders=Encoders(step=tuple(np.where(steps > 0.0, steps, arm.encoder_step).tolist())),
         bandwidth=bandwidth_of(actuation.takes, actuation.servo),
@@ -48,7 +48,7 @@ def known_settings(arm: Arm, scene: Scene) -> CatcherSettings:
     )
 
 
-def known_eyes(scene: Scene) -> EyesConfig:
+def eyes_settings(scene: Scene) -> EyesConfig:
     """Return what the catcher knows of its cameras: a calibration leaves errors in the images.
 
     A quarter of a corner's error, 0.05 px for corners found to within 0.2 px, is a choice of this
@@ -88,7 +88,7 @@ def bandwidth_of(takes: str, servo: float) -> float:
     return CatcherSettings().bandwidth if takes == "torque" else 2.0 * pi * servo
 
 
-def known_ball(drag: float, mass: float, *, spread: float = 0.0) -> FilterConfig:
+def filter_settings(drag: float, mass: float, *, spread: float = 0.0) -> FilterConfig:
     """Return what the filter may assume of a ball with known nominal drag [1/m] and mass [kg].
 
     A quarter of the drag either way, or what a uniform error up to ``spread`` makes. What drag does
