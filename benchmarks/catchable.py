@@ -34,7 +34,7 @@ from mitt.trials.runner import TrialRunner
 from mitt.trials.score import Trial
 from mitt.trials.source import source_of, widened
 from mitt.trials.study_file import Condition, read_study
-from mitt.world.scenes import read_scene
+from mitt.world.scene import read_scene
 
 #: Share of the throws that the map catches which are given to the clairvoyant as well.
 SAMPLE = 0.05

@@ -16,7 +16,6 @@ import argparse
 import json
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import fields, replace
 from math import ceil
 from multiprocessing import get_context
 from pathlib import Path
@@ -216,7 +215,7 @@ def _at_rest(rows: Row, arm: Arm, ticks: Result, truth: Trace, stop: int) -> Non
     rows["stop_ms"].append(max(int(moving[-1]) + 1 - stop, 0) if len(moving) else 0)
     held = stop + round(max(brake.delay for brake in arm.brakes) / 0.001)
     for name, since in (("engaged", held), ("after_brakes", held + ceil(rows["brake_ms"][-1]))):
-        later = replace(truth, **{x.name: getattr(truth, x.name)[since:] for x in fields(truth)})
+        later = Trace._make(x[since:] for x in truth)
         if len(later.t) > 1:
             rows[name] += measure(arm, rows_of(ticks, since, len(truth.t)), later).limit_violations
     if held + 1 < len(truth.t):

@@ -21,7 +21,7 @@ from mitt.link.recorder import Recorder
 from mitt.trials.runner import LONGEST, TrialRunner
 from mitt.trials.score import HELD_AFTER
 from mitt.trials.source import source_of
-from mitt.world.scenes import read_scene
+from mitt.world.scene import read_scene
 
 SEED = 80_000
 

@@ -27,10 +27,9 @@ from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
 from mitt.signals import Array
 from mitt.trials.source import source_of, widened
-from mitt.world.ballistics import fly
 from mitt.world.flights import BallPath
-from mitt.world.scenes import read_scene
-from mitt.world.throws import Throw
+from mitt.world.scene import read_scene
+from mitt.world.throws import Throw, fly
 
 #: Time after the release at which the arm begins [s], and how much earlier or later than the ball
 #: is nearest to the aim it may be met [s].

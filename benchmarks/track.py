@@ -17,8 +17,8 @@ from mitt.ball.filter import BallFilter, FilterConfig
 from mitt.signals import Array, Sighting
 from mitt.tracks.filtering import UNKNOWN_BALL, follow
 from mitt.trials.catcher_settings import filter_settings
-from mitt.world.ballistics import fly
 from mitt.world.flights import Recording, builtin_flights
+from mitt.world.throws import fly
 
 SEED = 8000
 H = 1e-3

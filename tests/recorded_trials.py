@@ -16,7 +16,7 @@ from mitt.trials.registry import make_generator
 from mitt.trials.replayed import Replayed, replay
 from mitt.trials.runner import TrialRunner
 from mitt.trials.source import source_of
-from mitt.world.scenes import read_scene
+from mitt.world.scene import read_scene
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -25,8 +25,8 @@ from mitt.robot.basket import Basket
 from mitt.robot.description import Hand
 from mitt.robot.hands import HandModel
 from mitt.robot.load import load_arm
-from mitt.world.basket import NET
 from mitt.world.build import build_scene
+from mitt.world.hand_bodies import NET
 from mitt.world.scene import Ball, Contact, Scene
 
 #: Share by which the model may err on a palm that is held still, for balls that do not jam; and for

@@ -28,7 +28,7 @@ from mitt.robot.arm import Arm
 from mitt.signals import ArmState, Command, Sighting
 from mitt.trials.runner import TrialRunner
 from mitt.trials.source import source_of
-from mitt.world.scenes import read_scene
+from mitt.world.scene import read_scene
 from mitt.world.simulation import World
 
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]

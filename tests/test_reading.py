@@ -21,7 +21,7 @@ from mitt.robot.load import load_arm
 from mitt.tracks.filtering import read_positions
 from mitt.trials.study_file import read_study
 from mitt.world.flights import read_flights
-from mitt.world.scenes import read_scene
+from mitt.world.scene import read_scene
 from mitt.world.throws import read_throws
 
 GIGABYTE = 1_000_000_000

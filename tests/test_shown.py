@@ -18,8 +18,7 @@ from mitt.robot.hands import HandModel
 from mitt.signals import ArmState, BallState, Frame, Moments, Senses, Sighting
 from mitt.vision.camera import Head, fixed_rig
 from mitt.vision.eyes import Eyes
-from mitt.world.scene import Scene
-from mitt.world.scenes import read_scene
+from mitt.world.scene import Scene, read_scene
 
 MOST = 200
 """Characters of a line."""

@@ -13,7 +13,7 @@ from mitt.report.figures.pictures import body_faces, painted, placed
 from mitt.trials.runner import TrialRunner
 from mitt.trials.source import source_of
 from mitt.world.build import build_scene
-from mitt.world.scenes import read_scene
+from mitt.world.scene import read_scene
 
 #: Instants relative to the catch [s], and pixels between two pictures.
 MOMENTS, GAP = (-0.35, -0.12, -0.06, 0.0, 0.15), 4

@@ -11,8 +11,8 @@ from mitt.generator.map_design import default_design
 from mitt.holding import CaughtBall
 from mitt.impact import examined
 from mitt.report.figures.style import BAND, BLUE, GREEN, GREY, INK, ORANGE, PURPLE, YELLOW
-from mitt.world.materials import restitution_of
-from mitt.world.scenes import read_scene
+from mitt.world.build import restitution_of
+from mitt.world.scene import read_scene
 
 SPEEDS, MASSES = np.linspace(3.0, 10.0, 15), np.geomspace(0.02, 2.0, 13)
 COLOURS = {"torque": ORANGE, "speed": YELLOW, "range": GREY, "impact": BLUE, "brake": GREEN,

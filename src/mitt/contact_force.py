@@ -53,7 +53,7 @@ _PUSHED = 0.0136
 _OFF_AXIS = 0.7
 #: By how much fingers are behind a command that is given early enough for its delays [s].
 _BEHIND = 0.002
-#: Rate of a basket's net, of all its cords together [1/s]: its damping (``mitt.world.basket.NET``).
+#: Rate of a basket's net, of all its cords together [1/s]: its damping (``hand_bodies.NET``).
 _NET = 300.0
 #: Speed of a ball that stands still in the hand [m/s].
 _STILL = 1e-6

@@ -58,8 +58,7 @@ from mitt.trials.score import (
     was_held,
 )
 from mitt.trials.source import source_of, widened
-from mitt.world.scene import Scene
-from mitt.world.scenes import scene_from
+from mitt.world.scene import Scene, scene_from
 from mitt.world.throws import ThrowRanges, default_throw
 
 __all__ = ["Catch", "CatchPixels", "Environment", "map_policy"]

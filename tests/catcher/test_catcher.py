@@ -33,7 +33,7 @@ from mitt.trials.score import held
 from mitt.trials.source import aim_of
 from mitt.vision.camera import fixed_rig
 from mitt.vision.eyes import Eyes
-from mitt.world.faults.plan import Spring
+from mitt.world.disturbances import Spring
 from mitt.world.flights import builtin_flights, place_flight
 from mitt.world.scene import TABLE_TENNIS, Scene
 from mitt.world.throws import Throw, default_throw

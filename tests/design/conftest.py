@@ -18,7 +18,7 @@ from mitt.design.task import Task
 from mitt.design.whole import whole_arm
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
-from mitt.world.scenes import read_scene
+from mitt.world.scene import read_scene
 
 #: A search that is over in seconds.
 TINY = Effort(

@@ -29,7 +29,7 @@ from mitt.robot.load import load_arm
 from mitt.trials.learning import Neighbourhood
 from mitt.trials.source import aim_of
 from mitt.world.flights import builtin_flights
-from mitt.world.scenes import read_scene
+from mitt.world.scene import read_scene
 from mitt.world.throws import NOMINAL_DRAG, Aim, Throw, ThrowRanges, default_throw
 
 PLACE = 0.77

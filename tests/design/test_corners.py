@@ -17,7 +17,7 @@ from mitt.generator.mapping import unlearned
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
 from mitt.signals import Array, MapStatus
-from mitt.world.scenes import read_scene
+from mitt.world.scene import read_scene
 
 #: What velocities agree to [m/s].
 _ROUNDED = 1e-9

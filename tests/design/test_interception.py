@@ -19,7 +19,7 @@ from mitt.generator.mapping import coordinates, unlearned
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
 from mitt.signals import Array
-from mitt.world.scenes import read_scene
+from mitt.world.scene import read_scene
 
 #: What joint speeds and velocities agree to.
 _ROUNDED = 1e-9

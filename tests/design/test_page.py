@@ -19,7 +19,7 @@ from mitt.design.rows import candidates_of
 from mitt.design.speeds import AtSpeed
 from mitt.report.design_page import advice_of, write_design_page
 from mitt.robot.arm import Arm
-from mitt.world.scenes import read_scene
+from mitt.world.scene import read_scene
 
 #: How far the gain of a quicker joint may be off when it is measured on a quicker arm [m/s].
 _ROUNDED = 1e-6

@@ -12,7 +12,7 @@ from mitt.design.region import Region, region_of
 from mitt.design.task import Task
 from mitt.report.figures.design import region_plot
 from mitt.robot.arm import Arm
-from mitt.world.ballistics import fly
+from mitt.world.throws import fly
 
 
 def quiet(name: str, done: int, of: int) -> None:

@@ -40,9 +40,8 @@ from mitt.robot.arm import Arm, difference, identity_of
 from mitt.robot.basket import Basket
 from mitt.trials.learning import Neighbourhood
 from mitt.trials.workers import Processes
-from mitt.world.ballistics import fly
-from mitt.world.scenes import read_scene
-from mitt.world.throws import Aim, ThrowRanges, default_throw
+from mitt.world.scene import read_scene
+from mitt.world.throws import Aim, ThrowRanges, default_throw, fly
 
 KEYS = {
     "schema", "version", "arm", "found", "reason", "joints", "throws", "feasible", "caught",

@@ -15,10 +15,9 @@ from mitt.generator.map_design import MapDesign, catch_place
 from mitt.generator.mapping import unlearned
 from mitt.robot.arm import Arm
 from mitt.signals import GRAVITY, BallState
-from mitt.world.ballistics import fly
 from mitt.world.flights import Recording
-from mitt.world.scenes import read_scene
-from mitt.world.throws import Throw
+from mitt.world.scene import read_scene
+from mitt.world.throws import Throw, fly
 
 SETTINGS = CatcherSettings()
 

@@ -32,8 +32,7 @@ from mitt.trials.result import NAME
 from mitt.trials.runner import TrialRunner
 from mitt.trials.study_results import read_part
 from mitt.trials.study_run import run_study
-from mitt.world.scene import Scene
-from mitt.world.scenes import read_scene
+from mitt.world.scene import Scene, read_scene
 
 SOURCE = Path(mitt.__file__).parent
 OWN_ARM = Path(__file__).parents[2] / "examples" / "own_arm.urdf"

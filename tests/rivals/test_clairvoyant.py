@@ -19,8 +19,7 @@ from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
 from mitt.robot.wam import wam, wam_limits
 from mitt.signals import Array, BallState
-from mitt.world.ballistics import fly
-from mitt.world.throws import Throw
+from mitt.world.throws import Throw, fly
 
 pytest.importorskip("casadi")
 

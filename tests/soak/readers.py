@@ -17,7 +17,7 @@ from mitt.trials.log import recording_of
 from mitt.trials.runner import TrialRunner
 from mitt.trials.source import source_of
 from mitt.trials.study_run import run_study
-from mitt.world.scenes import named_scene
+from mitt.world.scene import named_scene
 from soak.packing import packed, unpacked
 from soak.samples import CATCHING, Sample, no_learning
 

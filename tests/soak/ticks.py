@@ -25,8 +25,7 @@ from mitt.trials.source import aim_of
 from mitt.vision.camera import fixed_rig
 from mitt.vision.eyes import Eyes
 from mitt.vision.head import active_rig
-from mitt.world.ballistics import fly
-from mitt.world.throws import default_throw
+from mitt.world.throws import default_throw, fly
 from soak import garbage
 from soak.garbage import Cameras, Channel
 from soak.judge import Judge

@@ -28,8 +28,7 @@ from mitt.signals import ArmState, Frame, Senses, Sighting
 from mitt.trials.learning import Neighbourhood
 from mitt.vision.camera import fixed_rig
 from mitt.vision.eyes import Eyes, EyesConfig
-from mitt.world.scene import Scene
-from mitt.world.scenes import read_scene
+from mitt.world.scene import Scene, read_scene
 from surface import names
 
 URDF = names.ROOT / "examples" / "own_arm.urdf"

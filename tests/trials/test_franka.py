@@ -12,7 +12,7 @@ from mitt.signals import TICK
 from mitt.trials.learning import learn
 from mitt.trials.runner import TrialRunner
 from mitt.trials.source import Source, source_of, widened
-from mitt.world.scenes import read_scene
+from mitt.world.scene import read_scene
 
 THROWS = 4
 #: Rounding of a rate: a difference of two numbers, over a millisecond.

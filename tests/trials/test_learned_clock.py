@@ -20,7 +20,7 @@ from mitt.trials.runner import TrialRunner
 from mitt.trials.runs import _thrown
 from mitt.trials.source import Source, source_of
 from mitt.vision.clock_offset import LearnedClock, caught_offset
-from mitt.world.faults.plan import Clock
+from mitt.world.faults import Clock
 from mitt.world.scene import Scene
 from mitt.world.throws import Throw
 

@@ -15,7 +15,7 @@ from mitt.robot.arm import Arm
 from mitt.trials.log import recording_of
 from mitt.trials.runner import LoggedTrial, TrialRunner
 from mitt.trials.source import source_of
-from mitt.world.faults.plan import Encoder
+from mitt.world.faults import Encoder
 from mitt.world.scene import Scene
 
 TICK = 0.001

@@ -18,8 +18,7 @@ from mitt.trials.runner import LoggedTrial, TrialRunner
 from mitt.trials.source import source_of
 from mitt.world.imaging import BLOCK
 from mitt.world.motion import WATCHED
-from mitt.world.scene import Scene, Sensing
-from mitt.world.scenes import named_scene
+from mitt.world.scene import Scene, Sensing, named_scene
 from mitt.world.simulation import World
 from mitt.world.throws import Throw
 

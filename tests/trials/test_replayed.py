@@ -20,8 +20,7 @@ from mitt.trials.runner import TrialRunner
 from mitt.trials.runs import simulate
 from mitt.trials.source import source_of
 from mitt.version import __version__
-from mitt.world.scene import Scene
-from mitt.world.scenes import read_scene
+from mitt.world.scene import Scene, read_scene
 from mitt.world.throws import Throw
 
 _SEED = 17

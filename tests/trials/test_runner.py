@@ -27,8 +27,7 @@ from mitt.trials.runner import LoggedTrial, TrialRunner
 from mitt.trials.runs import simulate
 from mitt.trials.score import HELD_AFTER
 from mitt.trials.source import aim_of
-from mitt.world.scene import Scene, Sensing
-from mitt.world.scenes import named_scene, scene_of
+from mitt.world.scene import Scene, Sensing, named_scene, scene_of
 from mitt.world.throws import Throw, default_throw
 
 #: Agreement of figures reckoned two ways.

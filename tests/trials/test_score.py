@@ -27,7 +27,7 @@ from mitt.trials.score import (
     measure,
     status_of,
 )
-from mitt.world.contacts import ARM_FLOOR, BALL_FLOOR, BALL_HAND, SELF
+from mitt.world.engine import ARM_FLOOR, BALL_FLOOR, BALL_HAND, SELF
 from mitt.world.simulation import World
 from mitt.world.truth import Trace, Truth
 
@@ -69,7 +69,7 @@ def trace(arm: Arm, **rows: Any) -> Trace:  # noqa: ANN401 (columns of several k
         force=np.zeros(k),
         seen=np.zeros(k, dtype=np.int64),
     )
-    return replace(still, **rows)
+    return still._replace(**rows)
 
 
 def measured(arm: Arm, truth: Trace, *commands: Command) -> Measured:

@@ -10,7 +10,7 @@ from mitt.files.schema import merged
 from mitt.reading import shipped
 from mitt.trials.study_file import Study, extent, read_study
 from mitt.trials.study_results import Folder
-from mitt.world.faults.plan import Kick
+from mitt.world.disturbances import Kick
 
 #: Names that a registry with all rivals has.
 EVERY = ("direct", "several", "unoptimised", "ik", "quintic", "ruckig", "mpc", "ds", "clairvoyant")

@@ -11,8 +11,7 @@ from mitt.trials.registry import make_generator
 from mitt.trials.runner import TrialRunner
 from mitt.trials.score import Trial
 from mitt.trials.source import Source, source_of
-from mitt.world.scene import Scene
-from mitt.world.scenes import scene_of
+from mitt.world.scene import Scene, scene_of
 from mitt.world.throws import ThrowRanges
 
 #: Throws and ball of the study show-throws; seeds on which nothing else is measured.

@@ -13,8 +13,7 @@ from mitt.robot.arm import Arm
 from mitt.robot.description import Capsule
 from mitt.robot.load import load_arm
 from mitt.signals import Array
-from mitt.world.build import build_scene, describe
-from mitt.world.mismatch import PlantDraw
+from mitt.world.build import PlantDraw, build_scene, describe
 from mitt.world.scene import Mismatch, Scene, exact_scene
 
 ARM = load_arm("wam")

@@ -6,8 +6,8 @@ import pytest
 from mitt.errors import InputError
 from mitt.signals import Array
 from mitt.vision.camera import Camera, Rig, fixed_rig
-from mitt.world.calibration import bends, drawn_rig, error_root, image_grid, pinhole_errors
-from mitt.world.scenes import scene_of
+from mitt.world.calibration_errors import bends, drawn_rig, error_root, image_grid, pinhole_errors
+from mitt.world.scene import scene_of
 
 BEND = (-0.10, 0.02)
 #: The place of the paper's catch [m].
@@ -106,6 +106,6 @@ def test_images_come_from_another_rig_than_the_catcher_has() -> None:
     rig = fixed_rig()
     for views, equal in ((0, True), (20, False)):
         made = cameras_of(rig, scene_of({"sensing": {"views": views}}, place="x.toml"))
-        optics = [made(np.random.default_rng(k)).film[0][2].copy() for k in (1, 1, 2)]
+        optics = [made(np.random.default_rng(k)).film[0].optics.copy() for k in (1, 1, 2)]
         assert np.array_equal(optics[0], optics[1])
         assert np.array_equal(optics[0], optics[2]) is equal

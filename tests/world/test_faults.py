@@ -11,15 +11,12 @@ from mitt.robot.hands import HandModel
 from mitt.robot.load import load_arm
 from mitt.signals import TICK, ArmState, Array, Command, Frame, Senses, Sighting
 from mitt.vision.camera import fixed_rig
-from mitt.world.ballistics import fly as exactly
-from mitt.world.faults.flight import Undisturbed, pushes
-from mitt.world.faults.plan import Fault
-from mitt.world.faults.trial import ActiveFaults
-from mitt.world.faults.true_rig import true_rig
-from mitt.world.scene import Scene, exact_scene
-from mitt.world.scenes import read_scene
+from mitt.world.disturbances import Push, Trial, Undisturbed
+from mitt.world.faults import ActiveFaults, AnyFault, begun, true_rig
+from mitt.world.scene import Scene, exact_scene, read_scene
 from mitt.world.simulation import World
 from mitt.world.throws import Throw
+from mitt.world.throws import fly as exactly
 
 PLACE = np.array([3.0, 0.1, 0.4])
 THROW = Throw(r=np.array([3.6, 0.1, 0.2]), dr=np.array([-5.0, 0.0, 2.6]))
@@ -56,16 +53,16 @@ class Plain:
 STILL = np.zeros(3)
 
 
-def plan_of(*faults: dict[str, object]) -> tuple[Fault, ...]:
+def plan_of(*faults: dict[str, object]) -> tuple[AnyFault, ...]:
     """Return a plan as a scene file gives it."""
     return Scene.model_validate({"faults": list(faults)}).faults
 
 
-def faults_of(plan: tuple[Fault, ...], *, seed: int = 7, arm: Arm | None = None) -> ActiveFaults:
+def faults_of(plan: tuple[AnyFault, ...], *, seed: int = 7, arm: Arm | None = None) -> ActiveFaults:
     """Return the faults of a trial."""
     flight = Undisturbed(ball=THROW, drag=0.04, hand=np.array([0.8, 0.0, 0.0]))
     limits, active = (None, (0, 1, 2)) if arm is None else (arm.limits, arm.model.active)
-    return ActiveFaults(plan, seed, flight, limits=limits, active=active, tick=TICK)
+    return ActiveFaults(plan, seed, Trial(flight, limits, active))
 
 
 def run(*faults: dict[str, object], pixels: bool = False, seed: int = 7) -> list[Senses]:
@@ -411,12 +408,12 @@ def test_the_flight_beforehand_is_the_flight_that_then_happens(fault: dict[str, 
         assert gap < 2e-3
 
 
-def _faults_of(plan: tuple[Fault, ...]) -> ActiveFaults:
+def _faults_of(plan: tuple[AnyFault, ...]) -> ActiveFaults:
     """Return the faults that a world of :func:`fly` had."""
     start = _world(exact_scene())
     start.reset(THROW, 7)
     flight = Undisturbed(ball=THROW, drag=0.04, hand=start.truth().position)
-    return ActiveFaults(plan, 7, flight, limits=None, active=(0, 1, 2), tick=TICK)
+    return ActiveFaults(plan, 7, Trial(flight, None, (0, 1, 2)))
 
 
 def test_a_payload_weighs_on_the_hand() -> None:
@@ -476,7 +473,8 @@ def test_an_inactive_push_would_have_changed_nothing(fault: dict[str, object]) -
     """A push acts in no tick in which it says that it is inactive; it does both in its flight."""
     flight = Undisturbed(ball=THROW, drag=0.04, hand=np.array([0.8, 0.0, 0.0]))
     quiet, acted = 0, 0
-    (push,) = pushes(plan_of(fault), 7, flight)
+    (push,) = begun(plan_of(fault), 7, Trial(flight, None, ()))
+    assert isinstance(push, Push)
     for k in range(800):
         inactive = push.is_inactive(k * TICK, (k + 1) * TICK)
         r, dr = flight.at(k * TICK)

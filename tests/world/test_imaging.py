@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from mitt.errors import InputError
 from mitt.signals import Array
 from mitt.vision.camera import Camera, Rig, fixed_rig
-from mitt.world.imaging import Imager, ImageSensor, sensor_of
-from mitt.world.noise import noise_bank
+from mitt.world.imaging import Imager, ImageSensor, bank_of, sensor_of
 from mitt.world.scene import Ball, Scene, Sensing
 
 CLEAN = ImageSensor(
@@ -110,14 +109,8 @@ def test_trials_share_the_banks_but_not_the_noise() -> None:
         for seed in (1, 2)
     )
     sensor = ImageSensor(texture=0.0)
-    settings_ = {
-        "background": sensor.background,
-        "texture": sensor.texture,
-        "body": sensor.body,
-        "read_noise": sensor.read_noise,
-        "electrons": sensor.electrons,
-    }
-    assert noise_bank(**settings_) is noise_bank(**settings_)
+    bank = sensor.background, sensor.texture, sensor.pattern
+    assert bank_of(*bank) is bank_of(*bank)
     pairs = [
         (first.render(0.0, None, 0.04)[0].pixels, second.render(0.0, None, 0.04)[0].pixels)
         for _ in range(20)

@@ -5,10 +5,16 @@ import numpy as np
 import pytest
 
 from mitt.robot.arm import Arm
-from mitt.world.build import SceneModel, build_scene
-from mitt.world.materials import FRICTION, RESTITUTION, friction_of, on_pad, restitution_of
-from mitt.world.scene import Ball, Contact, Scene
-from mitt.world.scenes import named_scene
+from mitt.world.build import (
+    FRICTION_ON_PAD,
+    RESTITUTION,
+    SceneModel,
+    build_scene,
+    friction_of,
+    on_pad,
+    restitution_of,
+)
+from mitt.world.scene import Ball, Contact, Scene, named_scene
 
 #: Distances from the palm at which an impact begins [m]: contacts begin anywhere within a step.
 STARTS = np.linspace(0.010, 0.012, 5)
@@ -58,7 +64,7 @@ def test_a_material_gives_friction_and_restitution_and_keys_go_before_it() -> No
     for material, hard in RESTITUTION.items():
         scene = Scene(ball=Ball(material=material))
         assert restitution_of(scene) == on_pad(material) < hard
-        assert friction_of(scene) == FRICTION[material]
+        assert friction_of(scene) == FRICTION_ON_PAD[material]
     given = Scene(ball=Ball(material="rubber"), contact=Contact(restitution=0.3, friction=0.4))
     assert (restitution_of(given), friction_of(given)) == (0.3, 0.4)
     assert (restitution_of(Scene()), friction_of(Scene())) == (None, 1.0)

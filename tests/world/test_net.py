@@ -12,8 +12,8 @@ from mitt.robot.basket import Basket
 from mitt.robot.load import load_arm
 from mitt.signals import Array
 from mitt.world.build import SceneModel, build_scene
-from mitt.world.capsules import Silhouettes
-from mitt.world.hand import HAND
+from mitt.world.capsules import body_of, lay_capsules
+from mitt.world.hand_bodies import HAND
 from mitt.world.scene import Ball, Scene
 
 #: Relative growth of the kinetic energy that is rounding of the integrator.
@@ -133,8 +133,8 @@ def test_the_cameras_see_the_basket() -> None:
     built, _ = world()
     data = mujoco.MjData(built.model)
     mujoco.mj_forward(built.model, data)
-    body = Silhouettes(built.model, data)
-    body.update()
+    body = body_of(built.model, data)
+    lay_capsules(body, body.capsules)
     own = body.capsules[body.capsules[:, 7] > 0.0]
     assert len(own) == int(np.sum(built.model.geom_contype == HAND))
     b = Basket()

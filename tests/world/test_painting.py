@@ -1,4 +1,4 @@
-"""Painted images against the plain ones and against formulas: light, blur, pattern, order."""
+"""Images against formulas: light, blur, pattern, order."""
 
 import numpy as np
 import pytest
@@ -28,22 +28,6 @@ def shot(
 def sensor(**settings_: object) -> ImageSensor:
     """Return a sensor without noise."""
     return ImageSensor(**{**QUIET, **settings_})  # type: ignore[arg-type]
-
-
-def test_painted_and_plain_images_of_a_ball_are_the_same() -> None:
-    """A blur too small to be seen changes nothing but rounding."""
-    plain, painted = (shot(sensor(blur=blur), BESIDE) for blur in (0.0, 1e-3))
-    assert plain.max() > 180.0
-    assert np.abs(plain - painted).max() <= ROUNDING
-
-
-def test_a_bright_arm_is_painted_where_a_dark_one_is_drawn() -> None:
-    """The same outline, to the half pixel by which its edge is smooth."""
-    dark = shot(sensor(body=0.0), None, BAR) < 12.0
-    bright = shot(sensor(body=200.0), None, BAR) > 112.0
-    assert dark.sum() > 300
-    assert np.all(dark.sum(axis=0) - bright.sum(axis=0) <= 1)
-    assert np.all(dark.sum(axis=0) - bright.sum(axis=0) >= -1)
 
 
 def test_blur_keeps_mass_and_centroid_and_adds_its_variance() -> None:

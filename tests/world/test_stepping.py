@@ -9,11 +9,10 @@ from hypothesis import strategies as st
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
 from mitt.signals import Command
-from mitt.world.ballistics import fly
 from mitt.world.motion import NEAR
 from mitt.world.scene import exact_scene
 from mitt.world.simulation import World
-from mitt.world.throws import Throw
+from mitt.world.throws import Throw, fly
 
 FLIGHT_M = 1e-6
 """Flight in the world against Runge-Kutta over the whole way."""

@@ -15,13 +15,13 @@ from mitt.calibration.charuco import Board, Seen, Sight, between, plain, shown_i
 from mitt.calibration.stages import Stage, weak
 from mitt.cameras.cameras import Camera, read_image
 from mitt.errors import FileError, InputError
+from mitt.files.csv_table import number, read_rows
 from mitt.files.rig import CalibratedRig, RigCamera
 from mitt.signals import Array, Image
 from mitt.vision.camera import inverse
 from mitt.vision.least_squares import Fit, fit
 from mitt.vision.lens import NUMBERS, Lens
 from mitt.vision.rig_calibration import BoardProblem, Corners, HeadProblem, first_head
-from mitt.world.tables import number, read_rows
 
 #: Most views used; most frames looked at in a video; fewest views of one camera.
 MOST_VIEWS, MOST_FRAMES, FEWEST = 60, 20_000, 3

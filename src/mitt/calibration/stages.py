@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from mitt.errors import FileError
+from mitt.files.csv_table import MAX_BYTES, number, read_rows
 from mitt.reading import read_bytes
 from mitt.robot.arm import Arm
 from mitt.signals import Array
 from mitt.vision.least_squares import Fit, P
-from mitt.world.tables import MAX_BYTES, number, read_rows
 
 #: Longest header line that is read [bytes].
 _LONGEST_HEADER = 10_000

@@ -34,8 +34,7 @@ from mitt.vision.camera import Rig
 from mitt.vision.eyes import Eyes, EyesConfig
 from mitt.vision.lens import Lens
 from mitt.vision.triangulation import TriangulatorConfig
-from mitt.world.scene import Ball, Scene
-from mitt.world.scenes import named_scene, read_scene
+from mitt.world.scene import Ball, Scene, named_scene, read_scene
 
 
 @final

@@ -32,9 +32,9 @@ from mitt.trials.score import (
 )
 from mitt.trials.source import Source
 from mitt.vision.lens import bender
+from mitt.world.drives import JointControl
 from mitt.world.flights import BallPath
 from mitt.world.scene import Scene
-from mitt.world.servo import JointControl
 from mitt.world.simulation import World
 from mitt.world.throws import Throw
 from mitt.world.truth import Truth

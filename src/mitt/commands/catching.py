@@ -39,7 +39,7 @@ from mitt.trials.runs import FinishedRun, Prepared, RunSettings
 from mitt.trials.runs import run as run_throws
 from mitt.trials.score import Trial, reason_of
 from mitt.trials.source import source_of, widened
-from mitt.world.scenes import DEFAULT, read_scene
+from mitt.world.scene import DEFAULT_SCENE, read_scene
 
 #: Most throws in one run; more belong into a study.
 _MOST_THROWS = 100_000
@@ -140,7 +140,7 @@ def _prepared(options: CatchOptions) -> Prepared:
     if arm.model.hand is None:
         raise InputError("--arm", "an arm with a hand or a basket", "none",
                          do='say name = "three-finger" or "basket" in [hand]')  # fmt: skip
-    scene = read_scene(options.scene or DEFAULT, flights=options.flights is not None)
+    scene = read_scene(options.scene or DEFAULT_SCENE, flights=options.flights is not None)
     check_floor(arm.model, scene.floor)
     if options.cameras is not None:
         sensing = scene.sensing.model_copy(update={"cameras": options.cameras})

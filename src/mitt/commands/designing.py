@@ -44,8 +44,7 @@ from mitt.robot.basket import MOST_TILT
 from mitt.robot.shapes import check_floor
 from mitt.trials.workers import engine_of
 from mitt.world.flights import read_flights
-from mitt.world.scene import Scene
-from mitt.world.scenes import DEFAULT, read_scene
+from mitt.world.scene import DEFAULT_SCENE, Scene, read_scene
 from mitt.world.throws import read_throws
 
 #: How near to the base a user's throws are to be caught, as a share of the arm's length.
@@ -65,7 +64,7 @@ def design(options: DesignOptions) -> int:
     joints = _joints(options, whole)
     if file is not None and joints is None:
         whole, joints = _as_in(file, whole)
-    scene = read_scene(options.scene or DEFAULT, flights=options.flights is not None)
+    scene = read_scene(options.scene or DEFAULT_SCENE, flights=options.flights is not None)
     check_floor(whole.model, scene.floor)
     task = _task(options, whole, scene)
     rate = _rate(options)
@@ -108,7 +107,9 @@ def _finish(found: Design, origin: ArmFile, scene: Scene, options: DesignOptions
     page = options.out.with_suffix(".html")
     if found.usable:
         write_arm_file(
-            options.out, found.arm_file(origin), comment=_comment(found, options.scene or DEFAULT)
+            options.out,
+            found.arm_file(origin),
+            comment=_comment(found, options.scene or DEFAULT_SCENE),
         )
     elif wrote(options.out):
         options.out.unlink(missing_ok=True)

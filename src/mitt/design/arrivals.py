@@ -12,9 +12,8 @@ from mitt.files.arm_file import ARRIVALS
 from mitt.robot.arm import Arm
 from mitt.signals import Array
 from mitt.trials.source import ranges_of
-from mitt.world.ballistics import fly
 from mitt.world.flights import CATCH_FRACTION, JITTER_POSITION, Recording, place_flight
-from mitt.world.throws import Aim, Throw, ThrowRanges, default_throw
+from mitt.world.throws import Aim, Throw, ThrowRanges, default_throw, fly
 
 #: Seed and number of the throws whose arrivals are measured.
 _SEED, _THROWS = 33, 400

@@ -13,7 +13,7 @@ from mitt.design.evaluation import ENOUGH, Evaluation
 from mitt.design.evaluator import Evaluator
 from mitt.design.search import reported, search
 from mitt.design.task import REPORTED, Task, seen
-from mitt.world.smoothing import smooth
+from mitt.world.flights import smooth
 from mitt.world.throws import ThrowRanges
 
 #: Seeds: of the throws at several speeds, of the fresh ones at the fastest of these, and of those

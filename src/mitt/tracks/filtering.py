@@ -15,11 +15,11 @@ import numpy as np
 from mitt.ball.filter import FilterConfig, doubt, fresh_filter, predict, update
 from mitt.ball.measurement_noise import fresh_noise, learn
 from mitt.errors import FileError
+from mitt.files.csv_table import number, read_rows
 from mitt.files.writing import write_text
 from mitt.jit import kernel
 from mitt.signals import Array
 from mitt.structs import Record
-from mitt.world.tables import number, read_rows
 
 POINTS = ("t_s", "x_m", "y_m", "z_m")
 """Time and position."""

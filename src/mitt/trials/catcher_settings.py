@@ -14,7 +14,7 @@ from mitt.robot.shapes import Surroundings
 from mitt.signals import TICK
 from mitt.vision.eyes import EyesConfig
 from mitt.vision.triangulation import TriangulatorConfig
-from mitt.world.materials import friction_of, restitution_of
+from mitt.world.build import friction_of, restitution_of
 from mitt.world.scene import Actuation, Scene
 from mitt.world.sensors import encoder_steps
 

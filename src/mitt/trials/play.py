@@ -35,14 +35,15 @@ from mitt.vision.camera import CAMERA
 from mitt.vision.head import HEAD
 from mitt.vision.held import window_about
 from mitt.vision.segmentation import WORK, region_of_interest, suffices, whole_image
-from mitt.world.capsules import lay_capsules
+from mitt.world.capsules import Body, lay_capsules
 from mitt.world.engine import Plant
-from mitt.world.exposure import render_images
-from mitt.world.imaging import BLOCK, Film
-from mitt.world.motion import TICKS, WATCHED, move, note_stop, over
-from mitt.world.painting import Light
-from mitt.world.sensors import DQ, Q, read_encoders
-from mitt.world.stage import Body, Stage
+from mitt.world.imaging import BLOCK
+from mitt.world.motion import WATCHED, move, note_stop, over
+from mitt.world.outline import scratch_for
+from mitt.world.painting import Balls, Exposure, Film, Light, render_images
+from mitt.world.sensors import Encoders, read_encoders
+from mitt.world.simulation import Stage
+from mitt.world.truth import Trace
 
 
 class Points(NamedTuple):
@@ -64,7 +65,7 @@ class Shots(NamedTuple):
 
     Attributes:
         rows: Arm and hand, then the ball and its velocity, shape (latency + 1, c + 2, 8).
-        starts: Offsets into the banks of noise, shape (latency + 1, 2, 2).
+        starts: Offsets into the bank of noise, shape (latency + 1, 2).
         images: Room for the two images of one tick, shape (2, height, width).
     """
 
@@ -95,12 +96,12 @@ class Sight(NamedTuple):
     Attributes:
         body: Arm and hand.
         film: Cameras.
+        starts: Where their noise begins, a row a frame of a block.
         shots: Exposures that are on their way.
         points: Positions in place of images.
-        half: Half the exposure [s].
         radius: Radius of the ball [m].
         offset: What is added to stamps [s].
-        encoders: As of :func:`mitt.world.sensors.fresh_encoders`.
+        encoders: The encoders.
         nothing: Images where none has arrived yet.
         backgrounds: As of ``Catcher.backgrounds``.
         ahead: Scratch.
@@ -108,12 +109,12 @@ class Sight(NamedTuple):
 
     body: Body
     film: Film
+    starts: NDArray[np.int64]
     shots: Shots
     points: Points
-    half: float
     radius: float
     offset: float
-    encoders: Array
+    encoders: Encoders
     nothing: tuple[Image, Image]
     backgrounds: tuple[Image, ...]
     ahead: LookAhead
@@ -123,26 +124,23 @@ class Kept(NamedTuple):
     """What is kept of the ticks.
 
     Attributes:
-        trace: Rows of the trace.
+        trace: The trace.
         results: Result of each tick, at its number.
         times: How long the catcher took in each tick [ns], and two numbers of scratch.
     """
 
-    trace: Array
+    trace: Trace
     results: ResultHandle
     times: NDArray[np.int64]
 
 
-_NO_LIGHT = Light(*(0.0,) * 13, painted=False)
-#: Cameras where there are none, and what arrives from them.
-_DARK: Film = (
-    (
-        np.zeros(0, HEAD), np.zeros((0, 4)), np.zeros((0, 2), CAMERA), np.zeros((0, 2)),
-        np.zeros((1, 14)), _NO_LIGHT, np.zeros(0), np.zeros(0, np.float32),
-    ),
-    (np.zeros((0, 0), np.uint8), np.zeros(0, np.uint8), np.zeros(0)),
-    np.zeros((BLOCK, 0, 2), np.int64),
+#: Cameras where there are none, and where their noise begins.
+_DARK = Film(
+    0.0, np.zeros(0, HEAD), np.zeros((0, 4)), np.zeros((0, 2), CAMERA),
+    Balls(np.zeros(1), np.zeros(1), *(np.zeros((1, 3)) for _ in range(5))), Light(*(0.0,) * 13),
+    np.zeros((0, 0), np.uint8), np.zeros(0), scratch_for(0), np.zeros(0, np.float32),
 )  # fmt: skip
+_NO_STARTS = np.zeros((BLOCK, 0), np.int64)
 MARGIN = 2.0
 """What the hand may be off where it was expected a tick before [px]."""
 NOTHING = np.empty((0, 0), np.uint8), np.empty((0, 0), np.uint8)
@@ -157,11 +155,12 @@ def render(sight: Sight, k: int, state: StateHandle, held: bool) -> None:
     that the braking hand holds is looked for about the hand, if the tick before has done so
     (``held``).
     """
-    shots, ahead, (camera, bank, _) = sight.shots, sight.ahead, sight.film
+    shots, ahead, film = sight.shots, sight.ahead, sight.film
     shot, starts = shots.rows[k % len(shots.rows)], shots.starts[k % len(shots.rows)]
     images, windows, known = (shots.images[0], shots.images[1]), ahead.windows, ahead.known
     eyes, count = state.eyes, len(shot) - 2
-    r_o, dr_o, t = shot[count, :3], shot[count + 1, :3], k * TICK
+    r_o, dr_o, capsules = shot[count, :3], shot[count + 1, :3], shot[:count]
+    exposure = Exposure(k * TICK, sight.radius, r_o, dr_o, capsules)
     if state.scalars[0].phase == BRAKE:
         hand = ahead.hand
         hand[:] = state.hand[2] + TICK * state.hand[1]
@@ -170,10 +169,7 @@ def render(sight: Sight, k: int, state: StateHandle, held: bool) -> None:
                 eyes.cameras[n], hand, eyes.ball[0].radius, MARGIN, images[n].shape, windows[n]
             ) == 0.0:  # fmt: skip
                 whole_image(images[n], windows[n])
-        render_images(
-            images, camera, bank, starts, sight.half, sight.radius, r_o, dr_o, shot[:count],
-            windows, t,
-        )  # fmt: skip
+        render_images(images, film, starts, exposure, windows)
         return
     for whole in (False, True):
         missed = False
@@ -182,10 +178,7 @@ def render(sight: Sight, k: int, state: StateHandle, held: bool) -> None:
             known[n] = not whole and region_of_interest(
                 eyes.targets[n], eyes.segmenter[0], windows[n]
             )
-        render_images(
-            images, camera, bank, starts, sight.half, sight.radius, r_o, dr_o, shot[:count],
-            windows, t,
-        )  # fmt: skip
+        render_images(images, film, starts, exposure, windows)
         for n in range(2):
             missed |= known[n] and not suffices(
                 images[n], sight.backgrounds[n], sight.backgrounds[2], windows[n], eyes.targets[n],
@@ -207,10 +200,10 @@ def capture(plant: Plant, sight: Sight, state: StateHandle, k: int, held: bool) 
         return
     body, row = sight.body, k % len(shots.rows)
     shot = shots.rows[row]
-    lay_capsules(body[0], body[1], body[2], body[3], shot[: len(shot) - 2])
+    lay_capsules(body, shot[: len(shot) - 2])
     for i in range(3):
         shot[len(shot) - 2, i], shot[len(shot) - 1, i] = r_o[i], dr_o[i]
-    shots.starts[row] = sight.film[2][k % BLOCK]
+    shots.starts[row] = sight.starts[k % BLOCK]
     if k >= latency:
         render(sight, k - latency, state, held)
 
@@ -234,11 +227,11 @@ def play(
         What is to be thought about: bits of :mod:`mitt.catcher.tick`.
     """
     brake, state, result = catcher
-    s, out, p, n = state.scalars[0], result.scalars[0], plant.state, len(plant.slides)
+    s, out, p, n = state.scalars[0], result.scalars[0], plant.state[0], len(plant.slides)
     line, encoders, clock = sight.points.line, sight.encoders, kept.times[len(kept.times) - 2 :]
     latency, with_points = len(line) - 1, len(sight.points.noise) > 0
     for _ in range(count):
-        k, images, exposed = int(p[TICKS]), sight.nothing, 0.0
+        k, images, exposed = p.ticks, sight.nothing, 0.0
         looking, held = looks(state, result), s.phase == BRAKE
         if looking:
             capture(plant, sight, state, k, out.phase == BRAKE)
@@ -253,7 +246,7 @@ def play(
             )
         seen, read = (
             (images, sight.backgrounds, 0, exposed),
-            (k * TICK, k * TICK, encoders[Q], encoders[DQ]),
+            (k * TICK, k * TICK, encoders.q, encoders.dq),
         )
         todo = tick(seen, read, brake, state, result)
         kept.times[k] = now_ns(clock) - before
@@ -261,11 +254,11 @@ def play(
             out.sighted, out.t_sighted = True, stamp
             result.sighting[0] = line[(k - latency) % len(line)]
             result.sighting[1:] = sight.points.covariance
-        note_stop(p, out.brakes, s.phase == STOPPED)
+        note_stop(plant.state, out.brakes, s.phase == STOPPED)
         move(plant, result.command[3], out.hand, kept.trace)
         store(result, kept.results, k)
         todo = 0 if undecided(todo, state, result) else todo
-        if todo != 0 or over(p, until[0], until[1]):
+        if todo != 0 or over(plant.state, until[0], until[1]):
             return int(todo)
     return 0
 
@@ -293,33 +286,32 @@ def play_out(
     imager, p, most = stage.imager, stage.plant.state, round((longest + held + WATCHED) / TICK) + 2
     latency, shape = stage.scene.sensing.latency, (0, 0) if imager is None else imager.shape
     shots = Shots(
-        np.zeros((latency + 1, len(stage.body[4]) + 2, 8)),
-        np.zeros((latency + 1, 2, 2), np.int64),
+        np.zeros((latency + 1, len(stage.body.capsules) + 2, 8)),
+        np.zeros((latency + 1, 2), np.int64),
         np.empty((2, *shape), np.uint8),
     )
     ahead = LookAhead(
         np.zeros((2, 4), np.int64), np.zeros(2, np.bool_), np.zeros(1, WORK), np.zeros(3)
     )
     points = Points(np.zeros((0, 3)), stage.sensors.covariance, np.zeros((latency + 1, 3)))
-    half = 0.0 if imager is None else imager.half
-    log, cameras = room_for(catcher.result, most), _DARK
+    log, film, starts = room_for(catcher.result, most), _DARK, _NO_STARTS
     trace, times = stage.trace_buffer.reserve(most + 1), np.zeros(most + 2, np.int64)
     kept = Kept(trace, result_handle(log), times)
     while (parts := catcher.parts) is not None and not over(p, longest, held):
-        k = int(p[TICKS])
+        k = int(p["ticks"][0])
         if imager is not None:
-            cameras = imager.film
+            film, starts = imager.film
         elif k % BLOCK == 0 and catcher.looking:
             points = points._replace(noise=stage.sensors.noise(BLOCK))
         sight = Sight(
-            stage.body, cameras, shots, points, half, stage.radius, offset,
+            stage.body, film, starts, shots, points, stage.radius, offset,
             stage.sensors.encoders, NOTHING, catcher.backgrounds, ahead,
         )  # fmt: skip
         todo = play(stage.plant, sight, parts, kept, (longest, held), BLOCK - k % BLOCK)
         if imager is not None and catcher.looking:
-            imager.advance(int(p[TICKS]) - k)
+            imager.advance(int(p["ticks"][0]) - k)
         catcher.ticked(todo, float(log.scalars["t"][k]))
         catcher.think()
-    ticks = int(p[TICKS])
+    ticks = int(p["ticks"][0])
     stopwatch.add(times[:ticks])
     return rows_of(log, 0, ticks)

@@ -34,8 +34,8 @@ from mitt.vision.camera import Rig, fixed_rig
 from mitt.vision.clock_offset import Catch
 from mitt.vision.eyes import Eyes
 from mitt.vision.head import active_rig
-from mitt.world.calibration import drawn_rig, error_root
-from mitt.world.faults.true_rig import true_rig
+from mitt.world.calibration_errors import drawn_rig, error_root
+from mitt.world.faults import true_rig
 from mitt.world.flights import BallPath
 from mitt.world.imaging import Imager, sensor_of
 from mitt.world.scene import Scene

@@ -53,8 +53,7 @@ from mitt.trials.source import Source, source_of
 from mitt.vision.clock_offset import ClockOffset, LearnedClock, caught_offset
 from mitt.world.flights import BallPath
 from mitt.world.motion import move
-from mitt.world.scene import Scene
-from mitt.world.scenes import changed, scene_from
+from mitt.world.scene import Scene, changed, scene_from
 from mitt.world.throws import Throw
 
 #: Kernels of a default ``mitt catch``, counted on November 23; how often the bar looks at them [s].

@@ -21,7 +21,7 @@ from mitt.robot.arm import Arm, Tables
 from mitt.robot.basket import Basket
 from mitt.robot.dynamics import bias_and_mass, slopes_work
 from mitt.signals import TICK, Array
-from mitt.world.contacts import ARM_FLOOR, BALL_HAND, SELF
+from mitt.world.engine import ARM_FLOOR, BALL_HAND, SELF
 from mitt.world.simulation import World
 from mitt.world.truth import Trace, Truth
 

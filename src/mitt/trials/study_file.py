@@ -11,12 +11,11 @@ import mitt
 from mitt import checks
 from mitt.errors import FileError, InputError, UnknownNameError, meant
 from mitt.files.arm_file import ArmSpec, ThrowSettings
+from mitt.files.csv_table import MAX_BYTES
 from mitt.files.schema import Settings, merged, validated
 from mitt.reading import read_bytes, read_toml, shipped, shipped_path
 from mitt.trials.registry import origin_of
-from mitt.world.scene import Scene
-from mitt.world.scenes import DEFAULT, scene_of
-from mitt.world.tables import MAX_BYTES
+from mitt.world.scene import DEFAULT_SCENE, Scene, scene_of
 
 SCHEMA = "mitt.study/1"
 
@@ -278,7 +277,8 @@ def _condition(
     place = f"{path} condition {name!r}"
     arm = settings.arm.model_dump() | given.arm
     flights, table = given.flights, merged(dict(settings.scene), dict(given.scene))
-    scene = scene_of(table, place=f"{place} scene", base=DEFAULT, flights=flights is not None)
+    recorded = flights is not None
+    scene = scene_of(table, place=f"{place} scene", base=DEFAULT_SCENE, flights=recorded)
     if flights is not None and flights != "builtin":
         flights = str((path.parent / flights).resolve())
     return Condition(

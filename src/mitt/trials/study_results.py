@@ -27,6 +27,7 @@ import numpy as np
 from mitt import checks
 from mitt.errors import FileError, InputError, MissingPackageError
 from mitt.files.arm_file import ArmSpec
+from mitt.files.csv_table import MAX_BYTES
 from mitt.files.schema import validated
 from mitt.files.writing import (
     Leaves,
@@ -43,7 +44,6 @@ from mitt.trials.result import STATUSES, spread_of
 from mitt.trials.score import Trial, reason_of
 from mitt.trials.statistics import holm, mcnemar, wilson
 from mitt.trials.study_file import SCHEMA, Condition, Study
-from mitt.world.tables import MAX_BYTES
 
 MANIFEST = "study.json"
 """File that says which study a folder belongs to."""

@@ -47,7 +47,7 @@ from mitt.trials.study_results import (
     write_rows,
 )
 from mitt.trials.workers import Engine, run_tasks
-from mitt.world.faults.flight import Undisturbed
+from mitt.world.disturbances import Undisturbed
 from mitt.world.flights import Recording, builtin_flights, read_flights
 from mitt.world.throws import Throw
 

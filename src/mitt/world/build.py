@@ -1,7 +1,16 @@
-"""The scene as one MuJoCo model: floor, arm, hand, ball."""
+"""The scene as one MuJoCo model: floor, arm, hand, ball, and how a trial's plant differs from it.
+
+A ball's restitution is measured on a hard, heavy surface. On a soft pad both are compressed, each
+gives back its own share of the energy, and what is given back of both is
+
+    e^2 = (e_ball^2 + e_pad^2) / 2
+
+where both are compressed alike: a choice of this project, as is the friction of all materials.
+"""
 
 from dataclasses import dataclass
 from itertools import combinations
+from math import sqrt
 
 import mujoco
 import numpy as np
@@ -11,17 +20,61 @@ from mitt.robot.basket import Basket
 from mitt.robot.description import ArmModel
 from mitt.robot.hands import HandModel
 from mitt.robot.plant import add_arm
-from mitt.world.basket import add_basket
+from mitt.signals import Array
 from mitt.world.engine import stop_clocks
-from mitt.world.hand import ARM, BALL, FLOOR, FRICTION, HAND, SMALL_PARTS, STIFF, add_hand
-from mitt.world.materials import contact_of, friction_of
-from mitt.world.scene import Scene
+from mitt.world.hand_bodies import (
+    ARM,
+    BALL,
+    FLOOR,
+    FRICTION,
+    HAND,
+    SMALL_PARTS,
+    STIFF,
+    add_basket,
+    add_hand,
+)
+from mitt.world.scene import Material, Scene
 
 #: Simulation step near a contact [s]; two make a control tick.
 STEP = 0.0005
 
 _ORANGE = (0.95, 0.45, 0.10, 1.0)
 _WHITE = (0.93, 0.94, 0.95, 1.0)
+
+RESTITUTION: dict[Material, float] = {
+    "foam": 0.61, "tennis": 0.75, "table-tennis": 0.90, "rubber": 0.92,
+}  # fmt: skip
+"""Coefficient of restitution of a ball dropped on a hard surface; the root of rebound over drop.
+
+| material | source |
+|---|---|
+| foam | ITF, Approved Tennis Balls, stage 3 foam: rebounds 85 to 105 cm of 254: 0.58 to 0.64 |
+| tennis | ITF Rules of Tennis, appendix I: rebounds 135 to 147 cm of 254: 0.73 to 0.76 |
+| table-tennis | ITTF Technical Leaflet T3: 240 to 260 mm of 305 on steel: 0.89 to 0.92 |
+| rubber | solid rubber, a Super Ball: 0.92 as sphaeralogy.org quotes it |
+"""
+
+FRICTION_ON_PAD: dict[Material, float] = {
+    "foam": 1.0, "tennis": 0.8, "table-tennis": 0.5, "rubber": 1.0,
+}  # fmt: skip
+"""Coefficient of sliding friction on the hand's pads; choices of this project."""
+
+PAD = 0.3
+"""Restitution of the hand's pads, a soft urethane that damps; a choice of this project."""
+
+#: What MuJoCo's contacts give back of a ball's speed, 3 to 6 m/s on the palm held still, measured
+#: as ``tests/world/test_materials.py`` does: restitution, damping ratio, undamped angular frequency
+#: of the contact [rad/s]. At 600 rad/s it lasts 5 ms, as of a tennis ball, and steps of 0.5 ms
+#: carry it.
+_CONTACTS = np.array([
+    (0.171, 1.50, 450.0), (0.228, 1.20, 450.0), (0.272, 1.00, 450.0), (0.308, 0.85, 450.0),
+    (0.346, 0.70, 450.0), (0.409, 0.60, 600.0), (0.454, 0.50, 600.0), (0.508, 0.40, 600.0),
+    (0.581, 0.30, 600.0), (0.627, 0.25, 600.0), (0.689, 0.20, 600.0), (0.760, 0.15, 600.0),
+    (0.839, 0.10, 600.0), (0.928, 0.06, 600.0),
+])  # fmt: skip
+
+#: Sliding friction where nothing is said of the ball.
+_PLAIN = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -113,7 +166,7 @@ def _spec() -> mujoco.MjSpec:
     off = mujoco.mjtDisableBit
     # With so few bodies and contacts, bounding trees and islands cost more than they save.
     spec.option.disableflags |= off.mjDSBL_AUTORESET | off.mjDSBL_MIDPHASE | off.mjDSBL_ISLAND
-    # Friction and drag are ours (servo.py); of springs and dampers there are none to look for.
+    # Friction and drag are ours (motion.py); of springs and dampers there are none to look for.
     spec.option.disableflags |= off.mjDSBL_SPRING | off.mjDSBL_DAMPER
     return spec
 
@@ -177,3 +230,111 @@ def _let_neighbours_meet(spec: mujoco.MjSpec, arm: ArmModel) -> None:
             spec.add_pair(geomname1=names[0], geomname2=names[1]).solref = STIFF
     for bodies_apart in sorted(overlapping):
         spec.add_exclude(bodyname1=bodies_apart[0], bodyname2=bodies_apart[1])
+
+
+def friction_of(scene: Scene) -> float:
+    """Return the coefficient of sliding friction of ball and hand."""
+    if scene.contact.friction is not None:
+        return scene.contact.friction
+    return _PLAIN if scene.ball.material is None else FRICTION_ON_PAD[scene.ball.material]
+
+
+def restitution_of(scene: Scene) -> float | None:
+    """Return the coefficient of restitution of ball and hand; None where nothing is said of it."""
+    if scene.contact.restitution is not None:
+        return scene.contact.restitution
+    return None if scene.ball.material is None else on_pad(scene.ball.material)
+
+
+def on_pad(material: Material) -> float:
+    """Return the restitution of a ball of some material on the hand's pads."""
+    return sqrt(0.5 * (RESTITUTION[material] ** 2 + PAD**2))
+
+
+def contact_of(scene: Scene) -> tuple[float, float]:
+    """Return time constant [s] and damping ratio of the ball's contacts, as MuJoCo takes them."""
+    restitution = restitution_of(scene)
+    if restitution is None:
+        return scene.contact.settle, 1.0
+    gives, ratio, frequency = _CONTACTS.T
+    damping = float(np.interp(restitution, gives, ratio))
+    return 1.0 / (damping * float(np.interp(restitution, gives, frequency))), damping
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Drawn:
+    """What was drawn for a trial, beside the masses of the links.
+
+    Attributes:
+        friction: Viscous [N m s/rad] and dry [N m] friction of each joint, shape (2, n).
+        drag_force: Drag force of the ball per squared speed [N s^2/m^2].
+        mass: Mass of the ball [kg].
+        radius: Radius of the ball [m].
+    """
+
+    friction: Array
+    drag_force: float
+    mass: float
+    radius: float
+
+
+class PlantDraw:
+    """Draws a plant anew for each trial, always from the masses that the scene was built with."""
+
+    def __init__(self, scene: Scene, built: SceneModel) -> None:
+        """Remember the masses."""
+        self._scene, self._built = scene, built
+        self._mass = built.model.body_mass.copy()
+        self._inertia = built.model.body_inertia.copy()
+
+    @property
+    def nominal(self) -> Drawn:
+        """A plant without friction and drag, with the ball of the scene."""
+        ball, n = self._scene.ball, self._built.joints
+        return Drawn(friction=np.zeros((2, n)), drag_force=0.0, mass=ball.mass, radius=ball.radius)
+
+    def draw(
+        self,
+        data: mujoco.MjData,
+        rng: np.random.Generator,
+        *,
+        ball: np.random.Generator,
+        payload: float = 0.0,
+    ) -> Drawn:
+        """Set the model's masses, and the ball, for a trial.
+
+        Args:
+            data: State of the model; what follows from the masses is brought up to date.
+            rng: Source of the draw of the arm and of the drag.
+            ball: Source of the draw of the ball.
+            payload: Mass at the hand that no model knows [kg].
+        """
+        mismatch, nominal, model = self._scene.mismatch, self._scene.ball, self._built.model
+        body = model.geom_bodyid[self._built.ball]
+        factor = 1.0 + mismatch.mass * rng.uniform(-1.0, 1.0, model.nbody)
+        factor[body] = 1.0
+        model.body_mass[:] = self._mass * factor
+        model.body_mass[model.site_bodyid[self._built.site]] += payload
+        model.body_inertia[:] = self._inertia * factor[:, None]
+        heavier = 1.0 + mismatch.ball_mass * ball.uniform(-1.0, 1.0)
+        larger = 1.0 + mismatch.ball_radius * ball.uniform(-1.0, 1.0)
+        model.body_mass[body] *= heavier
+        model.body_inertia[body] *= heavier * larger**2
+        if mismatch.ball_radius > 0.0:
+            self._resize(nominal.radius * larger)
+        mujoco.mj_setConst(model, data)
+        most = np.array([[mismatch.viscous], [mismatch.coulomb]])
+        friction = most * rng.uniform(0.0, 1.0, (2, self._built.joints))
+        drag = nominal.mass * nominal.drag * (1.0 + mismatch.drag * rng.uniform(-1.0, 1.0))
+        return Drawn(
+            friction=friction,
+            drag_force=float(drag * heavier),
+            mass=nominal.mass * heavier,
+            radius=nominal.radius * larger,
+        )
+
+    def _resize(self, radius: float) -> None:
+        """Give the ball a radius [m]."""
+        model, ball = self._built.model, self._built.ball
+        model.geom_size[ball, 0] = model.geom_rbound[ball] = radius
+        model.geom_aabb[ball, 3:] = radius

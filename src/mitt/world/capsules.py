@@ -1,36 +1,45 @@
-"""Arm and hand as capsules, and their outlines in an image.
+"""Arm and hand as capsules, and how they are painted: a smooth edge, a lit side, a grain.
 
-A capsule's outline is taken as the hull of two discs, one at each end; edges are not smoothed and
-do not smear: what matters is what they hide and where they are dark or bright beside the ball.
+A capsule's outline is taken as the hull of two discs, one at each end. It does not smear: what
+matters is what it hides and where it is dark or bright beside the ball.
 
-| here     | meaning                                                            | unit | shape  |
-|----------|--------------------------------------------------------------------|------|--------|
-| capsules | both ends of the axis in the world, then the radius                | m    | (k, 7) |
-| seen     | one of them in the optical frame                                   | m    | 7      |
-| camera   | rotation by rows, centre, f_px, cu, cv, as in                      | m    | 15     |
-|          | :mod:`mitt.vision.triangulation`                                   | px   |        |
-| window   | first and last row, first and last column that are drawn           | px   | 4      |
+| here     | meaning                                                            | unit   | shape  |
+|----------|--------------------------------------------------------------------|--------|--------|
+| canvas   | an image without noise                                             | levels | (h, w) |
+| capsules | both ends of the axis in the world, the radius, 1 for the hand's   | m      | (k, 8) |
+| seen     | ends and radius of one of them in the optical frame                | m      | 7      |
+| camera   | rotation by rows, centre, f_px, cu, cv, as in                      | m      | 15     |
+|          | :mod:`mitt.vision.triangulation`                                   | px     |        |
+| lens     | f_px, cu, cv                                                       | px     | 3      |
+| window   | first and last row, first and last column that are drawn           | px     | 4      |
 
 What has a number for a shape is a tuple.
 """
 
-from math import sqrt
-from typing import TypeAlias
+from math import floor, sqrt
+from typing import NamedTuple, TypeAlias
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from mitt.jit import kernel
-from mitt.signals import Array, Image
+from mitt.signals import Array
 from mitt.world.engine import owned
-from mitt.world.hand import ARM, HAND
+from mitt.world.hand_bodies import ARM, HAND
 
+Canvas: TypeAlias = NDArray[np.float32]
 Camera: TypeAlias = tuple[float, ...]
 Seen: TypeAlias = tuple[float, float, float, float, float, float, float]
 Point: TypeAlias = tuple[float, float, float]
 Edges: TypeAlias = tuple[int, int, int, int]
 
+#: Nearer to the lens than this nothing is drawn [m]: there the projection has no end.
 _NEAR = 0.05
+#: Direction in the image, right and down, from which arm and hand are lit: the upper left.
+_LIT_FROM = -0.6, -0.8
+#: Half a period of the grain of arm and hand [px]; a choice of this project.
+_GRAIN_SIZE = 5.0
 
 
 @kernel
@@ -49,9 +58,9 @@ def seen_from(camera: Camera, capsules: Array, k: int) -> tuple[bool, Seen]:
     """Return a capsule in the optical frame, cut off near the lens; False if none of it is ahead.
 
     Args:
-        camera: As in the module's table.
-        capsules: As in the module's table.
-        k: Which of them.
+        camera: Where it is seen from.
+        capsules: All of them.
+        k: Which one.
     """
     ax, ay, az = into(camera, capsules[k, 0], capsules[k, 1], capsules[k, 2])
     bx, by, bz = into(camera, capsules[k, 3], capsules[k, 4], capsules[k, 5])
@@ -84,10 +93,7 @@ def in_front(seen: Seen, point: Point) -> bool:
 def misses(lens: Point, seen: Seen, window: Edges) -> bool:
     """Tell, without a division, whether a capsule is more than a pixel beyond a window.
 
-    Args:
-        lens: f_px, cu, cv [px].
-        seen: A capsule, as in the module's table.
-        window: As in the module's table.
+    For the arguments see the module's table.
     """
     (f, cu, cv), (x0, y0, z0, x1, y1, z1, r) = lens, seen
     up, down = window[0] - 1 - cv, window[1] + 1 - cv
@@ -101,133 +107,133 @@ def misses(lens: Point, seen: Seen, window: Edges) -> bool:
 
 
 @kernel
-def draw_capsule(
-    pixels: Image, lens: Point, seen: Seen, level: int, noise: Image, start: int, window: Edges
+def _wave(x: float) -> float:
+    """Return a triangle wave of period 2 between -1 and 1."""
+    return 2.0 * abs(x - 2.0 * floor(0.5 * x + 0.5)) - 1.0
+
+
+@kernel
+def _beside(
+    u0: float, v0: float, du: float, dv: float, length: float, reach: float, row: int
+) -> tuple[float, float]:
+    """Return first and last column that may be within reach of a segment in a row."""
+    begin, end = 0.0, length
+    if abs(dv) > 1e-6:
+        a, b = (row - reach - v0) / dv, (row + reach - v0) / dv
+        begin, end = min(max(min(a, b), 0.0), length), min(max(a, b, 0.0), length)
+    a, b = u0 + begin * du, u0 + end * du
+    return min(a, b) - reach, max(a, b) + reach
+
+
+@kernel
+def paint_capsule(
+    canvas: Canvas, lens: Point, seen: Seen, level: float, style: Point, window: Edges
 ) -> None:
-    """Draw the outline of a capsule.
+    """Paint the hull of two discs with a smooth edge, a lit side and a grain.
 
     Args:
-        pixels: Image, overwritten where the capsule is, shape (height, width).
-        lens: f_px, cu, cv [px].
-        seen: The capsule, as in the module's table.
+        canvas: Overwritten where the capsule is.
+        lens: As in the module's table, as are ``seen`` and ``window``.
+        seen: The capsule.
         level: Its grey level.
-        noise: Noise of the sensor [grey levels], modulo 256, shape (n,).
-        start: Where in it the image begins, which takes one number a pixel.
-        window: As in the module's table.
+        style: Relative shading, relative grain and phase of the grain [1].
+        window: What is drawn.
     """
-    width, upper, lower = pixels.shape[1], float(window[0]), float(window[1])
-    west, east = float(window[2]), float(window[3])
     f0, f1 = lens[0] / seen[2], lens[0] / seen[5]
     u0, v0, r0 = lens[1] + f0 * seen[0], lens[2] + f0 * seen[1], f0 * seen[6]
     u1, v1, r1 = lens[1] + f1 * seen[3], lens[2] + f1 * seen[4], f1 * seen[6]
-    top, bottom = min(v0 - r0, v1 - r1), max(v0 + r0, v1 + r1)
-    if bottom < upper or top > lower:
-        return
-    most, least = max(u0 + r0, u1 + r1), min(u0 - r0, u1 - r1)
-    if most < max(west - 1.0, 0.0) or least > min(east + 1.0, width - 1.0):
-        return
+    if r0 < r1:
+        u0, v0, r0, u1, v1, r1 = u1, v1, r1, u0, v0, r0
     du, dv = u1 - u0, v1 - v0
-    length = max(sqrt(du * du + dv * dv), 1e-9)
-    across_u, across_v = -dv / length, du / length
-    # The straight edges as lines u = at + slope v, between the rows where they meet the discs.
-    a_v, b_v = v0 + across_v * r0, v1 + across_v * r1
-    c_v, d_v = v0 - across_v * r0, v1 - across_v * r1
-    ab = (u1 + across_u * r1 - u0 - across_u * r0) / (b_v - a_v) if a_v != b_v else 0.0
-    cd = (u1 - across_u * r1 - u0 + across_u * r0) / (d_v - c_v) if c_v != d_v else 0.0
-    for row in range(int(max(top, upper)), int(min(bottom, lower)) + 1):
-        left, right = np.inf, -np.inf
-        rest0, rest1 = r0 * r0 - (row - v0) * (row - v0), r1 * r1 - (row - v1) * (row - v1)
-        if rest0 > 0.0:
-            half = sqrt(rest0)
-            left, right = u0 - half, u0 + half
-        if rest1 > 0.0:
-            half = sqrt(rest1)
-            left, right = min(left, u1 - half), max(right, u1 + half)
-        if (a_v - row) * (b_v - row) < 0.0:
-            cut = u0 + across_u * r0 + (row - a_v) * ab
-            left, right = min(left, cut), max(right, cut)
-        if (c_v - row) * (d_v - row) < 0.0:
-            cut = u0 - across_u * r0 + (row - c_v) * cd
-            left, right = min(left, cut), max(right, cut)
-        first, last = int(max(left + 0.5, west)), int(min(right + 0.5, east + 0.5))
-        if not left <= right or last < first:
-            continue
-        # Unsigned: none counts from the end.
-        line, at = np.uint64(row), np.uint64(start + row * width)
-        for k in range(np.uint64(first), np.uint64(last + 1)):
-            pixels[line, k] = np.uint8(level + noise[at + k])
+    length = sqrt(du * du + dv * dv)
+    if length <= r0 - r1 + 1e-6:
+        length, du, dv = 0.0, 0.0, 1.0
+    else:
+        du, dv = du / length, dv / length
+    lean = (r0 - r1) / length if length > 0.0 else 0.0
+    rise = sqrt(max(1.0 - lean * lean, 0.0))
+    top, bottom = min(v0 - r0, v1 - r1) - 1.0, max(v0 + r0, v1 + r1) + 1.0
+    west, east = min(u0 - r0, u1 - r1) - 1.0, max(u0 + r0, u1 + r1) + 1.0
+    if length == 0.0:
+        top, bottom, west, east = v0 - r0 - 1.0, v0 + r0 + 1.0, u0 - r0 - 1.0, u0 + r0 + 1.0
+    first, last = int(max(top, float(window[0]))), int(min(bottom, float(window[1])))
+    left, right = int(max(west, float(window[2]))), int(min(east, float(window[3])))
+    for v in range(first, last + 1):
+        near, far = _beside(u0, v0, du, dv, length, r0 + 1.0, v)
+        begin, end = int(max(near, float(left))), int(min(far, float(right)))
+        for u in range(begin, end + 1):
+            x, y = u - u0, v - v0
+            along, aside = x * du + y * dv, x * dv - y * du
+            across = abs(aside)
+            at = rise * along - lean * across
+            if at <= 0.0:
+                cover, r = r0 - sqrt(x * x + y * y), r0
+            elif at >= rise * length:
+                x, y = u - u1, v - v1
+                cover, r = r1 - sqrt(x * x + y * y), r1
+            else:
+                cover, r = r0 - rise * across - lean * along, r0 + (r1 - r0) * along / length
+                x, y = aside * dv, -aside * du
+            cover = min(max(cover + 0.5, 0.0), 1.0)
+            if cover > 0.0:
+                lit = (x * _LIT_FROM[0] + y * _LIT_FROM[1]) / max(r, 0.5)
+                grain = _wave(along / _GRAIN_SIZE + style[2]) * _wave(aside / _GRAIN_SIZE)
+                paint = level * (1.0 + style[0] * lit + style[1] * grain)
+                paint = min(max(paint, 0.0), 255.0)
+                canvas[v, u] += np.float32(cover * (paint - canvas[v, u]))
 
 
-@kernel
-def draw_body(
-    pixels: Image, camera: Camera, capsules: Array, level: int, noise: Image, start: int,
-    window: Edges, ball: Point, nearer: bool,
-) -> int:  # fmt: skip
-    """Draw the capsules that are behind the ball, or those that are nearer than it.
-
-    Camera, capsules and window as in the module's table, the rest as for :func:`draw_capsule`.
-    ``ball`` is the ball's centre in the optical frame [m]; its depth is -inf where there is none.
-
-    Returns:
-        How many others may be seen in the window.
-    """
-    others, lens = 0, (camera[12], camera[13], camera[14])
-    for k in range(capsules.shape[0]):
-        ahead, seen = seen_from(camera, capsules, k)
-        if not ahead or misses(lens, seen, window):
-            continue
-        if in_front(seen, ball) == nearer:
-            draw_capsule(pixels, lens, seen, level, noise, start, window)
-        else:
-            others += 1
-    return others
-
-
-@kernel
-def lay_capsules(pos: Array, mat: Array, sizes: Array, which: Array, capsules: Array) -> None:
-    """Write the capsules of geoms.
-
-    Args:
-        pos: Centres of all geoms [m], shape (g, 3).
-        mat: Their axes, shape (g, 9).
-        sizes: Radius, half length [m] and axis of each capsule, 1 for the hand's, shape (k, 4).
-        which: The geom of each capsule, shape (k,).
-        capsules: Result, as in :mod:`mitt.world.painting`.
-    """
-    for k in range(capsules.shape[0]):
-        g, axis = int(which[k]), int(sizes[k, 2])
-        for i in range(3):
-            half = sizes[k, 1] * mat[g, 3 * i + axis]
-            capsules[k, i], capsules[k, 3 + i] = pos[g, i] - half, pos[g, i] + half
-        capsules[k, 6], capsules[k, 7] = sizes[k, 0], sizes[k, 3]
-
-
-class Silhouettes:
-    """Arm and hand of a world as capsules.
+class Body(NamedTuple):
+    """Arm and hand as MuJoCo moves them, and as k capsules.
 
     Attributes:
-        capsules: As in :mod:`mitt.world.painting`; brought up to date by ``update``.
+        pos: Centres of all geoms [m], shape (g, 3).
+        mat: Their axes, shape (g, 9).
+        geom: The geom of each capsule, shape (k,).
+        axis: Which of its axes the capsule has, shape (k,).
+        half: Half the length of the capsule's axis [m], shape (k,).
+        radius: Its radius [m], shape (k,).
+        hand: 1 for a part of the hand, else 0, shape (k,).
+        capsules: As in the module's table.
     """
 
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Find the shapes of arm and hand."""
-        own = np.flatnonzero((model.geom_contype & (ARM | HAND)) != 0)
-        self._which = own.astype(np.float64)
-        hand = (model.geom_contype[own] & HAND) != 0
-        sizes = np.array([_size(model, int(g)) for g in own]).reshape(len(own), 3)
-        self._sizes = np.column_stack((sizes, hand.astype(np.float64)))
-        owner = model, data
-        self._pos, self._mat = owned(owner, data.geom_xpos), owned(owner, data.geom_xmat)
-        self.capsules = np.zeros((len(own), 8))
+    pos: Array
+    mat: Array
+    geom: NDArray[np.int64]
+    axis: NDArray[np.int64]
+    half: Array
+    radius: Array
+    hand: Array
+    capsules: Array
 
-    @property
-    def table(self) -> tuple[Array, Array, Array, Array, Array]:
-        """What :func:`lay_capsules` takes."""
-        return self._pos, self._mat, self._sizes, self._which, self.capsules
 
-    def update(self) -> None:
-        """Bring the capsules to where the plant is."""
-        lay_capsules(*self.table)
+@kernel
+def lay_capsules(body: Body, capsules: Array) -> None:
+    """Write where the capsules of a body are, as in the module's table."""
+    for k in range(capsules.shape[0]):
+        g, axis = body.geom[k], body.axis[k]
+        for i in range(3):
+            half = body.half[k] * body.mat[g, 3 * i + axis]
+            capsules[k, i], capsules[k, 3 + i] = body.pos[g, i] - half, body.pos[g, i] + half
+        capsules[k, 6], capsules[k, 7] = body.radius[k], body.hand[k]
+
+
+def body_of(model: mujoco.MjModel, data: mujoco.MjData) -> Body:
+    """Return arm and hand of a simulation, whose memory they show."""
+    own = np.flatnonzero((model.geom_contype & (ARM | HAND)) != 0)
+    hand = (model.geom_contype[own] & HAND) != 0
+    sizes = np.array([_size(model, int(g)) for g in own]).reshape(len(own), 3)
+    owner = model, data
+    return Body(
+        pos=owned(owner, data.geom_xpos),
+        mat=owned(owner, data.geom_xmat),
+        geom=own.astype(np.int64),
+        axis=sizes[:, 2].astype(np.int64),
+        half=sizes[:, 1].copy(),
+        radius=sizes[:, 0].copy(),
+        hand=hand.astype(np.float64),
+        capsules=np.zeros((len(own), 8)),
+    )
 
 
 def _size(model: mujoco.MjModel, geom: int) -> tuple[float, float, float]:

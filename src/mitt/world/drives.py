@@ -1,150 +1,281 @@
-"""From a command to what acts on the joints: delay, drives, finger servos, friction, and drag.
+"""From a command to the torques of the joints: joint control, delay, drives, fingers, brakes.
+
+A robot that takes positions or velocities has a joint control of its own. Its law is that of
+:mod:`mitt.control.setpoints`, as computed torque on the arm's nominal model, with the torques
+within the arm's limits; in the place of the encoders' readings it uses its joints' true positions,
+as a robot's own control reads better encoders than it publishes.
 
 A drive's torque follows its command like a filter of first order. Within a step the mean of that
 torque acts, so that what it brings about does not depend on the length of the steps.
 
-A table has a column each joint of the arm and a last one for the hand's closing angle [rad].
-
-| row     | meaning                                                                        | unit |
-|---------|--------------------------------------------------------------------------------|------|
-| SETTING | bandwidth of the torque in the first column; 0 follows at once                 | 1/s  |
-| NOW     | torques at the end of the last step                                            | N m  |
-| MEAN    | mean torques over the last step                                                | N m  |
-| WAY     | this row and those below: commands on their way, the tick modulo their number  | N m  |
+A brake, which holds the arm once its drives are off, is dry friction that sticks: a stiff spring
+holds the joint at the place where it came to rest, and slips where its torque is not enough (the
+bristle of Dahl's friction model). So a joint that is held does not creep: it gives way by the load
+over the spring's stiffness, once. Shorted windings damp the motion besides; both together are
+bounded by the brake's torque, as the current through the windings is bounded.
 """
+
+from collections import deque
+from math import pi
+from typing import NamedTuple, final
 
 import numpy as np
 
+from mitt.control.setpoints import Setpoints
+from mitt.errors import InputError
 from mitt.jit import kernel
+from mitt.robot.arm import Arm
+from mitt.robot.description import ArmModel
 from mitt.robot.hands import FingerDrive
-from mitt.signals import Array
-from mitt.world.scene import Actuation
+from mitt.robot.limits import Limits, joint_level
+from mitt.signals import TICK, Array, Command
+from mitt.structs import Record
+from mitt.world.scene import Actuation, Scene
 
-SETTING, NOW, MEAN, WAY = range(4)
+#: Length of the longest simulation step [s], and the parts of its limit of stability that springs
+#: and dampers of all brakes together may take.
+_STEP, _SPRING, _DAMPER = 0.001, 0.3, 0.6
+#: Poses over which the smallest inertia of a joint is looked for, and their seed.
+_POSES, _SEED = 64, 1
+#: Torque of a brake where neither the arm's description nor a limit set states one [N m].
+_STRONG = 100.0
 
-#: Speed at which dry friction is three quarters of its full size [rad/s]; a sharp step would
-#: chatter at 0.5 ms.
-STICTION_SPEED = 0.05
+
+class Drives(NamedTuple):
+    """The drives of an arm of n joints, and commands on their way to them and to the fingers.
+
+    Attributes:
+        rate: Bandwidth of the torque [1/s]; 0 follows at once.
+        now: Torques at the end of the last step [N m], shape (n,).
+        mean: Mean torques over the last step [N m], shape (n,).
+        torques: Torques that were commanded [N m], at the tick modulo k, shape (k, n).
+        angles: Closing angles that were commanded [rad], the same, shape (k,).
+    """
+
+    rate: float
+    now: Array
+    mean: Array
+    torques: Array
+    angles: Array
 
 
-def fresh_drives(actuation: Actuation, holding: Array) -> Array:
-    """Return the table of drives that hold the arm still, and a hand that is open.
+class FingerServo(NamedTuple):
+    """The servo of a finger: the numbers of :class:`mitt.robot.hands.FingerDrive`."""
+
+    tau_max: float
+    braking: float
+    settling: float
+    gain: float
+
+
+def fresh_drives(actuation: Actuation, holding: Array) -> Drives:
+    """Return drives that hold the arm still, and a hand that is open.
 
     Args:
         actuation: Settings.
         holding: Torques that hold the arm [N m], shape (n,).
     """
-    table = np.zeros((WAY + actuation.delay + 1, len(holding) + 1))
-    table[NOW:, :-1] = holding
-    table[SETTING, 0] = 2.0 * np.pi * actuation.bandwidth
-    return table
+    ticks, rate = actuation.delay + 1, 2.0 * np.pi * actuation.bandwidth
+    torques = np.tile(holding, (ticks, 1))
+    return Drives(rate, np.array(holding), np.array(holding), torques, np.zeros(ticks))
 
 
 @kernel
-def command(table: Array, tick: int, tau: Array, hand: float) -> None:
-    """Send a command on its way.
-
-    Args:
-        table: As in the module's text, overwritten.
-        tick: Number of the tick.
-        tau: Torques [N m], shape (n,).
-        hand: Closing angle [rad].
-    """
-    row = WAY + tick % (len(table) - WAY)
+def command(drives: Drives, tick: int, tau: Array, hand: float) -> None:
+    """Send torques [N m], shape (n,), and a closing angle [rad] on their way in a tick."""
+    row = tick % len(drives.angles)
     for i in range(len(tau)):
-        table[row, i] = tau[i]
-    table[row, len(tau)] = hand
+        drives.torques[row, i] = tau[i]
+    drives.angles[row] = hand
 
 
 @kernel
-def follow(table: Array, tick: int, h: float) -> float:
+def follow(drives: Drives, tick: int, h: float) -> float:
     """Let the drives follow what has arrived for a step, and return the closing angle [rad].
 
     Args:
-        table: As in the module's text, overwritten.
+        drives: The drives.
         tick: Number of the tick.
         h: Length of the step [s].
     """
-    rate, row, n = table[SETTING, 0], WAY + (tick + 1) % (len(table) - WAY), table.shape[1] - 1
+    rate, row = drives.rate, (tick + 1) % len(drives.angles)
     keep = np.exp(-rate * h)
-    for i in range(n):
-        target = table[row, i]
+    for i in range(len(drives.now)):
+        target = drives.torques[row, i]
         if rate == 0.0:
-            table[NOW, i] = table[MEAN, i] = target
+            drives.now[i] = drives.mean[i] = target
         else:
-            gap = table[NOW, i] - target
-            table[MEAN, i] = target + gap * (1.0 - keep) / (rate * h)
-            table[NOW, i] = target + gap * keep
-    return float(table[row, n])
+            gap = drives.now[i] - target
+            drives.mean[i] = target + gap * (1.0 - keep) / (rate * h)
+            drives.now[i] = target + gap * keep
+    return float(drives.angles[row])
+
+
+def finger_servo(drive: FingerDrive) -> FingerServo:
+    """Return the servo of a finger's drive."""
+    return FingerServo(drive.tau_max, drive.braking, drive.settling, drive.gain)
 
 
 @kernel
-def finger_torque(
-    angle: float,
-    speed: float,
-    command: float,
-    tau_max: float,
-    braking: float,
-    settling: float,
-    gain: float,
-) -> float:
-    """Torque of one finger's servo [N m]; the numbers are those of :class:`FingerDrive`."""
+def finger_torque(angle: float, speed: float, command: float, servo: FingerServo) -> float:
+    """Return the torque of one finger's servo [N m] at its angle [rad] and speed [rad/s]."""
     error = command - angle
-    wish = min(abs(error) / settling, np.sqrt(2.0 * braking * abs(error)))
+    wish = min(abs(error) / servo.settling, np.sqrt(2.0 * servo.braking * abs(error)))
     if error < 0.0:
         wish = -wish
-    return float(min(max(gain * (wish - speed), -tau_max), tau_max))
+    return float(min(max(servo.gain * (wish - speed), -servo.tau_max), servo.tau_max))
 
 
-def servo_numbers(drive: FingerDrive) -> tuple[float, float, float, float]:
-    """Return the numbers of a drive in the order in which :func:`finger_torque` takes them."""
-    return drive.tau_max, drive.braking, drive.settling, drive.gain
+def fresh_brakes(n: int) -> Record:
+    """Return n brakes without any torque, as of :func:`brakes_of`."""
+    names = "torque", "delay", "stiffness", "damping", "given"
+    return np.zeros(n, np.dtype([(name, np.float64) for name in names], align=True))
+
+
+def brakes_of(model: ArmModel, limits: Limits | None) -> Record:
+    """Return the brakes of an arm's active joints at rest, shape (n,).
+
+    Their fields are the largest ``torque`` [N m]; the ``delay`` from the command until the brake
+    acts [s]; the ``stiffness`` of the spring that holds [N m/rad], as stiff as a step of 1 ms
+    carries; the ``damping`` of spring and windings [N m s/rad], no more than such a step carries;
+    and how far the spring has ``given`` way [rad].
+
+    Args:
+        model: The arm with its hand.
+        limits: Its limit set, for the torque of brakes that the description does not state.
+    """
+    many = np.full(len(model.links), _STRONG)
+    arm = Arm(model, limits or joint_level("none", tau=many, speed=many))
+    inertia, brakes = _least_inertia(arm), fresh_brakes(arm.n)
+    brakes["torque"] = [brake.torque for brake in arm.brakes]
+    brakes["delay"] = [brake.delay for brake in arm.brakes]
+    brakes["stiffness"] = _SPRING / arm.n * inertia / _STEP**2
+    most = _DAMPER / arm.n * inertia / _STEP
+    brakes["damping"] = np.minimum(0.5 * most + [brake.damping for brake in arm.brakes], most)
+    return brakes
+
+
+def _least_inertia(arm: Arm) -> Array:
+    """Return the smallest inertia of each joint in many poses, the others free, shape (n,)."""
+    poses = np.random.default_rng(_SEED).uniform(arm.q_min, arm.q_max, (_POSES, arm.n))
+    inverse = [np.diag(np.linalg.inv(arm.mass_matrix(q))) for q in poses]
+    out: Array = 1.0 / np.max(inverse, axis=0)
+    return out
 
 
 @kernel
-def actuate(
-    qpos: Array,
-    qvel: Array,
-    ctrl: Array,
-    passive: Array,
-    tau: Array,
-    hand: float,
-    servo: Array,
-    friction: Array,
-    drag: float,
-) -> bool:
-    """Write what acts in the next simulation step.
-
-    Degrees of freedom come in the order arm (n), fingers (f), ball (6).
+def hold(brakes: Record, since: float, qvel: Array, ctrl: Array, passive: Array, h: float) -> None:
+    """Let the brakes that act by now hold their joints for a step; their drives give nothing.
 
     Args:
-        qpos: Positions of the plant, shape (n + f + 7,).
-        qvel: Velocities of the plant, shape (n + f + 6,).
-        ctrl: Result, motor torques [N m], shape (n + f,).
-        passive: Result, friction and drag [N m, N], shape (n + f + 6,).
-        tau: Commanded torques of the arm [N m], shape (n,).
-        hand: Commanded closing angle [rad].
-        servo: Numbers of the finger servo, shape (4,).
-        friction: Viscous friction [N m s/rad] of each joint, then dry [N m], shape (2 n,).
-        drag: Force per squared speed of the ball [N s^2/m^2].
-
-    Returns:
-        Whether the command was finite; where it is not, that motor gives nothing.
+        brakes: As of :func:`brakes_of`; springs are overwritten.
+        since: Time since they were commanded to engage [s].
+        qvel: Velocities of the plant, arm first.
+        ctrl: Motor torques, overwritten, arm first.
+        passive: Friction, which the brakes' torques are added to, arm first.
+        h: Length of the step [s].
     """
-    finite, n, count = True, tau.shape[0], ctrl.shape[0]
-    for i in range(n):
-        if not np.isfinite(tau[i]):
-            finite = False
-        ctrl[i] = tau[i] if np.isfinite(tau[i]) else 0.0
-        slip = np.tanh(qvel[i] / STICTION_SPEED)
-        passive[i] = -friction[i] * qvel[i] - friction[n + i] * slip
-    if not np.isfinite(hand):
-        finite, hand = False, 0.0
-    for i in range(n, count):
-        ctrl[i] = finger_torque(qpos[i], qvel[i], hand, servo[0], servo[1], servo[2], servo[3])
-    x, y, z = qvel[count], qvel[count + 1], qvel[count + 2]
-    force = -drag * np.sqrt(x * x + y * y + z * z)
-    passive[count] = force * x
-    passive[count + 1] = force * y
-    passive[count + 2] = force * z
-    return finite
+    for k in range(len(brakes)):
+        brake = brakes[k]
+        if since < 0.0 or since < brake.delay - 0.5 * h:
+            continue
+        most, stiff = brake.torque, brake.stiffness
+        given = brake.given + h * qvel[k]
+        brake.given = min(max(given, -most / stiff), most / stiff)
+        torque = stiff * brake.given + brake.damping * qvel[k]
+        ctrl[k] = 0.0
+        passive[k] -= min(max(torque, -most), most)
+
+
+def servo_of(scene: Scene, arm: ArmModel, limits: Limits | None) -> "JointServo | None":
+    """Return the joint control of a scene's robot; None where it takes torques.
+
+    Raises:
+        InputError: The limits of the arm are not known, or a fault acts on commanded torques.
+    """
+    if scene.actuation.takes == "torque":
+        return None
+    unheard = sorted({x.kind for x in scene.faults} & {"torque", "command"})
+    if unheard:
+        raise InputError("faults", "others, for a robot that takes no torques", unheard,
+                         do="take them out, or say actuation.takes = torque")  # fmt: skip
+    if limits is None:
+        raise InputError("actuation.takes", "torque, or an arm with limits", scene.actuation.takes)
+    return JointServo(Arm(arm, limits), scene.actuation)
+
+
+@final
+class JointControl:
+    """Follows positions or velocities with torques."""
+
+    def __init__(self, arm: Arm, takes: str, *, bandwidth: float) -> None:
+        """Take the arm as its maker knows it, what it takes, and the bandwidth w [rad/s]."""
+        self._arm, self._takes, self._w = arm, takes, bandwidth
+        self._last: Array | None = None
+        self._rate = np.zeros(arm.n)
+
+    def restart(self) -> None:
+        """Forget the setpoints so far."""
+        self._last, self._rate = None, np.zeros(self._arm.n)
+
+    def take(self, new: Array, *, passed: float = TICK) -> None:
+        """Take a setpoint over.
+
+        Args:
+            new: Positions [rad] or velocities [rad/s], shape (n,).
+            passed: Time since the setpoint before [s].
+        """
+        if self._last is not None:
+            self._rate = (new - self._last) / passed
+        self._last = new
+
+    def torque(self, q: Array, dq: Array) -> Array:
+        """Return the torques that follow the last setpoint [N m], shape (n,).
+
+        Args:
+            q: Joint positions [rad], shape (n,).
+            dq: Joint velocities [rad/s], shape (n,).
+        """
+        assert self._last is not None, "no setpoint"
+        w, arm = self._w, self._arm
+        if self._takes == "velocity":
+            ddq = 2.0 * w * (self._last - dq)
+        else:
+            ddq = w**2 * (self._last - q) + 2.0 * w * (self._rate - dq)
+        return arm.active(arm.limits.saturate(arm.torque(q, dq, ddq), arm.all_joints(dq)))
+
+
+@final
+class JointServo:
+    """A robot of a scene: its control, and setpoints that act after a delay."""
+
+    def __init__(self, arm: Arm, actuation: Actuation) -> None:
+        """Take the arm as its maker knows it, and how its control follows."""
+        takes, w, self._delay = actuation.takes, 2.0 * pi * actuation.servo, actuation.delay
+        self._control = JointControl(arm, takes, bandwidth=w)
+        self._setpoints = Setpoints(arm, takes, bandwidth=w, delay=actuation.delay * TICK)
+        self._sent: deque[tuple[Array, float]] = deque()
+
+    def start(self) -> None:
+        """Forget the trial before."""
+        self._sent.clear()
+        self._control.restart()
+        self._setpoints.restart()
+
+    def torques(self, command: Command, q: Array, dq: Array) -> Command:
+        """Return a command with the torques, and the closing angle, of the setpoint that acts now.
+
+        Args:
+            command: The command of this tick.
+            q: Joint positions [rad], shape (n,).
+            dq: Joint velocities [rad/s], shape (n,).
+        """
+        self._sent.append((self._setpoints.of(command.joints[:3], q), command.hand))
+        new, hand = self._sent[0]
+        if len(self._sent) > self._delay:
+            self._sent.popleft()
+        if command.brakes and not command.tau.any():  # the brakes act, the drives are off
+            return command._replace(hand=hand)
+        self._control.take(new)
+        tau = self._control.torque(q, dq)
+        return command._replace(joints=np.array([*command.joints[:3], tau]), hand=hand)

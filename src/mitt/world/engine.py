@@ -1,4 +1,4 @@
-"""MuJoCo as compiled code calls and reads it, without a detour through Python.
+"""MuJoCo as compiled code calls and reads it, contacts included, without a detour through Python.
 
 ``mj_step1``, ``mj_step2`` and ``mj_contactForce`` are called by name in the library that the
 package ``mujoco`` has loaded; model and data are handed over by address. What Python's views do
@@ -25,9 +25,25 @@ from numba import types
 from numpy.typing import NDArray
 
 from mitt.errors import ModelError
+from mitt.jit import kernel
+from mitt.signals import Array
+from mitt.structs import Record, record_of
+from mitt.world.drives import Drives, FingerServo, fresh_brakes, fresh_drives
+from mitt.world.hand_bodies import ARM, BALL, FLOOR, HAND
+from mitt.world.scene import Actuation
 
 #: Contacts that compiled code looks at; a hand full of ball has nine.
 MOST = 256
+
+#: What touches what, as bits of the result of :func:`survey`.
+BALL_HAND, BALL_ARM, BALL_FLOOR, SELF, ARM_FLOOR = 1, 2, 4, 8, 16
+BALL_ANY = BALL_HAND | BALL_ARM | BALL_FLOOR
+
+#: What ``Plant.state`` is at the release of a ball.
+_RELEASED = {
+    "ticks": 0, "steps": 1, "seen": 0, "broken": False, "force": 0.0, "peak": 0.0,
+    "touched": -1.0, "braked": -1.0, "stopped": -1.0,
+}  # fmt: skip
 
 # The library is in the process already; this makes its names known to compiled code.
 _PATH = next(path for path in Path(mujoco.__file__).parent.glob("*mujoco*.[sd]*"))
@@ -72,8 +88,24 @@ class Plant(NamedTuple):
         slides: Copy: whether a joint of the arm is prismatic, shape (n,).
         kinds: Copy: kind of each geom, shape (g,).
         touching: Own: whether a geom touches the ball, shape (g,).
-        state: Own: as in :mod:`mitt.world.motion`.
-        drives: Own: as in :mod:`mitt.world.drives`.
+        wrench: Own: scratch, force and torque of a contact, shape (6,).
+        state: Own: single numbers, shape (1,):
+            ticks: Ticks since release; steps: simulation steps in the next tick.
+            seen: Contacts in the last tick, bits of :func:`survey`.
+            broken: Whether the physics broke down, or a command was not finite.
+            force, peak: Largest contact force on the ball in the last tick, and in the trial [N];
+            of a hand without fingers the resultant of all its contacts.
+            touched: Time of the first contact of ball and hand [s]; negative before.
+            braked: When the brakes were commanded to engage [s]; negative before.
+            stopped: When the catcher stopped [s]; negative before.
+        first: Own: r_o, dr_o, position, velocity at the first contact [m, m/s], shape (4, 3).
+        flight: Own: position and velocity of the ball at the end of a step if it flies freely
+            [m, m/s], shape (2, 3).
+        ball_mass, ball_drag: Mass [kg] and drag coefficient [1/m] of the ball.
+        friction: Viscous [N m s/rad] and dry [N m] friction of each joint, shape (2, n).
+        fingers: The servo of each finger.
+        drives: The arm's drives.
+        brakes: As of :func:`mitt.world.drives.brakes_of`, shape (n,).
     """
 
     address: NDArray[Any]
@@ -92,12 +124,20 @@ class Plant(NamedTuple):
     slides: NDArray[Any]
     kinds: NDArray[Any]
     touching: NDArray[Any]
-    state: NDArray[Any]
-    drives: NDArray[Any]
+    wrench: Array
+    state: Record
+    first: Array
+    flight: Array
+    ball_mass: float
+    ball_drag: float
+    friction: Array
+    fingers: FingerServo
+    drives: Drives
+    brakes: Record
 
 
 def plant_of(model: mujoco.MjModel, data: mujoco.MjData, site: int, joints: int) -> Plant:
-    """Return a simulation as compiled code reads it, with empty ``state`` and ``drives``.
+    """Return a simulation as compiled code reads it, with nothing yet of what is its own.
 
     Args:
         model: The model. The arrays own it and ``data``: neither is freed while one of them is
@@ -138,8 +178,48 @@ def plant_of(model: mujoco.MjModel, data: mujoco.MjData, site: int, joints: int)
         slides=np.ascontiguousarray(slides),
         kinds=model.geom_contype.copy(),
         touching=np.zeros(model.ngeom, np.bool_),
-        state=np.zeros(0),
-        drives=np.zeros((0, 0)),
+        wrench=np.zeros(6),
+        state=record_of(_RELEASED, _RELEASED),
+        first=np.zeros((4, 3)),
+        flight=np.zeros((2, 3)),
+        ball_mass=0.0,
+        ball_drag=0.0,
+        friction=np.zeros((2, joints)),
+        fingers=FingerServo(0.0, 0.0, 0.0, 0.0),
+        drives=fresh_drives(Actuation(), np.zeros(joints)),
+        brakes=fresh_brakes(joints),
+    )
+
+
+def released(
+    plant: Plant,
+    *,
+    ball: tuple[float, float],
+    friction: Array,
+    fingers: FingerServo,
+    drives: Drives,
+    brakes: Record,
+) -> Plant:
+    """Return a plant with what is its own at the release of a ball.
+
+    Args:
+        plant: The plant.
+        ball: Mass [kg] and drag coefficient [1/m] of the ball.
+        friction: As of ``Plant``, as are ``fingers``.
+        fingers: See ``friction``.
+        drives: Drives; nothing was commanded yet, and so their mean torque is set to zero.
+        brakes: As of ``Plant``, before anything has moved; copied.
+    """
+    drives.mean[:] = 0.0
+    return plant._replace(
+        state=record_of(_RELEASED, _RELEASED),
+        first=np.zeros((4, 3)),
+        ball_mass=float(ball[0]),
+        ball_drag=float(ball[1]),
+        friction=friction,
+        fingers=fingers,
+        drives=drives,
+        brakes=brakes.copy(),
     )
 
 
@@ -162,6 +242,68 @@ def stop_clocks() -> None:
     """
     if mujoco.get_mjcb_time() is None:
         ctypes.c_void_p.in_dll(_LIBRARY, "mjcb_time").value = None
+
+
+@kernel
+def survey(plant: Plant, felt: bool) -> tuple[int, float]:
+    """Sort the contacts of one step, and write which geoms touch the ball.
+
+    Args:
+        plant: The plant; its ``touching`` is overwritten.
+        felt: Whether forces are known, as they are after a step.
+
+    Returns:
+        Bits of what touches what, and the largest contact force on the ball [N].
+    """
+    address, geoms, kinds, touching = plant.address, plant.geoms, plant.kinds, plant.touching
+    found, largest, force = 0, 0.0, plant.wrench
+    touching[:] = False
+    for c in range(min(plant.contacts[0], MOST)):
+        first, second = geoms[c, 0], geoms[c, 1]
+        both = kinds[first] | kinds[second]
+        if both & BALL:
+            if kinds[first] == BALL:
+                first = second
+            touching[first] = True
+            found |= BALL_HAND if both & HAND else (BALL_ARM if both & ARM else BALL_FLOOR)
+            if felt:
+                contact_force(address[0], address[1], c, force.ctypes.data)
+                size = np.sqrt(force[0] ** 2 + force[1] ** 2 + force[2] ** 2)
+                largest = max(largest, size)
+        elif both & FLOOR:
+            found |= ARM_FLOOR
+        elif both & ARM:
+            found |= SELF
+    return found, largest
+
+
+@kernel
+def tip_velocity(plant: Plant, out: Array) -> None:
+    """Write the velocity of the catch point [m/s], shape (3,), from those of the joints."""
+    place, anchor, axis, dq = plant.place, plant.anchor, plant.axis, plant.qvel
+    out[:] = 0.0
+    for i in range(len(plant.slides)):
+        ax, ay, az = axis[i, 0], axis[i, 1], axis[i, 2]
+        if plant.slides[i]:
+            x, y, z = ax, ay, az
+        else:
+            rx, ry, rz = place[0] - anchor[i, 0], place[1] - anchor[i, 1], place[2] - anchor[i, 2]
+            x, y, z = ay * rz - az * ry, az * rx - ax * rz, ax * ry - ay * rx
+        out[0] += dq[i] * x
+        out[1] += dq[i] * y
+        out[2] += dq[i] * z
+
+
+def hand_names(model: mujoco.MjModel) -> tuple[str | None, ...]:
+    """Return the names of the geoms of the hand, None for any other geom."""
+    kinds = model.geom_contype == HAND
+    return tuple(model.geom(g).name if kinds[g] else None for g in range(model.ngeom))
+
+
+def names_touching(names: tuple[str | None, ...], touching: NDArray[np.bool_]) -> frozenset[str]:
+    """Return the names of the hand's geoms, of :func:`hand_names`, that touch the ball, (g,)."""
+    found = (names[g] for g in np.flatnonzero(touching).tolist())
+    return frozenset(name for name in found if name is not None)
 
 
 class _Owned:

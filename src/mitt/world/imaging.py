@@ -1,36 +1,44 @@
-"""What the image sensors give: a bright ball before a wall, arm and hand, with noise and smear.
+"""What the image sensors give: bright balls before a wall, arm and hand, with noise and smear.
 
-Noise and wall come from banks (``noise``); each frame starts to read the noise at an offset drawn
-from the generator. The drawing itself is in ``exposure``.
+Fresh normal numbers for an image cost fifty times as much as a look into a bank, and a bank for
+each trial as much as a third of the trial. So noise and wall follow from the sensor alone, and a
+trial's own source of noise only says where in the bank each frame begins to read. The drawing
+itself is in ``painting``. Cameras may stand on pan-tilt heads with servos, limits and encoders.
 """
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
-from typing import TypeAlias
+from functools import lru_cache
+from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mitt import checks
 from mitt.errors import InputError
+from mitt.jit import kernel
 from mitt.signals import Array, Frame, Image
+from mitt.structs import Record
 from mitt.vision.camera import Rig, pack_cameras
-from mitt.world.exposure import Bank, Cameras, render_images
-from mitt.world.heads import Heads
-from mitt.world.noise import NOISE_SIZE, PERIOD, SIDE, noise_bank
-from mitt.world.outline import SCRATCH
-from mitt.world.painting import Light
+from mitt.vision.head import pack_heads
+from mitt.world.outline import scratch_for
+from mitt.world.painting import PERIOD, Balls, Exposure, Film, Light, render_images
 from mitt.world.scene import Scene
 
 BLOCK = 512
-"""Frames whose offsets into the noise banks are drawn at once."""
-
-Film: TypeAlias = tuple[Cameras, Bank, NDArray[np.int64]]
-"""What :func:`mitt.world.exposure.render_images` takes: cameras, banks, offsets of a block."""
-
-BEFORE = 0.008
+"""Frames whose offsets into the bank of noise are drawn at once."""
+NOISE_SIZE = 1 << 20
+"""Numbers in the bank of noise."""
+_LARGEST = 1024
+"""Margin of the wall for the largest image, and so its largest side [px]."""
+_PATCH, _GRADIENT = 8.0, 0.6
+"""Size of the wall's patches [px] and the share of its variance that is a slow gradient; choices of
+this project."""
+_BEFORE = 0.008
 """Time between looks before a throw [s]: ten of them see a lamp of 100 Hz in all its phases."""
-_DARK = 64.0
-"""Grey level up to which arm and hand may take their noise from the background's."""
+_BANDWIDTH, _STEPS = 300.0, 4
+"""Bandwidth of the heads' servos [rad/s]; steps of integration in a tick."""
+
 _NOTHING = np.zeros((0, 8))
 _NOWHERE, _STILL = np.full(3, np.nan), np.zeros(3)
 
@@ -99,15 +107,6 @@ class ImageSensor:
         """Grey level of the hand."""
         return self.body if self.hand is None else self.hand
 
-    @property
-    def painted(self) -> bool:
-        """Whether images need :mod:`mitt.world.painting`.
-
-        Without, noise is that of the background wherever the ball is not.
-        """
-        shares = self.shading, self.grain, self.blur, self.pattern[0], self.light[0], self.shadow[0]
-        return max(shares) > 0.0 or self.hand_level != self.body or self.body > _DARK
-
 
 def sensor_of(scene: Scene) -> ImageSensor:
     """Return the image sensors of a scene: of its ``sensing`` what a sensor has by that name."""
@@ -116,27 +115,116 @@ def sensor_of(scene: Scene) -> ImageSensor:
     return ImageSensor(brightness=scene.ball.brightness, **own)
 
 
-def whole_images(shapes: Sequence[tuple[int, int]]) -> NDArray[np.int64]:
-    """Return windows that are whole images, for :func:`mitt.world.exposure.draw_images`."""
-    return np.array([(0, height - 1, 0, width - 1) for height, width in shapes], dtype=np.int64)
-
-
 def _light(sensor: ImageSensor, side: int, rng: np.random.Generator) -> Light:
-    """Return light and noise as in :mod:`mitt.world.painting`.
-
-    Args:
-        sensor: Settings.
-        side: Pixels of the largest image.
-        rng: Not drawn from; what moves has a stream of its own.
-    """
+    """Return light and noise; what moves on images of so many pixels has a stream of its own."""
     phase, place = rng.spawn(1)[0].random(2)
     return Light(
         float(sensor.read_noise), float(sensor.electrons), float(sensor.body),
         float(sensor.hand_level), float(sensor.shading), float(sensor.grain), float(sensor.blur),
         float(sensor.light[0]), float(sensor.light[1]), phase=float(2.0 * np.pi * phase),
         shadow=float(sensor.shadow[0]), shadow_speed=float(sensor.shadow[1]),
-        shadow_start=float(side * place), painted=sensor.painted,
+        shadow_start=float(side * place),
     )  # fmt: skip
+
+
+@lru_cache(maxsize=8)
+def bank_of(background: float, texture: float, pattern: tuple[float, float]) -> tuple[Image, Array]:
+    """Return wall and noise; the same arrays for the same settings, not to be written to.
+
+    Args:
+        background: Mean grey level of the ground.
+        texture: Standard deviation of the ground, gradients and patches [grey levels].
+        pattern: Contrast [grey levels] and size [px] of squares on the background.
+
+    Returns:
+        The background as it would look without noise, periodic, shape (2048, 2048), and standard
+        normal numbers, shape (NOISE_SIZE,).
+    """
+    rng = np.random.default_rng(2002)
+    rng.standard_normal(NOISE_SIZE, dtype=np.float32)  # a bank that is no longer used
+    normal, wall = rng.standard_normal(NOISE_SIZE), _wall(background, texture, rng)
+    return (_squares(wall, *pattern) if pattern[0] > 0.0 else wall), normal
+
+
+def _wall(background: float, texture: float, rng: np.random.Generator) -> Image:
+    """Return the background: patches on a slow gradient, periodic both ways."""
+    k = np.fft.fftfreq(PERIOD)
+    smooth = np.exp(-0.5 * (2.0 * np.pi * _PATCH) ** 2 * (k[:, None] ** 2 + k[None, :] ** 2))
+    patches = np.fft.ifft2(np.fft.fft2(rng.standard_normal((PERIOD, PERIOD))) * smooth).real
+    wave = 2.0 * np.pi / PERIOD * np.arange(PERIOD)
+    slope = np.sin(2.0 * wave)[:, None] + np.cos(3.0 * wave)[None, :]
+    shape = sqrt(1.0 - _GRADIENT) * patches / patches.std() + sqrt(_GRADIENT) * slope / slope.std()
+    tile = np.clip(np.rint(background + texture * shape), 0.0, 255.0).astype(np.uint8)
+    return np.ascontiguousarray(np.tile(tile, (2, 2)))
+
+
+def _squares(wall: Image, contrast: float, size: float) -> Image:
+    """Return a wall with squares in turn brighter and darker by half a contrast."""
+    k = np.arange(PERIOD + _LARGEST) % PERIOD // max(round(size), 1)
+    sign = 1.0 - 2.0 * ((k[:, None] + k[None, :]) % 2)
+    return np.clip(np.rint(wall + 0.5 * contrast * sign), 0.0, 255.0).astype(np.uint8)
+
+
+@kernel
+def _follow(heads: Record, angles: Array, desired: Array, duration: float) -> None:
+    """Let the servos follow for a while, within the limits of speed and acceleration.
+
+    A loop of angle around a loop of rate, critically damped, with the desired rate fed forward.
+    A long way is driven no faster than can be braked away, so that it does not overshoot.
+
+    Args:
+        heads: As in :mod:`mitt.vision.head`.
+        angles: Pan, tilt and their rates [rad, rad/s], shape (n, 4); overwritten.
+        desired: The same at the end of the time, by the catcher's command.
+        duration: Time to pass [s].
+    """
+    h = duration / _STEPS
+    for n in range(angles.shape[0]):
+        top, most = heads[n].max_speed, heads[n].max_accel
+        for axis in range(2):
+            angle, rate, drift = angles[n, axis], angles[n, axis + 2], desired[n, axis + 2]
+            for k in range(_STEPS):
+                gap = desired[n, axis] - drift * (duration - k * h) - angle
+                reach = sqrt(1.6 * most * abs(gap))
+                goal = drift + min(max(0.25 * _BANDWIDTH * gap, -reach), reach)
+                accel = min(max(_BANDWIDTH * (goal - rate), -most), most)
+                faster = min(max(rate + h * accel, -top), top)
+                angle += 0.5 * h * (rate + faster)
+                rate = faster
+            angles[n, axis], angles[n, axis + 2] = angle, rate
+
+
+class Heads:
+    """The heads of a rig in one trial.
+
+    Attributes:
+        packed: The heads as the kernels take them; no rows for a fixed rig.
+        angles: True angles [rad] and rates [rad/s], shape (n, 4).
+    """
+
+    def __init__(self, rig: Rig) -> None:
+        """Begin at rest, where the heads wait for a ball."""
+        self.packed = pack_heads(rig)
+        self.angles = np.zeros((len(rig.heads), 4))
+        for row, head in zip(self.angles, rig.heads, strict=True):
+            row[:2] = head.search
+        self._steps = [head.encoder_step for head in rig.heads]
+
+    def turn(self, desired: Array | None, duration: float) -> None:
+        """Follow ``desired`` for ``duration`` [s]; stay where there is none or it is not finite."""
+        if desired is not None:
+            desired = checks.array("gaze", desired, self.angles.shape)
+        if desired is None or not np.all(np.isfinite(desired)):
+            desired = self.angles * (1.0, 1.0, 0.0, 0.0)
+        _follow(self.packed, self.angles, desired, duration)
+
+    def read(self, n: int) -> tuple[float, float]:
+        """Return pan and tilt of a head as its encoders count them [rad]."""
+        pan, tilt = float(self.angles[n, 0]), float(self.angles[n, 1])
+        step = self._steps[n]
+        if step == 0.0:
+            return pan, tilt
+        return step * round(pan / step), step * round(tilt / step)
 
 
 class Imager:
@@ -156,47 +244,41 @@ class Imager:
         Args:
             rig: Cameras to see with; their heads begin where they wait for a ball.
             sensor: Light and noise.
-            rng: Source of every frame's offset into the noise banks.
+            rng: Source of every frame's offset into the bank of noise.
             second: A second bright ball: its centre as the first is released, its radius [m].
             second_velocity: Its velocity [m/s].
 
         Raises:
-            InputError: An image is larger than the banks.
+            InputError: An image is larger than the wall.
         """
         largest = max(max(c.height, c.width) for c in rig.cameras)
-        if largest > SIDE - PERIOD:
-            raise InputError("rig", f"images of at most {SIDE - PERIOD} pixels a side", largest)
+        if largest > _LARGEST:
+            raise InputError("rig", f"images of at most {_LARGEST} pixels a side", largest)
         self._shapes = [(c.height, c.width) for c in rig.cameras]
-        optics = np.repeat(pack_cameras(rig)[:, None], 2, axis=1)
         self._heads = Heads(rig)
-        self._packed, self._state = self._heads.packed, self._heads.state
-        self._turnable, self._half = len(self._state) > 0, 0.5 * sensor.exposure
         light = _light(sensor, largest, rng)
-        level = sensor.background + sensor.brightness
-        balls = np.full((1 if second is None else 2, 14), level)
-        if second is not None:
-            balls[1, :7] = (*second[:3], *second)
-            balls[1, 8:] = (*second[:3], *second_velocity)
-        bank = noise_bank(
-            background=sensor.background, texture=sensor.texture, body=sensor.body,
-            read_noise=sensor.read_noise, electrons=sensor.electrons, pattern=sensor.pattern,
-        )  # fmt: skip
-        self._whole = whole_images(self._shapes)
-        work = np.zeros(SCRATCH + 2 * max(c.width for c in rig.cameras) + 1)
+        wall, normal = bank_of(sensor.background, sensor.texture, sensor.pattern)
+        self._film = Film(
+            half=0.5 * sensor.exposure,
+            heads=self._heads.packed,
+            angles=self._heads.angles,
+            optics=np.repeat(pack_cameras(rig)[:, None], 2, axis=1),
+            balls=_balls(sensor.background + sensor.brightness, second, second_velocity),
+            light=light,
+            wall=wall,
+            normal=normal,
+            work=scratch_for(max(c.width for c in rig.cameras)),
+            canvas=np.zeros(2 * largest * largest, np.float32),
+        )
+        self._windows = np.array([(0, v - 1, 0, u - 1) for v, u in self._shapes], dtype=np.int64)
         self._rng, self._early = rng, rng.spawn(1)[0]
         self._number = 0
         self._starts = self._draw_starts(rng)
-        canvas = np.zeros(2 * largest * largest if sensor.painted else 0, np.float32)
-        self._camera: Cameras = (
-            self._packed, self._state, optics, np.zeros((len(optics), 2)), balls, light, work,
-            canvas,
-        )  # fmt: skip
-        self._banks: Bank = bank.wall, bank.ground, bank.normal
 
     @property
-    def film(self) -> Film:
+    def film(self) -> tuple[Film, NDArray[np.int64]]:
         """What compiled code needs to expose as :meth:`render` does, for the block at hand."""
-        return self._camera, self._banks, self._starts
+        return self._film, self._starts
 
     @property
     def a_pair(self) -> bool:
@@ -209,9 +291,9 @@ class Imager:
         return self._shapes[0]
 
     @property
-    def half(self) -> float:
-        """Half the time that the shutter is open [s]."""
-        return self._half
+    def _turnable(self) -> bool:
+        """Whether there are heads."""
+        return len(self._heads.angles) > 0
 
     def advance(self, frames: int) -> None:
         """Count frames that compiled code has exposed; no more than are left of a block."""
@@ -233,17 +315,13 @@ class Imager:
         """Return looks at the scene before the release, as :meth:`render` without a ball.
 
         Args:
-            count: Number of looks, BEFORE apart.
+            count: Number of looks.
             capsules: As for :meth:`render`.
         """
         starts, views = self._draw_starts(self._early), []
         for k in range(count):
-            t, images = BEFORE * (k - count), [np.empty(shape, np.uint8) for shape in self._shapes]
-            render_images(
-                tuple(images), self._camera, self._banks, starts[k], self._half, 0.0, _NOWHERE,
-                _STILL, capsules, self._whole, t,
-            )  # fmt: skip
-            views.append(_frames(t, k - count, images))
+            shot = Exposure(_BEFORE * (k - count), 0.0, _NOWHERE, _STILL, capsules)
+            views.append(_frames(shot.t, k - count, self._exposed(starts[k], shot)))
         return views
 
     def render(
@@ -262,27 +340,45 @@ class Imager:
             r_o: Ball centre [m], shape (3,); None for an empty scene.
             radius: Ball radius [m].
             dr_o: Ball velocity [m/s], shape (3,); at rest if left out.
-            capsules: Arm and hand, as in :mod:`mitt.world.painting`.
+            capsules: Arm and hand, as in :mod:`mitt.world.capsules`.
         """
-        number, row = self._number, self._number % BLOCK
-        images = tuple([np.empty(shape, np.uint8) for shape in self._shapes])
         r_o, dr_o = _NOWHERE if r_o is None else r_o, _STILL if dr_o is None else dr_o
-        render_images(
-            images, self._camera, self._banks, self._starts[row], self._half, radius, r_o, dr_o,
-            capsules, self._whole, t,
-        )  # fmt: skip
+        shot, number = Exposure(t, radius, r_o, dr_o, capsules), self._number
+        images = self._exposed(self._starts[number % BLOCK], shot)
         self.advance(1)
         heads = [self._heads.read(n) for n in range(len(images))] if self._turnable else None
         return _frames(t, number, images, heads)
 
+    def _exposed(self, starts: NDArray[np.int64], shot: Exposure) -> tuple[Image, ...]:
+        """Return fresh images of what is in view."""
+        images = tuple([np.empty(shape, np.uint8) for shape in self._shapes])
+        render_images(images, self._film, starts, shot, self._windows)
+        return images
+
     def _draw_starts(self, rng: np.random.Generator) -> NDArray[np.int64]:
-        """Return offsets of the next frames into both banks, shape (block, n, 2)."""
+        """Return where the noise of the next frames begins, shape (BLOCK, n)."""
         most = [[NOISE_SIZE - height * width] * 2 for height, width in self._shapes]
-        return rng.integers(0, most, size=(BLOCK, len(most), 2))
+        # The first of two is of a bank that is no longer used.
+        return np.ascontiguousarray(rng.integers(0, most, size=(BLOCK, len(most), 2))[..., 1])
+
+
+def _balls(
+    level: float, second: tuple[float, float, float, float] | None, velocity: Sequence[float]
+) -> Balls:
+    """Return the thrown ball, and a second one that rolls, of a grey level."""
+    count = 1 if second is None else 2
+    begin, end, start, speed, centre = (np.zeros((count, 3)) for _ in range(5))
+    balls = Balls(np.full(count, level), np.zeros(count), start, speed, begin, end, centre)
+    if second is not None:
+        balls.start[1], balls.radius[1], balls.velocity[1] = second[:3], second[3], velocity
+    return balls
 
 
 def _frames(
-    t: float, number: int, images: Sequence[Image], heads: list[tuple[float, float]] | None = None
+    t: float,
+    number: int,
+    images: Sequence[Image],
+    heads: list[tuple[float, float]] | None = None,
 ) -> tuple[Frame, ...]:
     """Return images as frames; ``heads`` are pan and tilt of each camera [rad]."""
     angles = heads or [(0.0, 0.0)] * len(images)

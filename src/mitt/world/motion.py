@@ -5,27 +5,8 @@ MuJoCo's integrator is of first order: in half a second of flight it puts a ball
 :mod:`mitt.ball.flight`, independent of the length of the steps, and the integrator is given the
 force and the start with which dr' = dr + h ddr, r' = r + h dr' end where that kernel does.
 
-The state beside MuJoCo's own is one vector:
-
-| place      | meaning                                                              | unit   |
-|------------|----------------------------------------------------------------------|--------|
-| TICKS      | ticks since release                                                  | 1      |
-| STEPS      | simulation steps in the next tick                                    | 1      |
-| SEEN       | contacts in the last tick, flags of :mod:`mitt.world.contacts`       | bits   |
-| BROKEN     | whether the physics broke down, or a command was not finite          | 0, 1   |
-| FORCE      | largest contact force on the ball in the last tick, and in the trial;| N      |
-|            | of a hand without fingers the resultant of all its contacts          |        |
-| TOUCHED    | time of the first contact of ball and hand; negative before          | s      |
-| FIRST      | r_o, dr_o, position, velocity then, as in ``FirstContact``           | m, m/s |
-| FLIGHT     | ball at the end of a step if it flies freely: position, velocity     | m, m/s |
-| SURVEY     | scratch                                                              |        |
-| BRAKED     | when the brakes were commanded to engage; negative before                 | s      |
-| STOPPED    | when the catcher stopped; negative before                            | s      |
-| SERVO      | the finger servo, as of :func:`mitt.world.drives.servo_numbers`       |        |
-| MASS       | mass of the ball                                                     | kg     |
-| DRAG       | drag coefficient of the ball                                         | 1/m    |
-| FRICTION   | viscous, then dry friction of each joint                             | SI     |
-| the rest   | the brakes, as in :mod:`mitt.world.brakes`                           |        |
+A tick in which the ball follows a path or its flight is disturbed is made step by step, by
+:func:`move_led`; all others by :func:`move`.
 """
 
 import numpy as np
@@ -33,21 +14,32 @@ import numpy as np
 from mitt.ball.flight import advance
 from mitt.jit import kernel
 from mitt.signals import GRAVITY, TICK, Array
-from mitt.world.brakes import ROWS, hold
+from mitt.structs import Record
 from mitt.world.build import STEP
-from mitt.world.contacts import BALL_ANY, BALL_FLOOR, BALL_HAND, survey, tip_velocity
-from mitt.world.drives import MEAN, actuate, command, follow
-from mitt.world.engine import Plant, step1, step2
+from mitt.world.drives import command, finger_torque, follow, hold
+from mitt.world.engine import (
+    BALL_ANY,
+    BALL_FLOOR,
+    BALL_HAND,
+    Plant,
+    step1,
+    step2,
+    survey,
+    tip_velocity,
+)
+from mitt.world.faults import ActiveFaults
+from mitt.world.flights import BallPath
+from mitt.world.truth import Trace
 
 #: Simulation steps in a tick where a contact may begin; elsewhere one is enough.
 FINE_STEPS = round(TICK / STEP)
 
-TICKS, STEPS, SEEN, BROKEN, FORCE, PEAK, TOUCHED = range(7)
-FIRST, FLIGHT, SURVEY, BRAKED, STOPPED = 7, 19, 25, 32, 33
-SERVO, MASS, DRAG, FRICTION = 34, 38, 39, 40
-
 #: How long a trial goes on after the catcher has stopped [s].
 WATCHED = 3.0
+
+#: Speed at which dry friction is three quarters of its full size [rad/s]; a sharp step would
+#: chatter at 0.5 ms.
+STICTION_SPEED = 0.05
 
 #: No throw and no grip makes a ball this fast [m/s]; a contact that breaks down does.
 TOP_SPEED = 30.0
@@ -65,45 +57,91 @@ NEAR = 0.25
 REST_SPEED, REST_AFTER = 0.2, 0.08
 
 
-def fresh_motion(
-    servo: tuple[float, ...], friction: Array, ball: tuple[float, float], brakes: Array
-) -> Array:
-    """Return the vector of the module's table at release.
-
-    Args:
-        servo: As of :func:`mitt.world.drives.servo_numbers`.
-        friction: Viscous and dry friction of each joint, shape (2, n).
-        ball: Mass [kg] and drag coefficient [1/m] of the ball.
-        brakes: As of :func:`mitt.world.brakes.brake_numbers`.
-    """
-    state = np.concatenate([np.zeros(SERVO), servo, ball, friction.ravel(), brakes.ravel()])
-    state[STEPS], state[TOUCHED], state[BRAKED], state[STOPPED] = 1.0, -1.0, -1.0, -1.0
-    return state
-
-
 @kernel
-def note_stop(state: Array, brakes: bool, stopped: bool) -> None:
-    """Note whether brakes are to engage, and whether the catcher has stopped.
+def move(plant: Plant, tau: Array, hand: float, trace: Trace) -> None:
+    """Let the motors follow a command for one tick, torques [N m] and closing angle [rad]."""
+    state = plant.state[0]
+    start, steps = state.ticks * TICK, state.steps
+    begin(plant, tau, hand)
+    for step in range(1, steps + 1):
+        leave(plant)
+        arrive(plant, start + step * (TICK / steps))
+    state.ticks += 1
+    note(plant, trace)
+
+
+def move_led(
+    plant: Plant,
+    tau: Array,
+    hand: float,
+    trace: Trace,
+    *,
+    path: BallPath | None,
+    faults: ActiveFaults | None,
+) -> BallPath | None:
+    """As :func:`move`, with a ball that may be led or disturbed.
+
+    From its first touch or disturbance on, a ball that followed a path flies freely.
 
     Args:
-        state: As in the module's table.
-        brakes: Of the command for the next tick.
-        stopped: Whether the catcher has stopped: the trial then goes on for ``WATCHED``.
+        plant: The plant.
+        tau: Torques commanded [N m], shape (n,).
+        hand: Closing angle commanded [rad].
+        trace: The trace, a row of which is written.
+        path: What the ball follows; None where it flies freely.
+        faults: What goes wrong in the trial; None for nothing.
+
+    Returns:
+        What the ball follows from now on.
     """
-    t = state[TICKS] * TICK
-    if brakes and state[BRAKED] < 0.0:
-        state[BRAKED] = t
-    if not brakes:
-        state[BRAKED] = -1.0
-    if stopped and state[STOPPED] < 0.0:
-        state[STOPPED] = t
+    state, ball = plant.state, len(plant.ctrl)
+    start, steps = int(state["ticks"][0]) * TICK, int(state["steps"][0])
+    pushed = faults is not None and state["touched"][0] < 0.0 and faults.pushes(start, start + TICK)
+    if path is None and not pushed:
+        move(plant, tau, hand, trace)
+        return None
+    h, r, dr = TICK / steps, plant.qpos[ball : ball + 3], plant.qvel[ball : ball + 3]
+    begin(plant, tau, hand)
+    for step in range(1, steps + 1):
+        flies = pushed and state["touched"][0] < 0.0
+        if faults and flies and faults.push(start + (step - 1) * h, h, r, dr):
+            path = None
+        leave(plant)
+        if path is not None:
+            r[:], dr[:] = path.at(start + step * h)
+        if arrive(plant, start + step * h) & BALL_ANY:
+            path = None
+    state["ticks"] += 1
+    note(plant, trace)
+    return path
 
 
 @kernel
 def begin(plant: Plant, tau: Array, hand: float) -> None:
     """Take the command of a tick, torques [N m] and closing angle [rad]; forget old contacts."""
-    plant.state[FORCE], plant.state[SEEN] = 0.0, 0.0
-    command(plant.drives, int(plant.state[TICKS]), tau, hand)
+    state = plant.state[0]
+    state.force, state.seen = 0.0, 0
+    command(plant.drives, state.ticks, tau, hand)
+
+
+@kernel
+def leave(plant: Plant) -> None:
+    """Make a step up to the new positions and velocities, with the torques of the drives."""
+    state, alone, ball = plant.state[0], plant.contacts[0] == 0, len(plant.ctrl)
+    _prepare(plant, TICK / state.steps, alone)
+    step2(plant.address[0], plant.address[1])
+    if alone:
+        return
+    touched, force = survey(plant, True)
+    state.force = max(state.force, force)
+    if len(plant.ctrl) == len(plant.slides):  # many cords share the force of a net: it is one thing
+        x, y, z = plant.constraint[ball], plant.constraint[ball + 1], plant.constraint[ball + 2]
+        state.force = max(state.force, np.sqrt(x * x + y * y + z * z))
+    state.seen |= touched
+    if not touched & BALL_ANY:
+        for i in range(3):
+            plant.qpos[ball + i] = plant.flight[0, i]
+            plant.qvel[ball + i] = plant.flight[1, i]
 
 
 @kernel
@@ -115,47 +153,52 @@ def _prepare(plant: Plant, h: float, alone: bool) -> None:
         h: Length of the step [s].
         alone: Whether nothing is touched, so that the ball can be made to fly exactly.
     """
-    qpos, qvel, passive = plant.qpos, plant.qvel, plant.passive
-    state, n = plant.state, len(plant.slides)
-    flight, ball = state[FLIGHT : FLIGHT + 6], len(plant.ctrl)
-    hand = follow(plant.drives, int(state[TICKS]), h)
+    qpos, qvel, passive, flight = plant.qpos, plant.qvel, plant.passive, plant.flight
+    state, ball = plant.state[0], len(plant.ctrl)
+    hand = follow(plant.drives, state.ticks, h)
     for i in range(3):
-        flight[i], flight[3 + i] = qpos[ball + i], qvel[ball + i]
-    advance(flight[:3], flight[3:], state[DRAG], h)
-    if not actuate(
-        qpos, qvel, plant.ctrl, passive, plant.drives[MEAN, :n], hand, state[SERVO:MASS],
-        state[FRICTION:], state[DRAG] * state[MASS],
-    ):  # fmt: skip
-        state[BROKEN] = 1.0
+        flight[0, i], flight[1, i] = qpos[ball + i], qvel[ball + i]
+    advance(flight[0], flight[1], plant.ball_drag, h)
+    _actuate(plant, hand)
     if alone:
         for i in range(3):
             weight = -GRAVITY if i == 2 else 0.0
-            passive[ball + i] = state[MASS] * ((flight[3 + i] - qvel[ball + i]) / h - weight)
-            qpos[ball + i] = flight[i] - h * flight[3 + i]
-    if state[BRAKED] >= 0.0:
-        since = state[TICKS] * TICK - state[BRAKED]
-        hold(state[len(state) - ROWS * n :], since, qvel, plant.ctrl, passive, h)
+            passive[ball + i] = plant.ball_mass * ((flight[1, i] - qvel[ball + i]) / h - weight)
+            qpos[ball + i] = flight[0, i] - h * flight[1, i]
+    if state.braked >= 0.0:
+        since = state.ticks * TICK - state.braked
+        hold(plant.brakes, since, qvel, plant.ctrl, passive, h)
 
 
 @kernel
-def leave(plant: Plant) -> None:
-    """Make a step up to the new positions and velocities, with the torques of the drives."""
-    state, alone, ball = plant.state, plant.contacts[0] == 0, len(plant.ctrl)
-    _prepare(plant, TICK / state[STEPS], alone)
-    step2(plant.address[0], plant.address[1])
-    if alone:
-        return
-    largest = state[SURVEY : SURVEY + 7]
-    largest[0] = state[FORCE]
-    touched = survey(plant, True, largest)
-    if len(plant.ctrl) == len(plant.slides):  # many cords share the force of a net: it is one thing
-        x, y, z = plant.constraint[ball], plant.constraint[ball + 1], plant.constraint[ball + 2]
-        largest[0] = max(largest[0], np.sqrt(x * x + y * y + z * z))
-    state[FORCE], state[SEEN] = largest[0], int(state[SEEN]) | touched
-    if not touched & BALL_ANY:
-        for i in range(3):
-            plant.qpos[ball + i] = state[FLIGHT + i]
-            plant.qvel[ball + i] = state[FLIGHT + 3 + i]
+def _actuate(plant: Plant, hand: float) -> None:
+    """Write what motors, friction and drag do in the next simulation step.
+
+    Degrees of freedom come in the order arm (n), fingers (f), ball (6). A motor whose command is
+    not finite gives nothing, and the trial is marked as broken. ``hand`` is the commanded closing
+    angle [rad].
+    """
+    qpos, qvel, ctrl, passive = plant.qpos, plant.qvel, plant.ctrl, plant.passive
+    tau, friction, finite, n, count = (
+        plant.drives.mean, plant.friction, True, len(plant.slides), len(plant.ctrl),
+    )  # fmt: skip
+    for i in range(n):
+        if not np.isfinite(tau[i]):
+            finite = False
+        ctrl[i] = tau[i] if np.isfinite(tau[i]) else 0.0
+        slip = np.tanh(qvel[i] / STICTION_SPEED)
+        passive[i] = -friction[0, i] * qvel[i] - friction[1, i] * slip
+    if not np.isfinite(hand):
+        finite, hand = False, 0.0
+    for i in range(n, count):
+        ctrl[i] = finger_torque(qpos[i], qvel[i], hand, plant.fingers)
+    x, y, z = qvel[count], qvel[count + 1], qvel[count + 2]
+    force = -(plant.ball_drag * plant.ball_mass) * np.sqrt(x * x + y * y + z * z)
+    passive[count] = force * x
+    passive[count + 1] = force * y
+    passive[count + 2] = force * z
+    if not finite:
+        plant.state[0].broken = True
 
 
 @kernel
@@ -165,20 +208,48 @@ def arrive(plant: Plant, t: float) -> int:
     Returns:
         Bits of what touches what, as long as the hand has not touched the ball before.
     """
-    state, ball = plant.state, len(plant.ctrl)
+    state, ball, first = plant.state[0], len(plant.ctrl), plant.first
     step1(plant.address[0], plant.address[1])
-    if plant.contacts[0] == 0 or state[TOUCHED] >= 0.0:
+    if plant.contacts[0] == 0 or state.touched >= 0.0:
         return 0
-    touched = survey(plant, False, state[SURVEY : SURVEY + 7])
-    state[SEEN] = int(state[SEEN]) | touched
+    touched, _ = survey(plant, False)
+    state.seen |= touched
     if touched & BALL_HAND:
-        state[TOUCHED] = t
+        state.touched = t
         for i in range(3):
-            state[FIRST + i], state[FIRST + 3 + i] = plant.qpos[ball + i], plant.qvel[ball + i]
-            state[FIRST + 6 + i] = plant.place[i]
-        velocity = state[FIRST + 9 : FIRST + 12]
-        tip_velocity(plant, velocity)
+            first[0, i], first[1, i] = plant.qpos[ball + i], plant.qvel[ball + i]
+            first[2, i] = plant.place[i]
+        tip_velocity(plant, first[3])
     return int(touched)
+
+
+@kernel
+def note(plant: Plant, trace: Trace) -> None:
+    """Write the present state into the trace, judge it, and set the steps of the next tick."""
+    state, ball, n = plant.state[0], len(plant.ctrl), len(plant.slides)
+    k, t = state.ticks, state.ticks * TICK
+    trace.t[k], trace.force[k], trace.seen[k] = t, state.force, state.seen
+    for i in range(len(plant.qpos)):
+        trace.qpos[k, i] = plant.qpos[i]
+    for i in range(len(plant.qvel)):
+        trace.qvel[k, i] = plant.qvel[i]
+    for i in range(n):
+        trace.tau[k, i] = plant.drives.mean[i]
+    velocity = trace.velocity[k]
+    tip_velocity(plant, velocity)
+    state.peak = max(state.force, state.peak)
+    gap, speed = 0.0, 0.0
+    for i in range(3):
+        trace.position[k, i] = plant.place[i]
+        gap += (plant.qpos[ball + i] - plant.place[i]) ** 2
+        speed += (plant.qvel[ball + i] - velocity[i]) ** 2
+    sane, touched = _is_sane(plant), state.touched >= 0.0
+    if not sane:
+        state.broken = True
+    resting = touched and t - state.touched > REST_AFTER and speed < REST_SPEED * REST_SPEED
+    steps = 1 if not sane or gap > NEAR * NEAR or resting else FINE_STEPS
+    if steps != state.steps:
+        state.steps, plant.step[0] = steps, TICK / steps
 
 
 @kernel
@@ -194,65 +265,39 @@ def _is_sane(plant: Plant) -> bool:
 
 
 @kernel
-def note(plant: Plant, rows: Array) -> None:
-    """Write the present state into the trace, judge it, and set the steps of the next tick.
+def note_stop(state: Record, brakes: bool, stopped: bool) -> None:
+    """Note whether brakes are to engage, and whether the catcher has stopped.
 
     Args:
-        plant: The plant.
-        rows: The trace, one row a tick, in the order of ``Trace``.
+        state: As of ``Plant``.
+        brakes: Of the command for the next tick.
+        stopped: Whether the catcher has stopped: the trial then goes on for ``WATCHED``.
     """
-    state, ball, t = plant.state, len(plant.ctrl), plant.state[TICKS] * TICK
-    row, k = rows[int(state[TICKS])], 1
-    row[0] = t
-    tau = plant.drives[MEAN, : len(plant.slides)]
-    for column in (plant.qpos, plant.qvel, tau, plant.place):
-        for i in range(column.shape[0]):
-            row[k + i] = column[i]
-        k += column.shape[0]
-    velocity = row[k : k + 3]
-    tip_velocity(plant, velocity)
-    row[k + 3], row[k + 4] = state[FORCE], state[SEEN]
-    state[PEAK] = max(state[FORCE], state[PEAK])
-    gap, speed = 0.0, 0.0
-    for i in range(3):
-        gap += (plant.qpos[ball + i] - plant.place[i]) ** 2
-        speed += (plant.qvel[ball + i] - velocity[i]) ** 2
-    sane, touched = _is_sane(plant), state[TOUCHED] >= 0.0
-    if not sane:
-        state[BROKEN] = 1.0
-    resting = touched and t - state[TOUCHED] > REST_AFTER and speed < REST_SPEED * REST_SPEED
-    steps = 1 if not sane or gap > NEAR * NEAR or resting else FINE_STEPS
-    if steps != state[STEPS]:
-        state[STEPS], plant.step[0] = steps, TICK / steps
+    s = state[0]
+    t = s.ticks * TICK
+    if brakes and s.braked < 0.0:
+        s.braked = t
+    if not brakes:
+        s.braked = -1.0
+    if stopped and s.stopped < 0.0:
+        s.stopped = t
 
 
 @kernel
-def move(plant: Plant, tau: Array, hand: float, rows: Array) -> None:
-    """Let the motors follow a command for one tick; see :func:`begin` and :func:`note`."""
-    state = plant.state
-    start, steps = state[TICKS] * TICK, int(state[STEPS])
-    begin(plant, tau, hand)
-    for step in range(1, steps + 1):
-        leave(plant)
-        arrive(plant, start + step * (TICK / steps))
-    state[TICKS] += 1.0
-    note(plant, rows)
-
-
-@kernel
-def over(state: Array, longest: float, held: float) -> bool:
+def over(state: Record, longest: float, held: float) -> bool:
     """Tell whether a trial is at its end.
 
     Args:
-        state: As in the module's table.
+        state: As of ``Plant``.
         longest: Time at which a trial without contact ends [s]; or when the ball is on the floor.
         held: How long a trial goes on after the first contact [s].
     """
-    t = state[TICKS] * TICK
-    if state[BROKEN] > 0.0:
+    s = state[0]
+    t = s.ticks * TICK
+    if s.broken:
         return True
-    if state[STOPPED] >= 0.0:
-        return bool(t >= state[STOPPED] + WATCHED)
-    if state[TOUCHED] >= 0.0:
-        return bool(t >= state[TOUCHED] + held)
-    return bool(t >= longest or int(state[SEEN]) & BALL_FLOOR)
+    if s.stopped >= 0.0:
+        return bool(t >= s.stopped + WATCHED)
+    if s.touched >= 0.0:
+        return bool(t >= s.touched + held)
+    return bool(t >= longest or s.seen & BALL_FLOOR)

@@ -1,29 +1,49 @@
-"""Images of a plainer kind of truth: shaded arm, moving light, patterns, a lens that blurs.
+"""How an image comes about: a wall, arm and hand, and bright balls, exposed with noise and smear.
 
-Everything is painted without noise on a canvas of real numbers, balls and capsules in the order
-of their depth; then come the lens, the light and the noise of the sensor. ``exposure`` uses it
-where its own faster way, without any of this, will not do.
+All images of an instant are drawn in one call. Balls (``outline``) and capsules (``capsules``) are
+painted without noise on a canvas of real numbers, the far ones first; then come the lens, the
+light and the noise of the sensor. The wall turns with the camera, to whole pixels, and is as good
+as infinitely far away; it does not smear, nor do arm and hand.
 
-| here     | meaning                                                          | unit   | shape     |
-|----------|------------------------------------------------------------------|--------|-----------|
-| canvas   | an image without noise                                           | levels | (h, w)    |
-| capsules | as in :mod:`mitt.world.capsules`, then 1 for the hand, else 0    |        | (k, 8)    |
-| light    | a :class:`Light`                                                 |        |           |
-| window   | first and last row, first and last column                        | px     | 4         |
+| here    | meaning                                                           | unit   | shape  |
+|---------|-------------------------------------------------------------------|--------|--------|
+| canvas  | an image without noise                                            | levels | (h, w) |
+| windows | part of each image that is drawn: first and last row, first and   | px     | (n, 4) |
+|         | last column; beyond it nothing that counts is drawn               |        |        |
 """
 
 from math import pi, sin
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mitt.jit import kernel
 from mitt.signals import Array, Image
+from mitt.structs import Record
 from mitt.views import view
-from mitt.world.capsules import Camera, Edges, Point, Seen, in_front, into, misses, seen_from
-from mitt.world.noise import PERIOD
-from mitt.world.outline import blend_ball
-from mitt.world.shading import Canvas, paint_capsule
+from mitt.vision.head import aim_one
+from mitt.world.capsules import (
+    Camera,
+    Canvas,
+    Edges,
+    Seen,
+    in_front,
+    into,
+    misses,
+    paint_capsule,
+    seen_from,
+)
+from mitt.world.outline import Scratch, paint_ball
+
+Window: TypeAlias = NDArray[np.int64]
+
+PERIOD = 1024
+"""Side of the wall before it repeats [px]."""
+_SHADOW_EDGE = 24.0
+"""Width of the shadow's soft edge [px]; a choice of this project."""
+_GRAIN_SHIFT = 0.7
+"""Phase by which the grain of a capsule differs from that of the one before it [half periods]."""
 
 
 class Light(NamedTuple):
@@ -38,7 +58,6 @@ class Light(NamedTuple):
         amplitude, frequency, phase: Of the illumination: relative [1], [Hz], [rad].
         shadow: Relative depth of a shadow [1].
         shadow_speed, shadow_start: Of its edge: speed [px/s], column at time zero [px].
-        painted: Whether images are painted.
     """
 
     read_noise: float
@@ -54,19 +73,148 @@ class Light(NamedTuple):
     shadow: float
     shadow_speed: float
     shadow_start: float
-    painted: bool
 
 
-EDGE = 24.0
-"""Width of the shadow's soft edge [px]."""
-WIDEST = 9
-"""Pixels that the blur of a lens reaches at most."""
+class Balls(NamedTuple):
+    """The balls in view, at most two: one that is thrown and one that rolls.
+
+    One whose place is not finite is left out.
+
+    Attributes:
+        level: Grey levels, shape (k,).
+        radius: Radii [m], shape (k,).
+        start, velocity: Centre as the first is released [m] and velocity [m/s] of those that roll,
+            shape (k, 3).
+        begin, end: Scratch, centres in the world as the shutter opens and closes [m], shape (k, 3).
+        centre: Scratch, ``begin`` in the optical frame [m], shape (k, 3).
+    """
+
+    level: Array
+    radius: Array
+    start: Array
+    velocity: Array
+    begin: Array
+    end: Array
+    centre: Array
+
+
+class Film(NamedTuple):
+    """Cameras and what they see beside arm, hand and the thrown ball.
+
+    Attributes:
+        half: Half the exposure [s].
+        heads: The heads, as in :mod:`mitt.vision.head`; no rows for cameras that stand still.
+        angles: Pan, tilt [rad] and their rates [rad/s] in the middle of the exposure, shape (n, 4).
+        optics: Cameras as the shutter opens and closes, records of
+            :data:`mitt.vision.camera.CAMERA`, shape (n, 2); those on heads are overwritten.
+        balls: The balls.
+        light: Light, noise and lens.
+        wall: The background as it would look without noise, two periods a side.
+        normal: Standard normal numbers to read the noise from, shape (c,).
+        work: Scratch for the widest image.
+        canvas: Scratch, two images of the largest, flat.
+    """
+
+    half: float
+    heads: Record
+    angles: Array
+    optics: Record
+    balls: Balls
+    light: Light
+    wall: Image
+    normal: Array
+    work: Scratch
+    canvas: NDArray[np.float32]
+
+
+class Exposure(NamedTuple):
+    """The thrown ball, arm and hand in the middle of an exposure.
+
+    Attributes:
+        t: When that is [s].
+        radius: Radius of the ball [m].
+        r_o: Its centre [m], shape (3,); not finite for no ball.
+        dr_o: Its velocity [m/s], shape (3,).
+        capsules: Arm and hand, as in :mod:`mitt.world.capsules`.
+    """
+
+    t: float
+    radius: float
+    r_o: Array
+    dr_o: Array
+    capsules: Array
 
 
 @kernel
-def _hang(canvas: Canvas, turn: Point, wall: Image, window: Edges) -> None:
-    """Fill a window with the wall, which turns with the camera; see ``exposure``."""
-    f, pan, tilt = turn
+def render_images(
+    images: tuple[Image, ...],
+    film: Film,
+    starts: NDArray[np.int64],
+    shot: Exposure,
+    windows: Window,
+) -> None:
+    """Place cameras and balls as the shutter opens and as it closes, and draw what is seen.
+
+    Args:
+        images: Results, one a camera, each shape (height, width).
+        film: Cameras.
+        starts: Where in ``film.normal`` the noise of each camera begins, shape (n,).
+        shot: What is in view.
+        windows: As in the module's table.
+    """
+    balls, half, t, angles = film.balls, film.half, shot.t, film.angles
+    for i in range(3):
+        balls.begin[0, i] = shot.r_o[i] - half * shot.dr_o[i]
+        balls.end[0, i] = shot.r_o[i] + half * shot.dr_o[i]
+    balls.radius[0] = shot.radius
+    for k in range(1, len(balls.level)):
+        for i in range(3):
+            balls.begin[k, i] = balls.start[k, i] + (t - half) * balls.velocity[k, i]
+            balls.end[k, i] = balls.start[k, i] + (t + half) * balls.velocity[k, i]
+    for n in range(len(angles)):
+        pan, tilt, dpan, dtilt = angles[n]
+        aim_one(film.heads[n], pan - half * dpan, tilt - half * dtilt, film.optics[n, 0])
+        aim_one(film.heads[n], pan + half * dpan, tilt + half * dtilt, film.optics[n, 1])
+    for n in range(len(images)):
+        window = windows[n, 0], windows[n, 1], windows[n, 2], windows[n, 3]
+        _draw(images[n], n, film, shot, window)
+        _read_out(images[n], film, t, starts[n], window)
+
+
+@kernel
+def _draw(pixels: Image, n: int, film: Film, shot: Exposure, window: Edges) -> None:
+    """Paint what the n-th camera sees on the canvas, as its lens shows it."""
+    height, width = pixels.shape
+    canvas = view(film.canvas, 0, (height, width))
+    reach = _reach(film.light.blur) if film.light.blur > 0.0 else 0
+    wide = (
+        max(window[0] - reach, 0), min(window[1] + reach, height - 1),
+        max(window[2] - reach, 0), min(window[3] + reach, width - 1),
+    )  # fmt: skip
+    _hang(canvas, n, film, wide)
+    _paint(canvas, _camera(film.optics, n, 0), _camera(film.optics, n, 1), film, shot, wide)
+    if reach > 0:
+        other = view(film.canvas, height * width, (height, width))
+        _soften(canvas, other, film.light.blur, wide, window)
+
+
+@kernel
+def _camera(optics: Record, n: int, shut: int) -> Camera:
+    """Return a camera as in :mod:`mitt.world.capsules`, at begin (0) or end (1)."""
+    o = optics[n, shut]
+    R, c = o.R, o.centre
+    return (
+        R[0, 0], R[0, 1], R[0, 2], R[1, 0], R[1, 1], R[1, 2], R[2, 0], R[2, 1], R[2, 2],
+        c[0], c[1], c[2], o.f_px, o.cu, o.cv,
+    )  # fmt: skip
+
+
+@kernel
+def _hang(canvas: Canvas, n: int, film: Film, window: Edges) -> None:
+    """Fill a window with the wall, which turns with the camera."""
+    f, pan, tilt, wall = film.optics[n, 0].f_px, 0.0, 0.0, film.wall
+    if len(film.angles) > 0:
+        pan, tilt = film.angles[n, 0], film.angles[n, 1]
     column, row = np.uint64(round(f * pan) % PERIOD), np.uint64(round(-f * tilt) % PERIOD)
     for v in range(np.uint64(window[0]), np.uint64(window[1] + 1)):  # none counts from the end
         for u in range(np.uint64(window[2]), np.uint64(window[3] + 1)):
@@ -74,9 +222,54 @@ def _hang(canvas: Canvas, turn: Point, wall: Image, window: Edges) -> None:
 
 
 @kernel
+def _paint(
+    canvas: Canvas, begin: Camera, end: Camera, film: Film, shot: Exposure, window: Edges
+) -> None:
+    """Paint capsules and balls, the far ones first."""
+    balls, light, lens = film.balls, film.light, (begin[12], begin[13], begin[14])
+    count, centre = len(balls.level), balls.centre
+    for k in range(count):
+        x, y, z = into(begin, balls.begin[k, 0], balls.begin[k, 1], balls.begin[k, 2])
+        centre[k, 0], centre[k, 1], centre[k, 2] = x, y, z
+    farther = 1 if count == 2 and centre[1, 2] > centre[0, 2] else 0
+    for drawn in range(count + 1):
+        for k in range(shot.capsules.shape[0]):
+            ahead, seen = seen_from(begin, shot.capsules, k)
+            if not ahead or misses(lens, seen, window):
+                continue
+            if _count_behind(seen, centre) == drawn:
+                level = light.hand if shot.capsules[k, 7] > 0.0 else light.body
+                style = light.shading, light.grain, _GRAIN_SHIFT * k
+                paint_capsule(canvas, lens, seen, level, style, window)
+        if drawn < count:
+            b = farther if drawn == 0 else 1 - farther
+            x1, y1, z1 = into(end, balls.end[b, 0], balls.end[b, 1], balls.end[b, 2])
+            x, y, z = centre[b, 0], centre[b, 1], centre[b, 2]
+            if np.isfinite(x + y + z + x1 + y1 + z1):
+                ball = x, y, z, x1, y1, z1, balls.radius[b]
+                paint_ball(canvas, lens, ball, balls.level[b], window, film.work)
+
+
+@kernel
+def _count_behind(seen: Seen, centre: Array) -> int:
+    """Return how many balls a capsule is nearer than."""
+    count = 0
+    for k in range(centre.shape[0]):
+        ball = centre[k, 0], centre[k, 1], centre[k, 2]
+        count += np.isfinite(ball[0] + ball[1] + ball[2]) and in_front(seen, ball)
+    return count
+
+
+@kernel
+def _reach(sigma: float) -> int:
+    """Return how far the blur of a lens reaches: 3 sigma, at most 9 px."""
+    return min(int(np.ceil(3.0 * sigma)), 9)
+
+
+@kernel
 def _soften(canvas: Canvas, other: Canvas, sigma: float, wide: Edges, window: Edges) -> None:
     """Blur a window by a Gaussian; ``wide`` is the window and what the blur reaches beyond it."""
-    height, width, reach = canvas.shape[0], canvas.shape[1], wide_of(sigma)
+    height, width, reach = canvas.shape[0], canvas.shape[1], _reach(sigma)
     left, right = np.uint64(window[2]), np.uint64(window[3] + 1)
     total = 0.0
     for k in range(-reach, reach + 1):
@@ -106,36 +299,24 @@ def _soften(canvas: Canvas, other: Canvas, sigma: float, wide: Edges, window: Ed
 
 
 @kernel
-def wide_of(sigma: float) -> int:
-    """Return how far the blur of a lens reaches [px]."""
-    return min(int(np.ceil(3.0 * sigma)), WIDEST)
-
-
-@kernel
-def brightness(light: Light, t: float) -> float:
-    """Return the illumination at an instant over its mean [1]."""
-    return float(1.0 + light.amplitude * sin(2.0 * pi * light.frequency * t + light.phase))
-
-
-@kernel
 def _cast(canvas: Canvas, light: Light, t: float, window: Edges) -> None:
     """Cast the shadow on a window."""
     edge = light.shadow_start + light.shadow_speed * t
     for v in range(np.uint64(window[0]), np.uint64(window[1] + 1)):
         for u in range(np.uint64(window[2]), np.uint64(window[3] + 1)):
-            into = 0.5 - (np.int64(u) - edge) / EDGE
+            into = 0.5 - (np.int64(u) - edge) / _SHADOW_EDGE
             canvas[v, u] *= np.float32(1.0 - light.shadow * min(max(into, 0.0), 1.0))
 
 
 @kernel
-def _read_out(
-    pixels: Image, canvas: Canvas, light: Light, t: float, normal: Array, start: int, window: Edges
-) -> None:
-    """Light a window, add read and shot noise, and round to bytes."""
+def _read_out(pixels: Image, film: Film, t: float, start: int, window: Edges) -> None:
+    """Light a window of the canvas at an instant, add read and shot noise, and round to bytes."""
+    light, normal, canvas = film.light, film.normal, view(film.canvas, 0, pixels.shape)
     if light.shadow > 0.0:
         _cast(canvas, light, t, window)
     read, shot = np.float32(light.read_noise * light.read_noise), np.float32(1.0 / light.electrons)
-    lit, half = np.float32(brightness(light, t)), np.float32(0.5)
+    flicker = 1.0 + light.amplitude * sin(2.0 * pi * light.frequency * t + light.phase)
+    lit, half = np.float32(flicker), np.float32(0.5)
     zero, top, width = np.float32(0.0), np.float32(255.0), np.uint64(pixels.shape[1])
     for v in range(np.uint64(window[0]), np.uint64(window[1] + 1)):
         at = np.uint64(start) + v * width
@@ -143,84 +324,3 @@ def _read_out(
             mean = lit * canvas[v, u]
             value = mean + np.sqrt(read + shot * mean) * np.float32(normal[at + u]) + half
             pixels[v, u] = np.uint8(min(max(value, zero), top))
-
-
-@kernel
-def _count_behind(seen: Seen, depths: Array) -> int:
-    """Return how many balls a capsule is nearer than."""
-    count = 0
-    for k in range(depths.shape[0]):
-        ball = depths[k, 0], depths[k, 1], depths[k, 2]
-        count += np.isfinite(ball[0] + ball[1] + ball[2]) and in_front(seen, ball)
-    return count
-
-
-@kernel
-def _paint_all(
-    canvas: Canvas, begin: Camera, end: Camera, balls: Array, capsules: Array, light: Light,
-    window: Edges, work: Array,
-) -> None:  # fmt: skip
-    """Paint capsules and balls, the far ones first."""
-    lens, count = (begin[12], begin[13], begin[14]), balls.shape[0]
-    order, centres = np.zeros(2, np.int64), np.empty((2, 3))
-    for k in range(count):
-        x, y, z = into(begin, balls[k, 0], balls[k, 1], balls[k, 2])
-        centres[k, 0], centres[k, 1], centres[k, 2] = x, y, z
-    order[0], order[1] = 0, count - 1
-    if count == 2 and centres[1, 2] > centres[0, 2]:
-        order[0], order[1] = 1, 0
-    for stage in range(count + 1):
-        for k in range(capsules.shape[0]):
-            ahead, seen = seen_from(begin, capsules, k)
-            if not ahead or misses(lens, seen, window):
-                continue
-            if _count_behind(seen, centres[:count]) == stage:
-                level = light.hand if capsules[k, 7] > 0.0 else light.body
-                style = light.shading, light.grain, 0.7 * k
-                paint_capsule(canvas, lens, seen, level, style, window)
-        if stage < count:
-            b = order[stage]
-            x1, y1, z1 = into(end, balls[b, 3], balls[b, 4], balls[b, 5])
-            x, y, z = centres[b, 0], centres[b, 1], centres[b, 2]
-            if np.isfinite(x + y + z + x1 + y1 + z1):
-                ball = x, y, z, x1, y1, z1, balls[b, 6]
-                blend_ball(canvas, lens, ball, balls[b, 7], window, work)
-
-
-@kernel
-def paint(
-    pixels: Image, begin: Camera, end: Camera, turn: Point, balls: Array, capsules: Array,
-    light: Light, t: float, wall: Image, normal: Array, start: int, window: Edges, work: Array,
-    canvas: Canvas,
-) -> None:  # fmt: skip
-    """Draw what one camera sees.
-
-    Args:
-        pixels: Result, true within the window, shape (height, width).
-        begin: Camera as the shutter opens, as in :mod:`mitt.world.capsules`.
-        end: Camera as it closes.
-        turn: f_px [px], pan and tilt [rad].
-        balls: As in :mod:`mitt.world.exposure`, at most two.
-        capsules: Arm and hand.
-        light: Light and noise.
-        t: Middle of the exposure [s].
-        wall: The background.
-        normal: Standard normal numbers, shape (c,).
-        start: Where in them the image begins, which takes one number a pixel.
-        window: What is drawn.
-        work: Scratch, as of :func:`mitt.world.outline.draw_ball`.
-        canvas: Scratch, two images, flat.
-    """
-    height, width = pixels.shape
-    first, other = view(canvas, 0, (height, width)), view(canvas, height * width, (height, width))
-    sigma = light.blur
-    reach = wide_of(sigma) if sigma > 0.0 else 0
-    wide = (
-        max(window[0] - reach, 0), min(window[1] + reach, height - 1),
-        max(window[2] - reach, 0), min(window[3] + reach, width - 1),
-    )  # fmt: skip
-    _hang(first, turn, wall, wide)
-    _paint_all(first, begin, end, balls, capsules, light, wide, work)
-    if reach > 0:
-        _soften(first, other, sigma, wide, window)
-    _read_out(pixels, first, light, t, normal, start, window)

@@ -2,39 +2,40 @@
 
 from collections import deque
 from collections.abc import Callable
-from typing import Protocol
+from typing import NamedTuple
 
 import numpy as np
 
 from mitt.jit import kernel
 from mitt.robot.description import ArmModel
 from mitt.signals import ArmState, Array, Frame, Senses, Sighting
-from mitt.world.capsules import Silhouettes
+from mitt.world.capsules import Body, lay_capsules
+from mitt.world.imaging import Imager
 from mitt.world.scene import Scene, Sensing
-
-
-class FrameSource(Protocol):
-    """The cameras: ``mitt.world.imaging.Imager`` is one."""
-
-    def render(
-        self, t: float, r_o: Array | None, radius: float, *, dr_o: Array | None, capsules: Array
-    ) -> tuple[Frame, ...]:
-        """Return what the cameras see at ``t`` [s]: ball, and capsules of arm and hand."""
-
-    def turn(self, gaze: Array | None, duration: float) -> None:
-        """Turn the cameras, if they can be turned, for ``duration`` [s]."""
-
 
 Exposed = tuple[tuple[Frame, ...], tuple[Sighting, ...]]
 _NOTHING: Exposed = ((), ())
 
-CameraMaker = Callable[[np.random.Generator], FrameSource]
+CameraMaker = Callable[[np.random.Generator], Imager]
 """Sets up the cameras for a trial with its own source of noise."""
 
 
-STEP, Q, DQ, COUNTED, SINCE = range(5)
-"""Rows of a table of encoders, shape (5, n): resolution [rad], reading [rad], its rate [rad/s], the
-reading before [rad], and in the first column its time [s], negative before there was one."""
+class Encoders(NamedTuple):
+    """The encoders of n joints.
+
+    Attributes:
+        step: Resolution [rad], shape (n,); 0 is exact.
+        q: Reading [rad], shape (n,).
+        dq: Its rate [rad/s], shape (n,).
+        counted: The reading before of those that count [rad], shape (n,).
+        since: Its time [s], shape (1,); negative before there was one.
+    """
+
+    step: Array
+    q: Array
+    dq: Array
+    counted: Array
+    since: Array
 
 
 def encoder_steps(scene: Scene, arm: ArmModel) -> Array:
@@ -45,33 +46,32 @@ def encoder_steps(scene: Scene, arm: ArmModel) -> Array:
     return np.full(len(arm.names), step)
 
 
-def fresh_encoders(steps: Array) -> Array:
-    """Return the table of encoders that have not been read yet, shape (5, n)."""
-    table = np.zeros((5, len(steps)))
-    table[STEP], table[SINCE] = steps, -1.0
-    return table
+def fresh_encoders(steps: Array) -> Encoders:
+    """Return encoders of some resolution that have not been read yet."""
+    n = len(steps)
+    return Encoders(np.array(steps), np.zeros(n), np.zeros(n), np.zeros(n), np.array([-1.0]))
 
 
 @kernel
-def read_encoders(table: Array, t: float, q: Array, dq: Array) -> None:
+def read_encoders(encoders: Encoders, t: float, q: Array, dq: Array) -> None:
     """Read the encoders: exact, or counts whose difference is the velocity.
 
     Args:
-        table: As of :func:`fresh_encoders`; its rows ``Q`` and ``DQ`` are the result.
+        encoders: The encoders; ``q`` and ``dq`` of them are the result.
         t: Time of the reading [s].
         q: True joint positions [rad], shape (n,).
         dq: True joint velocities [rad/s], shape (n,).
     """
-    before = table[SINCE, 0]
+    before = encoders.since[0]
     for i in range(len(q)):
-        step = table[STEP, i]
+        step = encoders.step[i]
         if step == 0.0:
-            table[Q, i], table[DQ, i] = q[i], dq[i]
+            encoders.q[i], encoders.dq[i] = q[i], dq[i]
             continue
         counted = step * np.rint(q[i] / step)
-        table[DQ, i] = 0.0 if before < 0.0 else (counted - table[COUNTED, i]) / (t - before)
-        table[Q, i] = table[COUNTED, i] = counted
-    table[SINCE, 0] = t
+        encoders.dq[i] = 0.0 if before < 0.0 else (counted - encoders.counted[i]) / (t - before)
+        encoders.q[i] = encoders.counted[i] = counted
+    encoders.since[0] = t
 
 
 class Sensors:
@@ -87,7 +87,7 @@ class Sensors:
         radius: float,
         cameras: CameraMaker | None,
         rng: np.random.Generator,
-        body: Silhouettes,
+        body: Body,
         steps: Array,
     ) -> None:
         """Set up the sensors.
@@ -109,13 +109,13 @@ class Sensors:
         self._covariance = max(sensing.point_noise, 1e-6) ** 2 * np.eye(3)
 
     @property
-    def imager(self) -> FrameSource | None:
+    def imager(self) -> Imager | None:
         """The cameras; None where the ball is seen as points."""
         return self._cameras
 
     @property
-    def encoders(self) -> Array:
-        """Table of the encoders as of :func:`fresh_encoders`, for compiled loops that read them."""
+    def encoders(self) -> Encoders:
+        """The encoders, for compiled loops that read them."""
         return self._encoders
 
     @property
@@ -150,14 +150,14 @@ class Sensors:
         elif self._cameras is None:
             self._line.append(((), (self._point(t, r_o),)))
         else:
-            self._body.update()
+            lay_capsules(self._body, self._body.capsules)
             frames = self._cameras.render(
                 t, r_o, self._radius, dr_o=dr_o, capsules=self._body.capsules
             )
             self._line.append((frames, ()))
         arrived = self._line.popleft() if len(self._line) > self._latency else _NOTHING
         read_encoders(self._encoders, t, q, dq)
-        q, dq = self._encoders[Q].copy(), self._encoders[DQ].copy()
+        q, dq = self._encoders.q.copy(), self._encoders.dq.copy()
         return Senses(t=t, arm=ArmState(t=t, q=q, dq=dq), frames=arrived[0], points=arrived[1])
 
     def _point(self, t: float, r_o: Array) -> Sighting:

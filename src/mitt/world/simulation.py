@@ -1,6 +1,7 @@
 """The simulated world: one plant, thrown at again and again, a tick at a time."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import NoReturn, final
 
 import mujoco
@@ -12,24 +13,43 @@ from mitt.robot.description import ArmModel
 from mitt.robot.hands import FingerDrive, HandModel
 from mitt.robot.limits import Limits
 from mitt.signals import TICK, Array, Command, Frame, Senses
-from mitt.world import contacts, motion, prescribed
-from mitt.world.ballistics import fly
-from mitt.world.brakes import brake_numbers
-from mitt.world.build import build_scene
-from mitt.world.capsules import Silhouettes
-from mitt.world.drives import MEAN, fresh_drives, servo_numbers
-from mitt.world.engine import plant_of
-from mitt.world.faults.flight import Undisturbed
-from mitt.world.faults.trial import ActiveFaults, Sensor
+from mitt.world.build import Drawn, PlantDraw, build_scene
+from mitt.world.capsules import Body, body_of, lay_capsules
+from mitt.world.disturbances import Trial, Undisturbed
+from mitt.world.drives import brakes_of, finger_servo, fresh_drives, servo_of
+from mitt.world.engine import Plant, hand_names, plant_of, released
+from mitt.world.faults import ActiveFaults, Sensor
 from mitt.world.flights import BallPath
 from mitt.world.imaging import Imager
-from mitt.world.mismatch import Drawn, PlantDraw
+from mitt.world.motion import move_led, note, note_stop, over
 from mitt.world.scene import Scene
 from mitt.world.sensors import CameraMaker, Sensors, encoder_steps
-from mitt.world.servo import servo_of
-from mitt.world.stage import Stage
-from mitt.world.throws import Throw
+from mitt.world.throws import Throw, fly
 from mitt.world.truth import FirstContact, Trace, TraceBuffer, Truth, truth_of
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """A world as compiled code plays on it: see :mod:`mitt.trials.play`.
+
+    Attributes:
+        plant: The plant.
+        trace_buffer: The trace, whose row of a tick has its number.
+        body: Arm and hand.
+        sensors: What reaches the catcher.
+        imager: The cameras, two that see images of one size and do not turn; None where the ball
+            is seen as points.
+        scene: Settings.
+        radius: Radius of the ball [m].
+    """
+
+    plant: Plant
+    trace_buffer: TraceBuffer
+    body: Body
+    sensors: Sensors
+    imager: Imager | None
+    scene: Scene
+    radius: float
 
 
 @final
@@ -70,20 +90,20 @@ class World:
         self._built = build_scene(scene, arm)
         self.model = self._built.model
         self.data = mujoco.MjData(self.model)
-        self._brakes = brake_numbers(arm.complete(), limits)
+        self._brakes = brakes_of(arm.complete(), limits)
         self._joint_servo = servo_of(scene, arm, limits)
         self._draw = PlantDraw(scene, self._built)
         self._n, self._f = self._built.joints, self._built.fingers
         drive = arm.hand.drive if isinstance(arm.hand, HandModel) else FingerDrive()
-        self._servo = servo_numbers(drive)
+        self._fingers = finger_servo(drive)
         d, n, ball = self.data, self._n, self._n + self._f
         self._plant = plant_of(self.model, d, self._built.site, n)
-        self._names = contacts.hand_names(self.model)
+        self._names = hand_names(self.model)
         qpos, qvel, self._site = self._plant.qpos, self._plant.qvel, self._plant.place
         self._senses = qpos[:n], qvel[:n], qpos[ball : ball + 3], qvel[ball : ball + 3]
-        self._body, self._steps = Silhouettes(self.model, d), encoder_steps(scene, arm)
+        self._body, self._steps = body_of(self.model, d), encoder_steps(scene, arm)
         self._ball = self._senses[2:]
-        self._trace = TraceBuffer((1, self.model.nq, self.model.nv, n, 3, 3, 1, 1))
+        self._trace = TraceBuffer(self.model.nq, self.model.nv, n)
         self._path: BallPath | None = None
         self._start(None, self._draw.nominal)
 
@@ -95,7 +115,7 @@ class World:
     @property
     def t(self) -> float:
         """Time since release [s]."""
-        return self._state.item(motion.TICKS) * TICK
+        return self._ticks * TICK
 
     @property
     def flight(self) -> Callable[[float], tuple[Array, Array]]:
@@ -113,10 +133,8 @@ class World:
     @property
     def first_contact(self) -> FirstContact | None:
         """True state at the first touch of ball and hand; None until then."""
-        t = self._state.item(motion.TOUCHED)
-        if t < 0.0:
-            return None
-        return FirstContact(t, *self._state[motion.FIRST : motion.FLIGHT].copy().reshape(4, 3))
+        t = float(self._plant.state["touched"][0])
+        return None if t < 0.0 else FirstContact(t, *self._plant.first.copy())
 
     @property
     def catch_point(self) -> Array:
@@ -126,20 +144,20 @@ class World:
     @property
     def peak_force(self) -> float:
         """Largest single contact force on the ball so far [N]."""
-        return self._state.item(motion.PEAK)
+        return float(self._plant.state["peak"][0])
 
     def watch_on(self) -> None:
         """Go on for :data:`mitt.world.motion.WATCHED` from now on: the catcher has stopped."""
-        motion.note_stop(self._state, bool(self._state[motion.BRAKED] >= 0.0), True)
+        note_stop(self._plant.state, bool(self._plant.state["braked"][0] >= 0.0), True)
 
     def over(self, *, longest: float, held: float) -> bool:
         """Tell whether the trial is at its end, by :func:`mitt.world.motion.over`."""
-        return bool(motion.over(self._state, longest, held))
+        return bool(over(self._plant.state, longest, held))
 
     @property
     def diverged(self) -> bool:
         """Whether the physics broke down in this trial, or a command was not finite."""
-        return bool(self._state[motion.BROKEN])
+        return bool(self._plant.state["broken"][0])
 
     def reset(self, ball: Throw | BallPath, seed: int, *, stay: bool = False) -> None:
         """Start a trial.
@@ -164,7 +182,7 @@ class World:
             self._scene.sensing, drawn.radius, self._cameras, noise, self._body, self._steps
         )
         self._sensors: Sensor = sensors
-        self._imager = sensors.imager if isinstance(sensors.imager, Imager) else None
+        self._imager = sensors.imager
         if faults is not None:
             self._sensors = faults.sensors(sensors, pixels=self._cameras is not None)
             ball = faults.ball
@@ -197,7 +215,7 @@ class World:
         """
         if self._imager is None or self._scene.sensing.cameras == "active":
             return []
-        self._body.update()
+        lay_capsules(self._body, self._body.capsules)
         return self._imager.before(count, self._body.capsules)
 
     @property
@@ -213,10 +231,10 @@ class World:
         if not isinstance(sensors, Sensors):
             return None
         imager = sensors.imager
-        if imager is not None and not (isinstance(imager, Imager) and imager.a_pair):
+        if imager is not None and not imager.a_pair:
             return None
         return Stage(
-            self._plant, self._trace, self._body.table, sensors, imager, self._scene, self.radius
+            self._plant, self._trace, self._body, sensors, imager, self._scene, self.radius
         )
 
     def apply(self, command: Command) -> None:
@@ -226,9 +244,9 @@ class World:
             command = self._faults.command(self.t, command)
         if self._joint_servo is not None:
             command = self._joint_servo.torques(command, *self._senses[:2])
-        motion.note_stop(self._state, command.brakes, False)
+        note_stop(self._plant.state, command.brakes, False)
         asked = command.tau, command.hand, self._trace.reserve(self._ticks + 2)
-        self._path = prescribed.move(self._plant, *asked, path=self._path, faults=self._faults)
+        self._path = move_led(self._plant, *asked, path=self._path, faults=self._faults)
         self._sensors.turn(command.gaze, TICK)
 
     def _checked(self, command: Command) -> Command:
@@ -240,7 +258,7 @@ class World:
 
     def truth(self) -> Truth:
         """Return the true state at the end of the last tick."""
-        tau = self._trace.last(self._ticks, column=3)
+        tau = self._trace.rows.tau[self._ticks].copy()
         return truth_of(self._plant, names=self._names, tau=tau)
 
     def trace(self) -> Trace:
@@ -256,27 +274,29 @@ class World:
         self.data.qpos[: self._n] = self._arm.q_ready
         mujoco.mj_kinematics(self.model, self.data)
         flight = Undisturbed(ball=ball, drag=self._scene.ball.drag, hand=self._site.copy())
-        active = self._arm.active
-        return ActiveFaults(plan, seed, flight, limits=self._limits, active=active, tick=TICK)
+        return ActiveFaults(plan, seed, Trial(flight, self._limits, self._arm.active))
 
     def _start(self, path: BallPath | None, drawn: Drawn) -> None:
         """Forget the trial before and bring all derived quantities up to date."""
         self._path, self.radius = path, drawn.radius
         self._drag = float(drawn.drag_force / drawn.mass)
-        ball = drawn.mass, self._drag
-        self._state = motion.fresh_motion(self._servo, drawn.friction, ball, self._brakes)
         self.model.opt.timestep = TICK
         mujoco.mj_step1(self.model, self.data)
         actuation = self._scene.actuation
         if self._joint_servo is not None:
             self._joint_servo.start()
             actuation = actuation.model_copy(update={"delay": 0})  # its setpoints wait instead
-        drives = fresh_drives(actuation, self.data.qfrc_bias[: self._n])
-        self._plant = self._plant._replace(state=self._state, drives=drives)
-        drives[MEAN] = 0.0  # nothing was commanded yet
-        motion.note(self._plant, self._trace.rows)
+        self._plant = released(
+            self._plant,
+            ball=(drawn.mass, self._drag),
+            friction=drawn.friction,
+            fingers=self._fingers,
+            drives=fresh_drives(actuation, self.data.qfrc_bias[: self._n]),
+            brakes=self._brakes,
+        )
+        note(self._plant, self._trace.rows)
 
     @property
     def _ticks(self) -> int:
         """Ticks since release."""
-        return int(self._state[motion.TICKS])
+        return int(self._plant.state["ticks"][0])

@@ -1,4 +1,4 @@
-"""Throws: where a ball is released and how fast, at random or from a file."""
+"""Throws: where a ball is released and how fast, at random or from a file, and how it flies."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from mitt import checks
+from mitt.ball.flight import advance
 from mitt.errors import FileError, InputError, ShapeError
-from mitt.signals import Array
-from mitt.world.ballistics import release_velocity
+from mitt.files.csv_table import number, read_rows
+from mitt.signals import GRAVITY, Array
 from mitt.world.fall import doubt_of_throws
-from mitt.world.tables import number, read_rows
 
 COLUMNS = ("x", "y", "z", "vx", "vy", "vz")
 NOMINAL_DRAG = 0.04
@@ -82,6 +82,52 @@ class ThrowRanges:
     azimuth: tuple[float, float] = (-0.12, 0.12)
     height: tuple[float, float] = (-0.2, 0.6)
     drag: float = NOMINAL_DRAG
+
+
+def fly(r: Array, dr: Array, *, drag: float, duration: float) -> tuple[Array, Array]:
+    """Fly freely for a while.
+
+    Args:
+        r: Position at the start [m], shape (3,).
+        dr: Velocity at the start [m/s], shape (3,).
+        drag: Quadratic drag coefficient k [1/m].
+        duration: Time of flight [s], not negative.
+
+    Returns:
+        Position [m], shape (3,), and velocity [m/s], shape (3,), at the end.
+    """
+    r, dr = np.array(r, float), np.array(dr, float)
+    advance(r, dr, drag, duration)
+    return r, dr
+
+
+def release_velocity(
+    start: Array, target: Array, *, drag: float, duration: float, iterations: int = 6
+) -> Array:
+    """Find the velocity at ``start`` that carries the ball to ``target`` (shooting, Newton).
+
+    Args:
+        start: Point of release [m], shape (3,).
+        target: Point to be passed after ``duration`` [m], shape (3,).
+        drag: Quadratic drag coefficient k [1/m].
+        duration: Time of flight [s], positive.
+        iterations: Newton steps; four reach rounding error on any throw of the default range.
+
+    Returns:
+        Velocity at release [m/s], shape (3,).
+    """
+    dr = (target - start) / duration
+    dr[2] += 0.5 * GRAVITY * duration
+    slope, nudge = np.empty((3, 3)), 1e-5
+
+    def end(velocity: Array) -> Array:
+        return fly(start, velocity, drag=drag, duration=duration)[0]
+
+    for _ in range(iterations):
+        for i, step in enumerate(nudge * np.eye(3)):
+            slope[:, i] = (end(dr + step) - end(dr - step)) / (2.0 * nudge)
+        dr = dr - np.linalg.solve(slope, end(dr) - target)
+    return dr
 
 
 def default_throw(

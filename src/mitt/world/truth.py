@@ -1,13 +1,21 @@
 """What really happens in the world, for scoring only: the catcher never gets it."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mitt.signals import TICK, Array
-from mitt.world import contacts, motion
-from mitt.world.engine import Plant
+from mitt.world.engine import (
+    ARM_FLOOR,
+    BALL_FLOOR,
+    SELF,
+    Plant,
+    names_touching,
+    survey,
+    tip_velocity,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -76,9 +84,8 @@ class FirstContact:
         return float(np.linalg.norm(self.dr_o - self.velocity))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Trace:
-    """True states of a trial, one row a tick, the first at release.
+class Trace(NamedTuple):
+    """True states of a trial of k - 1 ticks, a row at the release and one after each tick.
 
     Attributes:
         t: Time since release [s], shape (k,).
@@ -88,7 +95,7 @@ class Trace:
         position: Catch point [m], shape (k, 3).
         velocity: Its velocity [m/s], shape (k, 3).
         force: Largest contact force on the ball in the tick before [N], shape (k,).
-        seen: Contacts in the tick before, flags of :mod:`mitt.world.contacts`, shape (k,).
+        seen: Contacts in the tick before, flags of :mod:`mitt.world.engine`, shape (k,).
     """
 
     t: Array
@@ -122,43 +129,27 @@ class Trace:
 
 
 class TraceBuffer:
-    """A table behind a :class:`Trace`, one row a tick.
+    """Room for a :class:`Trace`.
 
     Attributes:
-        rows: The table; rows not yet written hold nothing.
+        rows: The trace; rows not yet written hold nothing.
     """
 
-    def __init__(self, widths: tuple[int, ...], ticks: int = 2048) -> None:
-        """Make a table of columns so wide for so many ticks; it doubles when full."""
-        ends = np.cumsum(widths).tolist()
-        self._columns = [slice(end - width, end) for end, width in zip(ends, widths, strict=True)]
-        self.rows: Array = np.empty((ticks, ends[-1]))
+    def __init__(self, nq: int, nv: int, joints: int, ticks: int = 2048) -> None:
+        """Make room for so many ticks of a plant of so many numbers; it doubles when full."""
+        k, seen = ticks, np.zeros(ticks, np.int64)
+        t, qpos, qvel, tau, force = (np.empty(x) for x in (k, (k, nq), (k, nv), (k, joints), k))
+        self.rows = Trace(t, qpos, qvel, tau, np.empty((k, 3)), np.empty((k, 3)), force, seen)
 
-    def reserve(self, ticks: int) -> Array:
-        """Return the table, grown to hold so many rows and more."""
-        while ticks > len(self.rows):
-            self.rows = np.concatenate((self.rows, np.empty_like(self.rows)))
+    def reserve(self, ticks: int) -> Trace:
+        """Return the trace, grown to hold so many rows and more."""
+        while ticks > len(self.rows.t):
+            self.rows = Trace._make(np.concatenate((x, np.empty_like(x))) for x in self.rows)
         return self.rows
 
     def trace(self, ticks: int) -> Trace:
         """Return a copy of the first rows."""
-        rows = self.rows[:ticks].copy()
-        columns = [rows[:, column] for column in self._columns]
-        t, qpos, qvel, tau, position, velocity, force, seen = columns
-        return Trace(
-            t=t[:, 0],
-            qpos=qpos,
-            qvel=qvel,
-            tau=tau,
-            position=position,
-            velocity=velocity,
-            force=force[:, 0],
-            seen=seen[:, 0].astype(np.int64),
-        )
-
-    def last(self, tick: int, *, column: int) -> Array:
-        """Return a copy of one column of the row of a tick."""
-        return self.rows[tick, self._columns[column]].copy()
+        return Trace._make(x[:ticks].copy() for x in self.rows)
 
 
 def truth_of(plant: Plant, *, names: tuple[str | None, ...], tau: Array) -> Truth:
@@ -166,16 +157,15 @@ def truth_of(plant: Plant, *, names: tuple[str | None, ...], tau: Array) -> Trut
 
     Args:
         plant: The plant.
-        names: As of :func:`mitt.world.contacts.hand_names`.
+        names: As of :func:`mitt.world.engine.hand_names`.
         tau: Torques applied in that tick [N m], shape (n,).
     """
-    state, velocity = plant.state, np.empty(3)
-    qpos, qvel, seen = plant.qpos.copy(), plant.qvel.copy(), int(state[motion.SEEN])
-    contacts.survey(plant, False, np.zeros(7))
-    contacts.tip_velocity(plant, velocity)
-    n, ball = len(plant.slides), len(plant.ctrl)
+    state, velocity, seen = plant.state, np.empty(3), int(plant.state["seen"][0])
+    qpos, qvel, n, ball = plant.qpos.copy(), plant.qvel.copy(), len(plant.slides), len(plant.ctrl)
+    survey(plant, False)
+    tip_velocity(plant, velocity)
     return Truth(
-        t=state.item(motion.TICKS) * TICK,
+        t=int(state["ticks"][0]) * TICK,
         r_o=qpos[ball : ball + 3],
         dr_o=qvel[ball : ball + 3],
         position=plant.place.copy(),
@@ -184,9 +174,9 @@ def truth_of(plant: Plant, *, names: tuple[str | None, ...], tau: Array) -> Trut
         dq=qvel[:n],
         tau=tau,
         fingers=qpos[n:ball],
-        touching=contacts.names_touching(names, plant.touching),
-        contact_force=state.item(motion.FORCE),
-        self_contact=bool(seen & contacts.SELF),
-        floor_contact=bool(seen & contacts.ARM_FLOOR),
-        ball_on_floor=bool(seen & contacts.BALL_FLOOR),
+        touching=names_touching(names, plant.touching),
+        contact_force=float(state["force"][0]),
+        self_contact=bool(seen & SELF),
+        floor_contact=bool(seen & ARM_FLOOR),
+        ball_on_floor=bool(seen & BALL_FLOOR),
     )

@@ -1,0 +1,450 @@
+"""What happens to the ball: wind, spin, drag, kicks, plates in the way, springs, somebody's hand.
+
+A fault is one entry of a plan: a class with its fields, and with what it does. :meth:`Fault.begun`
+makes of the entry the fault of one trial, which remembers what it did under names that begin with
+an underscore. Rows are those of the tests in ``tests/faults``.
+"""
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import cos, pi, sin, sqrt
+from typing import Annotated, Literal, NamedTuple, Self, final
+
+import numpy as np
+from pydantic import Field
+
+from mitt.ball.flight import advance
+from mitt.files.schema import Settings
+from mitt.robot.limits import Limits
+from mitt.signals import TICK, Array
+from mitt.world.flights import BallPath
+from mitt.world.throws import Throw, fly
+
+Chance = Annotated[float, Field(ge=0.0, le=1.0)]
+
+#: Steps between instants at which the undisturbed flight is looked at, first and then between
+#: them, and how far [s].
+_COARSE, _FINE, _LONGEST = 0.02, 0.001, 1.6
+#: How far a disturbed flight is flown beforehand [s].
+_BEFOREHAND = 2.0
+#: What rounding may make of a time [s].
+_SURE = 1e-9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Undisturbed:
+    """The flight as it would have been.
+
+    Attributes:
+        ball: What is thrown.
+        drag: Its drag coefficient [1/m].
+        hand: Catch point of the waiting arm [m], shape (3,).
+    """
+
+    ball: Throw | BallPath
+    drag: float
+    hand: Array
+
+    def at(self, t: float) -> tuple[Array, Array]:
+        """Return position [m] and velocity [m/s] at a time after release [s]."""
+        if not isinstance(self.ball, Throw):
+            return self.ball.at(t)
+        return fly(self.ball.r, self.ball.dr, drag=self.drag, duration=t)
+
+    def nearest(self) -> float:
+        """Return when it is nearest to the waiting hand [s]."""
+        coarse = self._nearest(np.arange(0.0, _LONGEST, _COARSE))
+        return self._nearest(np.arange(max(coarse - _COARSE, 0.0), coarse + _COARSE, _FINE))
+
+    def _nearest(self, instants: Array) -> float:
+        """Return the one of some instants at which it is nearest to the waiting hand [s]."""
+        gaps = [float(np.linalg.norm(self.at(float(t))[0] - self.hand)) for t in instants]
+        return float(instants[int(np.argmin(gaps))])
+
+
+class Trial(NamedTuple):
+    """What a fault may ask of the trial that it happens in.
+
+    Attributes:
+        flight: The undisturbed flight.
+        limits: Limit set of the arm, if it is known.
+        active: Indices of the active joints among those of the limit set.
+    """
+
+    flight: Undisturbed
+    limits: Limits | None
+    active: tuple[int, ...]
+
+
+class Fault(Settings):
+    """What all kinds share.
+
+    Attributes:
+        start: When it begins, after release [s].
+        length: How long it lasts [s]; to the end if left out.
+    """
+
+    magnitude: float
+    start: Annotated[float, Field(ge=0.0, le=60.0)] = 0.0
+    length: Annotated[float, Field(gt=0.0, le=60.0)] | None = None
+
+    _rng: np.random.Generator
+
+    def begun(self, rng: np.random.Generator, trial: Trial) -> Self:
+        """Return a fresh copy that acts in a trial, with a source of randomness of its own."""
+        fresh = self.model_copy()
+        fresh._rng = rng
+        fresh._begin(trial)
+        return fresh
+
+    def _begin(self, trial: Trial) -> None:
+        """Draw and set what is remembered."""
+
+    @property
+    def end(self) -> float:
+        """When it is over [s]."""
+        return float("inf") if self.length is None else self.start + self.length
+
+    def is_active(self, t: float, *, slack: float = 0.0) -> bool:
+        """Tell whether it acts at a time [s]; ``slack`` before its time [s], for rounded times."""
+        return self.start - slack <= t < self.end - slack
+
+
+class Push(Fault):
+    """Something that changes the velocity of a flying ball."""
+
+    @abstractmethod
+    def act(self, t: float, h: float, r: Array, dr: Array) -> bool:
+        """Act from ``t`` for ``h`` [s] on position [m] and velocity [m/s], in place.
+
+        Returns:
+            Whether it changed anything.
+        """
+
+    @abstractmethod
+    def is_inactive(self, t: float, until: float) -> bool:
+        """Tell whether ``act`` changes nothing, itself included, throughout [t, until) [s]."""
+
+
+class _Force(Push):
+    """A force that acts as long as its fault does."""
+
+    @abstractmethod
+    def _acceleration(self, dr: Array) -> Array:
+        """Return the acceleration [m/s^2] at a velocity [m/s], both of shape (3,)."""
+
+    def act(self, t: float, h: float, r: Array, dr: Array) -> bool:
+        """Add the force to a step that is still to be flown, to second order."""
+        if not self.is_active(t):
+            return False
+        ddr = self._acceleration(dr)
+        dr += h * ddr
+        r -= 0.5 * h * h * ddr
+        return True
+
+    def is_inactive(self, t: float, until: float) -> bool:
+        """Tell whether it is not its time."""
+        return until <= self.start or t >= self.end
+
+
+class Spin(_Force):
+    """A ball that spins about a random axis (Magnus); magnitude: lift per squared speed [1/m]."""
+
+    kind: Literal["spin"] = "spin"
+    magnitude: Annotated[float, Field(ge=0.0, le=1.0)]
+    _axis: Array
+
+    def _begin(self, trial: Trial) -> None:  # noqa: ARG002
+        self._axis = direction(self._rng)
+
+    def _acceleration(self, dr: Array) -> Array:
+        return self.magnitude * sqrt((dr * dr).sum()) * np.cross(self._axis, dr)
+
+
+class _Air(_Force):
+    """Wind or another drag, by what it adds to the drag that is known."""
+
+    _nominal: float
+    _drag: float
+    _wind: Array
+
+    def _begin(self, trial: Trial) -> None:
+        self._nominal = self._drag = trial.flight.drag
+        self._wind = np.zeros(3)
+
+    def _acceleration(self, dr: Array) -> Array:
+        past = dr - self._wind
+        actual = -self._drag * sqrt((past * past).sum())
+        return np.asarray(actual * past + self._nominal * sqrt((dr * dr).sum()) * dr)
+
+
+class Drag(_Air):
+    """Drag that the catcher does not know; magnitude: factor on the ball's drag."""
+
+    kind: Literal["drag"] = "drag"
+    magnitude: Annotated[float, Field(ge=0.0, le=20.0)]
+
+    def _begin(self, trial: Trial) -> None:
+        super()._begin(trial)
+        self._drag = self.magnitude * self._nominal
+
+
+class Gust(_Air):
+    """Wind from a random level direction; magnitude: speed of the air [m/s]."""
+
+    kind: Literal["gust"] = "gust"
+    magnitude: Annotated[float, Field(ge=0.0, le=60.0)]
+
+    def _begin(self, trial: Trial) -> None:
+        super()._begin(trial)
+        heading = self._rng.uniform(-np.pi, np.pi)
+        self._wind[:2] = self.magnitude * np.cos(heading), self.magnitude * np.sin(heading)
+
+
+class Kick(Push):
+    """A sudden change of the ball's velocity (row 20) in a random direction; magnitude: [m/s].
+
+    Attributes:
+        share: When, as a share of the time until the undisturbed ball is nearest to the catch
+            point of the waiting arm, plus ``start``.
+    """
+
+    kind: Literal["kick"] = "kick"
+    magnitude: Annotated[float, Field(ge=0.0, le=20.0)]
+    share: Annotated[float, Field(ge=0.0, le=2.0)] = 0.7
+    _when: float
+    _change: Array
+    _over: bool = False
+
+    def _begin(self, trial: Trial) -> None:
+        self._when = self.start + self.share * trial.flight.nearest()
+        self._change = self.magnitude * direction(self._rng)
+
+    def act(self, t: float, h: float, r: Array, dr: Array) -> bool:  # noqa: ARG002
+        """Add it in the step in which it is due."""
+        if self._over or t + h <= self._when:
+            return False
+        self._over = True
+        dr += self._change
+        return True
+
+    def is_inactive(self, t: float, until: float) -> bool:  # noqa: ARG002
+        """Tell whether it has happened or is not due yet."""
+        return self._over or until + _SURE <= self._when
+
+
+class Bounce(Push):
+    """A smooth plate in the ball's way (row 20), tilted about a random side; magnitude: angle.
+
+    The plate touches the ball alone and does not hide it. Magnitude is the angle between plate
+    and flight [rad]; the ball leaves with its speed along the normal times the restitution.
+
+    Attributes:
+        share: Where, as a share of the flight as for a kick.
+        restitution: Coefficient of restitution.
+        size: Half the side of the square plate [m].
+    """
+
+    kind: Literal["bounce"] = "bounce"
+    magnitude: Annotated[float, Field(gt=0.0, le=1.5)] = 0.15
+    share: Annotated[float, Field(ge=0.0, le=2.0)] = 0.6
+    restitution: Chance = 0.7
+    size: Annotated[float, Field(gt=0.0, le=5.0)] = 0.5
+    _centre: Array
+    _normal: Array
+    _gap: float = np.inf
+    _over: bool = False
+
+    def _begin(self, trial: Trial) -> None:
+        """Put the plate where the ball's centre touches its middle."""
+        self._centre, dr = trial.flight.at(self.start + self.share * trial.flight.nearest())
+        along = dr / np.linalg.norm(dr)
+        side = direction(self._rng)
+        side -= (side @ along) * along
+        side /= np.linalg.norm(side)
+        self._normal = np.cos(self.magnitude) * side - np.sin(self.magnitude) * along
+
+    def act(self, t: float, h: float, r: Array, dr: Array) -> bool:  # noqa: ARG002
+        """Turn the velocity about when the ball has come through the plane, once."""
+        if self._over:
+            return False
+        normal, away = self._normal, r - self._centre
+        gap = float(normal @ away)
+        before, self._gap = self._gap, gap
+        if gap >= 0.0 or before < 0.0:
+            return False
+        self._over = True
+        beside = away - gap * normal
+        if np.linalg.norm(beside) > self.size:
+            return False
+        r -= (1.0 + self.restitution) * gap * normal
+        dr -= (1.0 + self.restitution) * float(normal @ dr) * normal
+        return True
+
+    def is_inactive(self, t: float, until: float) -> bool:  # noqa: ARG002
+        """Tell whether the ball has bounced or gone by."""
+        return self._over
+
+
+class Replacement(Fault):
+    """A ball that is led along a path instead of being thrown."""
+
+    @abstractmethod
+    def path(self, flight: Undisturbed) -> BallPath:
+        """Return its path in place of a flight."""
+
+
+class Spring(Replacement):
+    """A ball on a spring instead of a throw; magnitude: its speed in the middle [m/s].
+
+    It starts at rest where the throw would have been released, and swings about the point of
+    that throw nearest to the waiting hand, without gravity and drag, until it is touched.
+    """
+
+    kind: Literal["spring"] = "spring"
+    magnitude: Annotated[float, Field(ge=0.5, le=15.0)] = 5.0
+
+    def path(self, flight: Undisturbed) -> BallPath:
+        """Return a harmonic motion from rest."""
+        goal = flight.at(flight.nearest())[0]
+        out = flight.at(0.0)[0] - goal
+        return _Swing(centre=goal, out=out, rate=self.magnitude / float(np.linalg.norm(out)))
+
+
+class Carried(Replacement):
+    """A ball carried by somebody's hand instead of a throw; magnitude: its top speed [m/s].
+
+    It starts at rest in the middle of the throw's way, gathers speed smoothly, wanders sideways
+    by ``wander`` [m] and reaches the point of the throw nearest to the waiting hand at that speed.
+    """
+
+    kind: Literal["carried"] = "carried"
+    magnitude: Annotated[float, Field(ge=0.5, le=15.0)] = 2.5
+    wander: Annotated[float, Field(ge=0.0, le=0.3)] = 0.03
+
+    def path(self, flight: Undisturbed) -> BallPath:
+        """Return a walk that starts without a jump and ends on its line."""
+        goal = flight.at(flight.nearest())[0]
+        start = 0.5 * (flight.at(0.0)[0] + goal)
+        along = goal - start
+        length = float(np.linalg.norm(along))
+        along = along / length
+        across = np.cross(along, (0.0, 0.0, 1.0))
+        across /= np.linalg.norm(across)
+        rates = self._rng.uniform(0.6, 1.6, 2) * 2.0 * pi
+        return _Walk(
+            start=start,
+            along=along,
+            speed=self.magnitude,
+            run_up=min(0.3, length / self.magnitude),
+            sway=0.5 * self.wander * np.array([across, np.cross(across, along)]),
+            rates=(float(rates[0]), float(rates[1])),
+        )
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Swing:
+    """A harmonic motion from rest.
+
+    Attributes:
+        centre: Its middle [m], shape (3,).
+        out: From the middle to where it is let go [m], shape (3,).
+        rate: Angular frequency [rad/s].
+    """
+
+    centre: Array
+    out: Array
+    rate: float
+
+    def at(self, t: float) -> tuple[Array, Array]:
+        """Position [m], shape (3,), and velocity [m/s], shape (3,), ``t`` s after release."""
+        r = self.centre + cos(self.rate * t) * self.out
+        return r, -self.rate * sin(self.rate * t) * self.out
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Walk:
+    """A motion by hand: smoothly up to a speed along a line, with sideways wandering.
+
+    Attributes:
+        start: Where it begins [m], shape (3,).
+        along: Unit direction of the line, shape (3,).
+        speed: Speed after the run-up [m/s].
+        run_up: Duration of the run-up [s].
+        sway: Directions and amplitudes of the wandering [m], shape (2, 3).
+        rates: Its angular frequencies [rad/s].
+    """
+
+    start: Array
+    along: Array
+    speed: float
+    run_up: float
+    sway: Array
+    rates: tuple[float, float]
+
+    def at(self, t: float) -> tuple[Array, Array]:
+        """Position [m], shape (3,), and velocity [m/s], shape (3,), ``t`` s after release."""
+        s = min(max(t / self.run_up, 0.0), 1.0)
+        run_up = self.run_up * (s * s * s - 0.5 * (s * s * (s * s)))
+        way = self.speed * (run_up + max(t - self.run_up, 0.0))
+        r = self.start + way * self.along
+        dr = self.speed * (3.0 * (s * s) - 2.0 * (s * s * s)) * self.along
+        for rate, sway in zip(self.rates, self.sway, strict=True):
+            r += (1.0 - cos(rate * t)) * sway
+            dr += rate * sin(rate * t) * sway
+        return r, dr
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class DisturbedFlight:
+    """A flight by its states at each tick.
+
+    Attributes:
+        r: Positions [m], shape (k, 3).
+        dr: Velocities [m/s], shape (k, 3).
+        drag: Drag of the flight after the last [1/m].
+    """
+
+    r: Array
+    dr: Array
+    drag: float
+
+    def at(self, t: float) -> tuple[Array, Array]:
+        """Position [m], shape (3,), and velocity [m/s], shape (3,), ``t`` s after release."""
+        k = min(max(int(t / TICK), 0), len(self.r) - 1)
+        return fly(self.r[k], self.dr[k], drag=self.drag, duration=t - k * TICK)
+
+
+def disturbed_flight(
+    ball: Throw | BallPath, pushes: Sequence[Push], *, drag: float
+) -> DisturbedFlight:
+    """Fly a ball through its disturbances.
+
+    Args:
+        ball: What comes at the arm.
+        pushes: What disturbs it, a fresh copy: they remember what they did.
+        drag: Drag coefficient that acts [1/m].
+    """
+    path = None if isinstance(ball, Throw) else ball
+    r, dr = (ball.r.copy(), ball.dr.copy()) if isinstance(ball, Throw) else ball.at(0.0)
+    states = [(r.copy(), dr.copy())]
+    for k in range(round(_BEFOREHAND / TICK)):
+        changed = [push.act(k * TICK, TICK, r, dr) for push in pushes]
+        path = None if any(changed) else path
+        if path is None:
+            advance(r, dr, drag, TICK)
+        else:
+            r, dr = path.at((k + 1) * TICK)
+        states.append((r.copy(), dr.copy()))
+    positions, velocities = (np.array(column) for column in zip(*states, strict=True))
+    return DisturbedFlight(r=positions, dr=velocities, drag=drag)
+
+
+def direction(rng: np.random.Generator) -> Array:
+    """Return a unit vector of any direction, shape (3,)."""
+    v = rng.standard_normal(3)
+    return np.asarray(v / np.linalg.norm(v))
