@@ -13,6 +13,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import MISSING, fields, is_dataclass
 from functools import lru_cache
+from inspect import isabstract
 from math import inf, isfinite, isnan
 from types import NoneType, UnionType
 from typing import (
@@ -232,6 +233,8 @@ def _value(kind: Any, raw: Any, place: str) -> Any:  # noqa: ANN401 (what a type
     origin, inner = get_origin(kind), get_args(kind)
     if origin in (Union, UnionType):
         return _one_of(inner, raw, place)
+    if isabstract(kind):  # stands for what is made of it; slots make a class twice, the last counts
+        return _one_of(tuple({x.__name__: x for x in kind.__subclasses__()}.values()), raw, place)
     if kind is NoneType and raw is None:
         return None
     if origin is np.ndarray or kind is np.ndarray:
