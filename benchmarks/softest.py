@@ -20,7 +20,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from mitt.ball.flight import acceleration
-from mitt.design.balls import BOX, FAR
+from mitt.design.task import BOX, FAR
 from mitt.files.arm_file import ThrowSettings
 from mitt.rivals.clairvoyant import PARTS, Symbolic, braked, casadi, drive_rows, steps, symbolic
 from mitt.robot.arm import Arm

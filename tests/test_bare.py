@@ -28,7 +28,7 @@ from importlib import import_module
 from mitt.commands.options import COMMANDS
 from mitt.errors import MissingPackageError
 commands = (f"mitt.commands.{x.module}" for x in COMMANDS.values())
-for name in (*commands, "mitt.design.evaluator", "mitt.gym"):
+for name in (*commands, "mitt.design.search_jobs", "mitt.gym"):
     try:
         import_module(name)
     except MissingPackageError as error:

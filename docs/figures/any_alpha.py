@@ -5,7 +5,7 @@ from drawing import ball_at, save
 from matplotlib.figure import Figure
 
 import mitt
-from mitt.report.figures.style import BALL, BLUE, INK, PALE
+from mitt.report.style import BALL, BLUE, INK, PALE
 from mitt.signals import Array
 
 ARM = mitt.load_arm("wam", limits="paper")

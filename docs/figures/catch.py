@@ -9,7 +9,7 @@ from matplotlib.image import imsave
 
 import mitt
 from mitt.generator.generators import Direct
-from mitt.report.figures.pictures import body_faces, painted, placed
+from mitt.report.pictures import body_faces, painted, placed
 from mitt.trials.runner import TrialRunner
 from mitt.trials.source import source_of
 from mitt.world.build import build_scene

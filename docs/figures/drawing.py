@@ -12,8 +12,8 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 import mitt
-from mitt.report.figures.style import INK, RC
-from mitt.report.skeleton import skeleton
+from mitt.report.scene_meshes import skeleton
+from mitt.report.style import INK, RC
 from mitt.robot.arm import Arm
 from mitt.signals import Array
 

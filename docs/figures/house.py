@@ -8,7 +8,7 @@ from drawing import save
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon, Rectangle
 
-from mitt.report.figures.style import BAND, BLUE, GREY, INK
+from mitt.report.style import BAND, BLUE, GREY, INK
 
 CONTRACTS = Path(__file__).parents[2] / ".importlinter"
 #: What each part is for; a part that is not here is an error.

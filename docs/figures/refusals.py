@@ -10,7 +10,7 @@ from mitt.generator.feasibility import Outcome, judge
 from mitt.generator.map_design import default_design
 from mitt.holding import CaughtBall
 from mitt.impact import examined
-from mitt.report.figures.style import BAND, BLUE, GREEN, GREY, INK, ORANGE, PURPLE, YELLOW
+from mitt.report.style import BAND, BLUE, GREEN, GREY, INK, ORANGE, PURPLE, YELLOW
 from mitt.world.build import restitution_of
 from mitt.world.scene import read_scene
 

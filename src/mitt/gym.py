@@ -41,7 +41,7 @@ from mitt.generator.generators import Direct, check_arm
 from mitt.generator.learn import Learned
 from mitt.generator.map_design import default_design
 from mitt.generator.mapping import DirectMap, unlearned
-from mitt.report.figures.pictures import Faces, body_faces, painted, placed
+from mitt.report.pictures import Faces, body_faces, painted, placed
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
 from mitt.robot.limits import saturate

@@ -71,7 +71,7 @@ def quick(monkeypatch: pytest.MonkeyPatch, learned: Learned, a_map: Path) -> Qui
     page = "<!doctype html>\n<title>mitt: it</title>"
     monkeypatch.setattr("mitt.report.outputs.write_report", lambda path, _: path.write_text(page))
     monkeypatch.setattr("mitt.report.outputs._content", lambda *_: None)
-    monkeypatch.setattr("mitt.report.replay_report.write_replay_page",
+    monkeypatch.setattr("mitt.report.recording_page.write_replay_page",
                         lambda path, *_, **__: path.write_text(page))  # fmt: skip
     monkeypatch.setattr("mitt.trials.study_run.learn", lambda *_, **__: learned)
     monkeypatch.setattr("mitt.commands.measuring.engine_of", lambda *_: Here())

@@ -18,7 +18,7 @@ from mitt.commands.measuring import _show_study as show_study
 from mitt.commands.screen import checked, progress, show, table, tell_of_kernels, warn
 from mitt.errors import printable
 from mitt.interrupts import tell
-from mitt.report.figures.style import GENERATORS, legend_above, plot
+from mitt.report.style import GENERATORS, legend_above, plot
 
 
 class Full:

@@ -6,16 +6,12 @@ from collections.abc import Sequence
 
 import pytest
 
-from mitt.design.balls import Balls
-from mitt.design.design import Design, design
-from mitt.design.effort import Effort
+from mitt.design.arm_design import Design, design
+from mitt.design.driven_arm import whole_arm
 from mitt.design.evaluation import Evaluation
-from mitt.design.evaluator import Evaluator
-from mitt.design.job import Job, search_of
-from mitt.design.kept import Kept
-from mitt.design.search import RATE
-from mitt.design.task import Task
-from mitt.design.whole import whole_arm
+from mitt.design.search import RATE, Effort, search_of
+from mitt.design.search_jobs import Answers, Evaluator, Job
+from mitt.design.task import Balls, Task
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
 from mitt.world.scene import read_scene
@@ -62,7 +58,7 @@ def searched(
     search = search_of(whole, task, TINY, joints=None, rate=RATE)
     with (folder / "search.lock").open("w") as lock, pytest.MonkeyPatch.context() as patch:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        kept = Kept.open(folder / "search.jsonl", search, resume=True)
+        kept = Answers.open(folder / "search.jsonl", search, resume=True)
         patch.setattr(Evaluator, "_worth", noted)
         found = design(whole, task, TINY, progress=silent, kept=kept)
         kept.close(done=False)

@@ -9,17 +9,18 @@ import pytest
 from mitt.cli import main
 from mitt.commands.designing import _task
 from mitt.commands.options import DesignOptions
-from mitt.design.arrivals import (
+from mitt.design.arm_design import Design, release_speed, task_at
+from mitt.design.task import (
+    REPORTED,
+    Balls,
+    Task,
     box_of,
+    kept,
     of_default_throws,
     of_flights,
     of_throws,
     ranges_of_throws,
 )
-from mitt.design.balls import Balls
-from mitt.design.design import Design
-from mitt.design.speeds import release_speed, task_at
-from mitt.design.task import REPORTED, Task, kept
 from mitt.errors import FileError, InputError
 from mitt.files.arm_file import ArmFile, open_arm, write_arm_file
 from mitt.files.schema import to_plain

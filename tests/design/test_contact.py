@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mitt.design.contact import touching
+from mitt.design.poses import touching
 from mitt.robot.arm import Arm
 from mitt.world.scene import Scene
 

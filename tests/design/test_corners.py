@@ -5,14 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mitt.design import corners, domain
-from mitt.design.balls import Balls
-from mitt.design.contact import Touch
-from mitt.design.geometry import drawn, triples_of
-from mitt.design.poses import poses_of
-from mitt.design.rows import Rows, candidates_of
-from mitt.design.sharing import virtual
-from mitt.design.whole import whole_arm
+from mitt.design import geometry
+from mitt.design.driven_arm import whole_arm
+from mitt.design.geometry import Rows, candidates_of, drawn, triples_of
+from mitt.design.interception import virtual
+from mitt.design.poses import Touch, poses_of
+from mitt.design.task import Balls
 from mitt.generator.mapping import unlearned
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
@@ -48,7 +46,7 @@ def test_a_line_lets_the_ball_in_along_itself(whole: Arm, rows: Rows) -> None:
     poses, v = poses_of(whole.model, rows.q), _v()
     J, w = virtual(poses, rows.A)
     T = rows.kappa[:, None] * J[:, 2] + rows.inward[:, None] * np.cross(w, J[:, 2])
-    met = corners._met(whole, _weighed(rows, 0.0), poses, v)
+    met = geometry._meeting(whole, _weighed(rows, 0.0), poses, v)
     ds = np.einsum("kbn,bn->kb", met.dq, _catch_row(rows, whole.n))
     ds -= np.einsum("kba,ba->kb", _others(rows, met.dq), _slope(rows))
     np.testing.assert_allclose(met.relative, ds[:, :, None] * (T - J[:, 2]), atol=1e-6)
@@ -56,21 +54,21 @@ def test_a_line_lets_the_ball_in_along_itself(whole: Arm, rows: Rows) -> None:
 
 def test_first_order_terms_meet_balls_no_harder_and_within_speeds(whole: Arm, rows: Rows) -> None:
     poses, v = poses_of(whole.model, rows.q), _v()
-    plain = corners._met(whole, _weighed(rows, 0.0), poses, v)
-    better = corners._met(whole, _weighed(rows, 1.0), poses, v)
-    slow = plain.line <= corners._FASTEST
+    plain = geometry._meeting(whole, _weighed(rows, 0.0), poses, v)
+    better = geometry._meeting(whole, _weighed(rows, 1.0), poses, v)
+    slow = plain.line <= geometry._FASTEST
     assert slow.sum() > 50
     before, after = (np.sum(x.relative**2, axis=(0, 2))[slow] for x in (plain, better))
     assert np.all(after <= before + _ROUNDED)
     assert np.mean(after < before - 0.1) > 0.5
     share = np.abs(better.dq / whole.dq_max).max(axis=(0, 2))
-    assert np.all(share[slow] <= corners._FASTEST + _ROUNDED)
+    assert np.all(share[slow] <= geometry._FASTEST + _ROUNDED)
 
 
 def test_scores_fall_where_the_match_is_weighed(whole: Arm, rows: Rows) -> None:
     touch = Touch(whole, read_scene("ideal"))
     plain, better = (
-        corners.spread(whole, Balls(), _weighed(rows, x), touch).score for x in (0.0, 1.0)
+        geometry.spread(whole, Balls(), _weighed(rows, x), touch).score for x in (0.0, 1.0)
     )
     assert len(better) > len(plain) > 0
     assert np.median(better) < np.median(plain)
@@ -78,9 +76,9 @@ def test_scores_fall_where_the_match_is_weighed(whole: Arm, rows: Rows) -> None:
 
 def test_the_domain_is_that_of_the_map(whole: Arm, rows: Rows) -> None:
     few = rows.take(np.arange(0, len(rows.q), len(rows.q) // 40))
-    share = domain.share_inside(whole, Balls(), few)
+    share = geometry.share_inside(whole, Balls(), few)
     assert 0.1 < share.mean() < 0.9
-    ways = [domain._before(Balls().velocity(x, 0.0, y)) for x, y in domain._BALLS]
+    ways = [geometry._before(Balls().velocity(x, 0.0, y)) for x, y in geometry._EARLY_BALLS]
     for k, c in enumerate(candidates_of(whole, Balls(), few, np.random.default_rng(1))):
         at_catch = replace(c, ready=c.q[list(c.free)])  # where the inverse starts
         f = unlearned(at_catch.arm(whole), c.design)

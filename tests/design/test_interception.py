@@ -6,15 +6,12 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from mitt.design.balls import Balls
 from mitt.design.candidate import Candidate
-from mitt.design.contact import Touch
-from mitt.design.corners import spread
-from mitt.design.geometry import drawn, triples_of
+from mitt.design.driven_arm import whole_arm
+from mitt.design.geometry import Rows, best_of, candidates_of, drawn, spread, triples_of
 from mitt.design.interception import bounded, least_relative_velocity, line_rates
-from mitt.design.poses import poses_of
-from mitt.design.rows import Rows, best_of, candidates_of
-from mitt.design.whole import whole_arm
+from mitt.design.poses import Touch, poses_of
+from mitt.design.task import Balls
 from mitt.generator.mapping import coordinates, unlearned
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel

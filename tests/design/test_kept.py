@@ -13,15 +13,11 @@ from design.conftest import TINY, silent
 
 from mitt.cli import main
 from mitt.commands import designing as command
-from mitt.design.design import Design, best_so_far, design
-from mitt.design.effort import EFFORTS
+from mitt.design.arm_design import Design, best_so_far, design
 from mitt.design.evaluation import Evaluation
-from mitt.design.evaluator import Evaluator
-from mitt.design.job import Job, search_of
-from mitt.design.kept import Kept
-from mitt.design.search import RATE
+from mitt.design.search import EFFORTS, RATE, SearchProgress, search_of
+from mitt.design.search_jobs import Answers, Evaluator, Job
 from mitt.design.task import Task
-from mitt.design.total import Total
 from mitt.errors import FileError, InputError
 from mitt.files.arm_file import open_arm
 from mitt.interrupts import Interrupted
@@ -51,7 +47,7 @@ def test_a_search_that_is_broken_off_again_and_again_comes_to_the_same_design(
     path, lines = tmp_path / "search.jsonl", [0]
 
     def searched(progress: Callable[[str, int, int], None], workers: int) -> Design:
-        kept = Kept.open(path, search, resume=True)
+        kept = Answers.open(path, search, resume=True)
         engine = Processes(workers) if workers else None
         try:
             return design(whole, task, TINY, progress=progress, engine=engine, kept=kept)
@@ -90,11 +86,11 @@ def test_answers_come_back_to_the_bit_and_none_for_another_question(
     others = [replace(job, throws=5), replace(job, seed=8), replace(job, how="full"),
               replace(job, give_up=False), replace(job, task=replace(task, seed=9)),
               replace(job, candidate=replace(c, turn=c.turn + 1e-15))]  # fmt: skip
-    kept = Kept.open(path, "x", resume=False)
+    kept = Answers.open(path, "x", resume=False)
     kept.add(job, worth)
     kept.add(others[0], replace(worth, failed="lost"))
     kept.close(done=False)
-    kept = Kept.open(path, "x", resume=True)
+    kept = Answers.open(path, "x", resume=True)
     assert kept.get(replace(job, number=5, task=replace(task))) is not None
     back = kept.get(job)
     assert back is not None
@@ -106,22 +102,22 @@ def test_answers_come_back_to_the_bit_and_none_for_another_question(
 
 def test_answers_of_another_search_are_refused_and_those_in_use(tmp_path: Path) -> None:
     path = tmp_path / "a.jsonl"
-    kept = Kept.open(path, "x", resume=False)
+    kept = Answers.open(path, "x", resume=False)
     with pytest.raises(InputError, match="where one is looking"):
-        Kept.open(path, "x", resume=True)
+        Answers.open(path, "x", resume=True)
     head = path.read_bytes()
     path.write_bytes(head + b'["a", {"able": 1.0, "speed": 2.0}]\n')
     kept.close(done=False)
     path.write_bytes(head + b'["a", {"able": 1.0, "speed": 2.0}]\n')
     with pytest.raises(InputError, match="--resume: wanted the arm"):
-        Kept.open(path, "y", resume=True)
-    Kept.open(path, "x", resume=True).close(done=False)
+        Answers.open(path, "y", resume=True)
+    Answers.open(path, "x", resume=True).close(done=False)
     assert path.exists()
     for line in (b"[1]", b'["a", {"able": 1.0, "colour": 2}]', b"null", b'{"a": 1}', b"[[[["):
         path.write_bytes(head + line + b"\n")
         with pytest.raises(FileError, match="line 2: wanted an answer"):
-            Kept.open(path, "x", resume=True)
-    Kept.open(path, "y", resume=False).close(done=False)
+            Answers.open(path, "x", resume=True)
+    Answers.open(path, "y", resume=False).close(done=False)
     assert not path.exists()  # nothing was answered
 
 
@@ -152,7 +148,7 @@ def test_an_interrupt_writes_the_best_so_far_and_says_how_to_go_on(
     assert found.best is not None
     out, before = tmp_path / "d.toml", list[object]()
 
-    def broken(arm: Arm, task: Task, *_: object, kept: Kept, **__: object) -> Design:
+    def broken(arm: Arm, task: Task, *_: object, kept: Answers, **__: object) -> Design:
         assert found.best is not None
         before.append(kept.best)
         job = Job(number=0, whole=arm, candidate=found.best.candidate, task=task, seed=len(before))
@@ -208,7 +204,7 @@ def test_what_ends_a_search_by_an_error_keeps_it_as_well(
     found: Design, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:  # fmt: skip
-    def broken(_: Arm, task: Task, *__: object, kept: Kept, **___: object) -> Design:
+    def broken(_: Arm, task: Task, *__: object, kept: Answers, **___: object) -> Design:
         assert found.best is not None
         kept.ended(task, [found.best])
         raise InputError("workers", "processes that live", "none")
@@ -226,7 +222,7 @@ def test_the_best_so_far_is_of_the_last_stage_that_caught_enough(
     found: Design, whole: Arm, task: Task
 ) -> None:
     assert found.best is not None
-    kept, first = Kept(), replace(found.best, thrown=10, caught=9, clean=9)
+    kept, first = Answers(), replace(found.best, thrown=10, caught=9, clean=9)
     assert kept.best is None
     job = Job(number=0, whole=whole, candidate=first.candidate, task=task, throws=10)
     kept.add(job, replace(first, clean=2))
@@ -249,7 +245,7 @@ def test_the_time_left_is_that_of_the_whole_search(name: str, slower: bool) -> N
         assert work.startswith("designing: ")
         told.append(done / of)
 
-    total = Total(effort, heard)
+    total = SearchProgress(effort, heard)
     own = [x for x in total._takes if not x.startswith("changing 2")]  # a stage is left out
     for stage in own:
         for k in range(3):
@@ -275,7 +271,7 @@ def test_every_stage_of_a_search_is_expected(
     searched: tuple[Design, list[tuple[str, Job]]],
 ) -> None:
     """A stage that nobody expected would not move the bar."""
-    total = Total(TINY, silent)
+    total = SearchProgress(TINY, silent)
     assert {name for name, _ in searched[1]} <= set(total._takes) | set(total._last)
 
 
@@ -289,9 +285,9 @@ def test_the_evaluator_asks_for_nothing_that_is_known(
         asked.append(job)
         return Evaluation(candidate=job.candidate, able=0.5, speed=1.0 + job.number)
 
-    monkeypatch.setattr("mitt.design.evaluator.evaluated", noted)
+    monkeypatch.setattr("mitt.design.search_jobs.evaluated", noted)
     for more in (2, 3):
-        kept = Kept.open(tmp_path / "a.jsonl", "x", resume=True)
+        kept = Answers.open(tmp_path / "a.jsonl", "x", resume=True)
         bench = Evaluator(whole, task, None, silent, kept=kept)
         worth = bench.try_all("some", [replace(c, turn=0.1 * k) for k in range(more)])
         assert [w.speed for w in worth] == [1.0 + k for k in range(more)]

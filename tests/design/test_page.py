@@ -8,15 +8,13 @@ import pytest
 
 from mitt.commands import designing as command
 from mitt.commands.options import DesignOptions
-from mitt.design import faster_joints as module
-from mitt.design.balls import Balls
+from mitt.design import interception as module
+from mitt.design.arm_design import AtSpeed, Design
 from mitt.design.candidate import Candidate
-from mitt.design.contact import Touch
-from mitt.design.design import Design
-from mitt.design.faster_joints import LONGER, QUICKER, faster_joints, longer_arm
-from mitt.design.geometry import drawn, triples_of
-from mitt.design.rows import candidates_of
-from mitt.design.speeds import AtSpeed
+from mitt.design.geometry import candidates_of, drawn, triples_of
+from mitt.design.interception import LONGER, QUICKER, faster_joints, longer_arm
+from mitt.design.poses import Touch
+from mitt.design.task import Balls
 from mitt.report.design_page import advice_of, write_design_page
 from mitt.robot.arm import Arm
 from mitt.world.scene import read_scene

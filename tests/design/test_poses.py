@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from mitt.design.driven_arm import whole_arm
 from mitt.design.poses import poses_of
-from mitt.design.whole import whole_arm
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
 

@@ -13,25 +13,34 @@ from design.conftest import TINY, silent
 
 from mitt.cli import main
 from mitt.commands import designing as command
-from mitt.design import design as design_of
-from mitt.design import evaluation, evaluator, speeds
-from mitt.design.arrivals import shifted
-from mitt.design.balls import BOX, FAR, Balls
-from mitt.design.candidate import Candidate
-from mitt.design.causes import BEYOND, FORCE, cause_of
-from mitt.design.contact import Touch
-from mitt.design.design import Design, design, rate_of, softer
-from mitt.design.effort import effort_of
-from mitt.design.evaluation import Evaluation, learned, thrown, trials_of
-from mitt.design.evaluator import Evaluator
+from mitt.design import arm_design, evaluation, search_jobs
+from mitt.design.arm_design import (
+    AtSpeed,
+    Design,
+    Fastest,
+    design,
+    rate_of,
+    release_speed,
+    softer,
+    task_at,
+)
+from mitt.design.candidate import Candidate, mutated
+from mitt.design.driven_arm import movable
+from mitt.design.evaluation import (
+    BEYOND,
+    FORCE,
+    Evaluation,
+    Verdicts,
+    cause_of,
+    learned,
+    thrown,
+    trials_of,
+)
 from mitt.design.geometry import drawn, triples_of
-from mitt.design.job import Job
-from mitt.design.mutation import mutated
-from mitt.design.search import best_by_price, ranked, surely
-from mitt.design.speeds import AtSpeed, Fastest, release_speed, task_at
-from mitt.design.task import REPORTED, Task
-from mitt.design.verdicts import Verdicts
-from mitt.design.whole import movable
+from mitt.design.poses import Touch
+from mitt.design.search import best_by_price, effort_of, ranked, surely
+from mitt.design.search_jobs import Evaluator, Job
+from mitt.design.task import BOX, FAR, REPORTED, Balls, Task, shifted
 from mitt.errors import InputError
 from mitt.files.arm_file import ArmFile, open_arm, read_arm_file, write_arm_file
 from mitt.generator.mapping import unlearned
@@ -122,7 +131,7 @@ def test_throws_of_one_speed_leave_and_arrive_as_is_said(task: Task, speed: floa
         r, v = throw.r, throw.dr
         while r[0] > place[0]:
             r, v = fly(r, v, drag=at.ranges.drag, duration=0.002)
-        speeds.append(np.linalg.norm(v))
+        arm_design.append(np.linalg.norm(v))
         descents.append(np.arcsin(-v[2] / np.linalg.norm(v)))
     for seen, (least, most) in ((speeds, at.balls.speeds), (descents, at.balls.descents)):
         assert np.mean((np.array(seen) > least) & (np.array(seen) < most)) > 0.8
@@ -387,7 +396,7 @@ def test_balls_caught_beyond_a_limit_do_not_count(found: Design) -> None:
     assert not replace(over, thrown=0, caught=0, clean=0).enough
     said = replace(found, best=over).as_json()
     assert (said["throws"], said["feasible"], said["caught"]) == (100, 79, 100)
-    row = speeds._at(6.0, over)
+    row = arm_design._at(6.0, over)
     assert (row.throws, row.feasible) == (100, 79)
 
 
@@ -431,11 +440,11 @@ def test_a_design_whose_force_is_too_much_says_so_and_what_helps(
     assert hard.hard == hard.caught  # 0 where the verdict refuses it before
     assert hard.binding == FORCE
     lost = replace(best, thrown=100, caught=90, clean=10, hard=80, binding=FORCE)
-    monkeypatch.setattr(design_of, "search", lambda *_, **__: [lost])
-    monkeypatch.setattr(design_of, "reported", lambda *_: lost)
-    monkeypatch.setattr(design_of, "slower", lambda *_, **__: None)
-    monkeypatch.setattr(design_of, "by_speed", lambda *_, **__: _rows(True))
-    monkeypatch.setattr(design_of, "fastest", lambda *_, **__: Fastest(speed_m_s=0.0))
+    monkeypatch.setattr(arm_design, "search", lambda *_, **__: [lost])
+    monkeypatch.setattr(arm_design, "reported", lambda *_: lost)
+    monkeypatch.setattr(arm_design, "slower", lambda *_, **__: None)
+    monkeypatch.setattr(arm_design, "by_speed", lambda *_, **__: _rows(True))
+    monkeypatch.setattr(arm_design, "fastest", lambda *_, **__: Fastest(speed_m_s=0.0))
     mine = design(weak, task, TINY, progress=silent)
     said = mine.as_json()
     assert (said["found"], said["force_limit_n"], said["over_force"]) == (False, 20.0, 80)
@@ -453,8 +462,8 @@ def test_what_was_not_thrown_at_has_no_throws_and_says_why(
 ) -> None:
     assert found.best is not None
     c, bench = found.best.candidate, Evaluator(whole, task, None, silent)
-    monkeypatch.setattr(evaluator, "learned", lambda *_: None)
-    row = speeds.by_speed(bench, c, task, [5.0], throws=2)[0]
+    monkeypatch.setattr(search_jobs, "learned", lambda *_: None)
+    row = arm_design.by_speed(bench, c, task, [5.0], throws=2)[0]
     assert (row.throws, row.feasible) == (0, 0)
     assert row.binding_limit in ("no pose", "no map")
     assert bench.tally.told() == []
@@ -469,7 +478,7 @@ def test_an_error_of_one_candidate_is_counted_and_ends_nothing(
     def broken(*_: object, **__: object) -> bool:
         raise InputError("throw", "a throw", "none")
 
-    monkeypatch.setattr(evaluator, "able_to_hold", broken)
+    monkeypatch.setattr(search_jobs, "able_to_hold", broken)
     assert bench.try_all("some", [c, c], throws=1, seed=1) == []
     assert (bench.tally.errors, bench.tally.lost) == (2, 0)
     assert bench.tally.told() == [
@@ -504,14 +513,14 @@ def test_the_fastest_throws_are_the_last_before_the_first_failure(
     monkeypatch.setattr(Evaluator, "try_each", lambda _, *a, **k: each(*a, **k))
 
     def of(rows: list[AtSpeed], own: float) -> Fastest:
-        return speeds.fastest(bench, best.candidate, task, rows, TINY, own=own)
+        return arm_design.fastest(bench, best.candidate, task, rows, TINY, own=own)
 
     # A lucky row beyond the first failure does not count.
     mine = of(_rows(True, True, True, False, True), 4.0)
     assert 5.0 <= mine.speed_m_s < limit
     assert not mine.more
-    assert thrown_at[-1][1:] == (TINY.sure, speeds._SURE_SEED)
-    assert speeds._SURE_SEED > speeds._SEED > REPORTED
+    assert thrown_at[-1][1:] == (TINY.sure, arm_design._SURE_SEED)
+    assert arm_design._SURE_SEED > arm_design._SPEEDS_SEED > REPORTED
     # Rows that were luck are taken back by fresh throws.
     assert of(_rows(True, True, True, True, True), 3.0).speed_m_s == 5.0
     limit = 99.0
@@ -527,11 +536,11 @@ def test_a_design_for_slower_throws_only_is_the_one_described(
     at = task_at(task, 3.0)
     usual = replace(found.best, thrown=100, caught=20, clean=10, binding="speed:j2")
     slow = replace(usual, candidate=replace(usual.candidate, turn=0.5), caught=90, clean=90)
-    monkeypatch.setattr(design_of, "search", lambda *_, **__: [usual])
-    monkeypatch.setattr(design_of, "reported", lambda *_: usual)
-    monkeypatch.setattr(design_of, "slower", lambda *_, **__: (slow, at))
-    monkeypatch.setattr(design_of, "by_speed", lambda *_, **__: _rows(True))
-    monkeypatch.setattr(design_of, "fastest", lambda *_, **__: Fastest(speed_m_s=3.0))
+    monkeypatch.setattr(arm_design, "search", lambda *_, **__: [usual])
+    monkeypatch.setattr(arm_design, "reported", lambda *_: usual)
+    monkeypatch.setattr(arm_design, "slower", lambda *_, **__: (slow, at))
+    monkeypatch.setattr(arm_design, "by_speed", lambda *_, **__: _rows(True))
+    monkeypatch.setattr(arm_design, "fastest", lambda *_, **__: Fastest(speed_m_s=3.0))
     mine = design(whole, task, TINY, progress=silent)
     said = mine.as_json()
     assert not mine.found
@@ -568,7 +577,7 @@ def test_candidates_of_a_dead_worker_are_evaluated_by_themselves(
         for trial in trials:
             yield trial, BrokenExecutor() if bad else plain
 
-    monkeypatch.setattr(evaluator, "run_tasks", run)
+    monkeypatch.setattr(search_jobs, "run_tasks", run)
     engine = Processes(2)
     bench = Evaluator(whole, task, engine, silent)
     worth = bench.try_all("some", [c, c, c])

@@ -4,13 +4,11 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.design.balls import Balls
-from mitt.design.contact import Touch
-from mitt.design.geometry import drawn, improved, triples_of
-from mitt.design.mutation import mutated
-from mitt.design.rows import candidates_of
-from mitt.design.sharing import alone, slope_of, sloped
-from mitt.design.task import Task
+from mitt.design.candidate import mutated
+from mitt.design.geometry import candidates_of, drawn, improved, triples_of
+from mitt.design.interception import alone, slope_of, sloped
+from mitt.design.poses import Touch
+from mitt.design.task import Balls, Task
 from mitt.errors import MittError
 from mitt.generator.mapping import unlearned
 from mitt.generator.tangent import to_go

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from mitt.catcher.settings import CatcherSettings
-from mitt.design.balls import Balls
-from mitt.design.task import Task
-from mitt.design.verdicts import balls_of as thrown
-from mitt.design.verdicts import verdicts
+from mitt.design.evaluation import balls_of as thrown
+from mitt.design.evaluation import verdicts
+from mitt.design.task import Balls, Task
 from mitt.generator.learn import Flight, Learned, learn
 from mitt.generator.map_design import MapDesign, catch_place
 from mitt.generator.mapping import unlearned

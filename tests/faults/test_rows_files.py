@@ -25,7 +25,7 @@ from mitt.files.writing import locked, write_text
 from mitt.generator.generators import Direct
 from mitt.generator.learn import Learned
 from mitt.link.clock import uncollected
-from mitt.report.replay import served
+from mitt.report.replay_3d import served
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
 from mitt.trials.result import NAME

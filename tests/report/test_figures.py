@@ -11,12 +11,19 @@ from matplotlib.figure import Figure
 
 from mitt.errors import ShapeError
 from mitt.generator.learn import Learned
-from mitt.report.figures.learning import feedback_by_step, feedback_share, learning_cost
-from mitt.report.figures.pictures import picture_strip
-from mitt.report.figures.response import joint_angles, joint_torques, target_and_hand
-from mitt.report.figures.style import LEARNED, Plot, plot
-from mitt.report.figures.throws import contact_errors, releases
-from mitt.report.figures.trajectory import catching_trajectory
+from mitt.report.pictures import picture_strip
+from mitt.report.run_figures import (
+    catching_trajectory,
+    contact_errors,
+    feedback_by_step,
+    feedback_share,
+    joint_angles,
+    joint_torques,
+    learning_cost,
+    releases,
+    target_and_hand,
+)
+from mitt.report.style import LEARNED, Plot, plot
 from mitt.robot.arm import Arm
 from mitt.signals import Array
 from mitt.trials.log import TrialLog

@@ -9,8 +9,7 @@ import viser
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
-from mitt.report.own_pages import may_ask
-from mitt.report.replay import served
+from mitt.report.replay_3d import may_ask, served
 
 OWN = socket.gethostname().lower()
 

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from mitt.report.figures.pictures import body_faces, drawn, placed
+from mitt.report.pictures import body_faces, drawn, placed
 from mitt.robot.arm import Arm
 from mitt.signals import Array
 from mitt.world.build import build_scene

@@ -11,9 +11,17 @@ import pytest
 import zstandard
 from trimesh import Trimesh
 
-from mitt.report.meshes import capsule, cylinder, geom_mesh, rod, sphere
-from mitt.report.replay import replay_page
-from mitt.report.skeleton import bones, frames, skeleton
+from mitt.report.replay_3d import replay_page
+from mitt.report.scene_meshes import (
+    bones,
+    capsule,
+    cylinder,
+    frames,
+    geom_mesh,
+    rod,
+    skeleton,
+    sphere,
+)
 from mitt.robot.arm import Arm
 from mitt.trials.runner import LoggedTrial
 from mitt.world.build import build_scene

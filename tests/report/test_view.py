@@ -20,9 +20,8 @@ from mitt.files.messages import TRUTH
 from mitt.files.recordings import Recorded
 from mitt.link.clock import monotonic, pause
 from mitt.link.recorder import Recorder
-from mitt.report.replay import NODE, served
-from mitt.report.stage_view import ellipsoid, way
-from mitt.report.view import Viewer, newest, watch
+from mitt.report.replay_3d import NODE, served
+from mitt.report.viewer import Viewer, ellipsoid, newest, watch, way
 from mitt.signals import ArmState, BallState, Senses
 from mitt.trials.replayed import catcher_of
 
@@ -159,7 +158,7 @@ def test_a_recording_that_vanishes_is_left_for_the_next(
     there.write_bytes(one.read_bytes())
     looks = iter((gone, there, there, gone, gone, there))
     seen: list[Path] = []
-    monkeypatch.setattr("mitt.report.view._LOOK", 0.1)
+    monkeypatch.setattr("mitt.report.viewer._LOOK", 0.1)
     monkeypatch.setattr(Viewer, "step", lambda self, _: seen.append(self.path))
     watch(lambda: next(looks, gone), host="127.0.0.1", port=8875, ready=lambda _: None, until=1.5)
     assert set(seen) == {there}

@@ -19,16 +19,13 @@ from mitt.commands.screen import (
     tell_of_kernels,
     warn,
 )
-from mitt.design.arrivals import AROUND_FLIGHTS, box_of, of_flights, of_throws
-from mitt.design.design import Design, best_so_far
-from mitt.design.design import design as search_design
-from mitt.design.effort import effort_of
+from mitt.design.arm_design import Design, best_so_far, default_balls, release_speed
+from mitt.design.arm_design import design as search_design
+from mitt.design.driven_arm import held_as, whole_arm
 from mitt.design.evaluation import ENOUGH
-from mitt.design.job import search_of
-from mitt.design.kept import Kept
-from mitt.design.speeds import default_balls, release_speed
-from mitt.design.task import Task, seen
-from mitt.design.whole import held_as, whole_arm
+from mitt.design.search import effort_of, search_of
+from mitt.design.search_jobs import Answers
+from mitt.design.task import AROUND_FLIGHTS, Task, box_of, of_flights, of_throws, seen
 from mitt.errors import InputError, MittError, UnknownNameError
 from mitt.files.arm_file import (
     ArmFile,
@@ -75,7 +72,7 @@ def design(options: DesignOptions) -> int:
     effort = effort_of(options.effort, whole.n if joints is None else len(joints))
     search = search_of(whole, task, effort, joints=joints, rate=rate)
     engine = None if options.workers == 1 else engine_of("local", options.workers)
-    kept = Kept.open(_search(options), search, resume=options.resume)
+    kept = Answers.open(_search(options), search, resume=options.resume)
 
     def last_words() -> str:
         return _keep(best_so_far(whole, kept, rate), origin, options)

@@ -12,7 +12,7 @@ from mitt.commands.screen import checked, print_json, progress, say, show, table
 from mitt.errors import FileError, InputError
 from mitt.files.recordings import Recorded
 from mitt.files.writing import Leaves, check_folder, check_ours, locked
-from mitt.report.view import newest, watch
+from mitt.report.viewer import newest, watch
 from mitt.trials.explain import Explanation, evidence_of, explain
 from mitt.trials.registry import check_generator
 from mitt.trials.replayed import Replayed, changed
@@ -101,7 +101,7 @@ def _row(x: Replayed, why: Explanation) -> dict[str, Any]:
 
 def _page(out: Path, x: Replayed, count: int, k: int) -> None:
     """Write the page of a replay."""
-    from mitt.report.replay_report import write_replay_page  # noqa: PLC0415 (plots: when written)
+    from mitt.report.recording_page import write_replay_page  # noqa: PLC0415 (plots: when written)
 
     name = _name(x.recorded.path, count, k)
     write_replay_page(out / name, x, command=shlex.join(["replay", x.recorded.path.name]))

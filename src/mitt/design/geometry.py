@@ -1,28 +1,349 @@
-"""Candidates by geometry alone, by the hundred thousand.
+"""Candidates by geometry alone, by the hundred thousand, as rows of arrays.
 
 Poses are drawn over all joints, the first turned so that the palm looks towards the thrower. For
 each, some choices of three joints meet a typical ball (:mod:`mitt.design.interception`). All are
-scored by balls from the corners of the box of throws (:mod:`mitt.design.corners`).
+scored by balls from the corners of the box of throws, and by whether these are in the domain of
+l_c^-1 (:mod:`mitt.generator.tangent`) from where the arm starts.
+
+The hand meets a ball as the map's line says. Where learning weighs the match, b has terms of first
+order: they add c ds to the joint speeds, s the catch joint's way to go. c may differ from place to
+place, but not from ball to ball: q_d depends on the position alone.
+
+| here   | meaning                                                   | unit  | shape     |
+|--------|-----------------------------------------------------------|-------|-----------|
+| ``dq`` | joint speeds at the catch, for each ball at one place      | rad/s | (K, B, N) |
+| ``ds`` | rate of the catch joint's way to go                        | rad/s | (K, B)    |
+| ``v``  | velocity of each ball                                      | m/s   | (K, 3)    |
 """
 
 from collections.abc import Sequence
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt.design.balls import Balls
-from mitt.design.candidate import within
-from mitt.design.contact import Touch
-from mitt.design.corners import BRAKED, SOFT, STRAIGHT, spread
-from mitt.design.interception import MOST, Interception, least_relative_velocity
-from mitt.design.placing import clear, facing, led, off_line
-from mitt.design.poses import Poses, poses_of
-from mitt.design.rows import Rows, drawn_weights, joined
-from mitt.design.sharing import alone, shared, slope_of, sloped, virtual
-from mitt.design.whole import movable
+from mitt.ball.flight import advance
+from mitt.design.candidate import Candidate, within
+from mitt.design.driven_arm import movable
+from mitt.design.interception import (
+    MOST_OFF_LINE,
+    Interception,
+    alone,
+    bounded,
+    least_relative_velocity,
+    line_rates,
+    shared,
+    slope_of,
+    sloped,
+    virtual,
+)
+from mitt.design.poses import Poses, Touch, Which, clear, facing, led, off_line, poses_of
+from mitt.design.task import BOX, FAR, Balls
+from mitt.generator.tangent import Tangent, invert, scratch_of
 from mitt.robot.arm import Arm
 from mitt.signals import Array
+from mitt.trials.learning import FASTEST_SHARE
+
+#: What each further candidate of the same choice of joints costs, in m/s of relative speed.
+_REPEATED = 0.08
+#: The ready pose is the pose at the catch less this time [s] times the joint speeds there: 0.13 to
+#: 0.2 in the softest motions of the WAM (``benchmarks/softest.py``). Range of a factor on it, drawn
+#: for each joint.
+_SWING, _EACH = (0.04, 0.22), (0.7, 1.3)
+#: Farthest that the two other joints stand off their angles at the catch [rad]. From farther away
+#: l_c^-1 may find another branch; what does so is left out on paper.
+_ASIDE = 1.0
+#: Room that the ready pose keeps to the ends of the ranges [rad].
+_READY_ROOM = 0.05
+#: How often a relative velocity at the catch costs something in learning, and how much [(m/s)^-2].
+_WEIGHED, _WEIGHTS = 0.7, (0.3, 100.0)
+
+
+class Rows(NamedTuple):
+    """Candidates as arrays, one a row."""
+
+    q: Array  # (B, N)
+    free: NDArray[np.int64]  # (B, 3) catch joint last
+    kappa: Array  # (B,)
+    inward: Array  # (B,)
+    A: Array  # (B, N, 3) how joints share the motion, catch joint last (mitt.design.interception)
+    x: Array  # (B, 3) rates of p at the nominal catch, catch joint last; of weighed matches, means
+    tip: Array  # (B, 3)
+    score: Array  # (B,) relative speed [m/s] and what else is bad; smaller is better
+    weight: Array  # (B,) match weight, 0 where the map matches by its line alone [(m/s)^-2]
+
+    @property
+    def moving(self) -> NDArray[np.int64]:
+        """How many joints move, shape (B,)."""
+        return np.asarray(np.any(self.A != 0.0, axis=2).sum(axis=1), dtype=np.int64)
+
+    def take(self, rows: Which) -> "Rows":
+        """Return some of them, by index or by mask."""
+        return Rows(
+            self.q[rows], self.free[rows], self.kappa[rows], self.inward[rows], self.A[rows],
+            self.x[rows], self.tip[rows], self.score[rows], self.weight[rows],
+        )  # fmt: skip
+
+
+def joined(parts: Sequence[Rows]) -> Rows:
+    """Return candidates of several parts as one."""
+    return Rows(*(np.concatenate(x) for x in zip(*parts, strict=True)))
+
+
+def boxes_of(whole: Arm, balls: Balls, rows: Rows) -> Array:
+    """Return centre and half-widths of the box of each candidate [m], shape (B, 2, 3)."""
+    if balls.aim is not None:
+        return np.broadcast_to(balls.aim, (len(rows.q), 2, 3))
+    if balls.around is not None:
+        return np.stack([rows.tip, np.broadcast_to(balls.around, rows.tip.shape)], axis=1)
+    at = poses_of(whole.model, rows.q).at[:, 1]
+    reach = np.minimum(np.linalg.norm(rows.tip - at, axis=1), FAR)
+    return np.stack([rows.tip, reach[:, None] * np.array(BOX)], axis=1)
+
+
+def best_of(rows: Rows, *, count: int, each: int) -> Rows:
+    """Return the best, at most so many of each choice of joints, and of places much alike.
+
+    The more of a choice are taken already, the better its next one has to be: what looks best by
+    geometry need not have a domain, or the torque.
+    """
+    order, moving = np.argsort(rows.score, kind="stable"), rows.moving
+    taken, cost = list[int](), list[float]()
+    seen, near = dict[tuple[int, ...], int](), dict[tuple[int, ...], int]()
+    for k in order.tolist():
+        key = (*rows.free[k].tolist(), int(moving[k]), int(rows.weight[k] > 0.0))
+        place = (*key, *np.round(rows.tip[k] / 0.15).astype(int).tolist())
+        if seen.get(key, 0) >= each or near.get(place, 0) >= max(1, each // 8):
+            continue
+        cost.append(float(rows.score[k]) + _REPEATED * seen.get(key, 0))
+        seen[key], near[place] = seen.get(key, 0) + 1, near.get(place, 0) + 1
+        taken.append(k)
+    ranked = np.argsort(cost, kind="stable")[:count]
+    return rows.take(np.array(taken, dtype=np.int64)[ranked])
+
+
+def drawn_weights(count: int, rng: np.random.Generator) -> Array:
+    """Draw match weights: 0, or one of any size [(m/s)^-2], shape (count,)."""
+    low, high = np.log(_WEIGHTS).tolist()
+    size = np.exp(rng.uniform(low, high, count))
+    out: Array = np.where(rng.random(count) < _WEIGHED, size, 0.0)
+    return out
+
+
+def candidates_of(
+    whole: Arm, balls: Balls, rows: Rows, rng: np.random.Generator
+) -> list[Candidate]:
+    """Return rows as candidates, each with a ready pose on the far side of its swing."""
+    boxes, out = boxes_of(whole, balls, rows), []
+    for k in range(len(rows.q)):
+        order = np.argsort(rows.free[k])
+        free = rows.free[k][order]
+        swing = rng.uniform(*_SWING) * rng.uniform(*_EACH, 3) * rows.x[k]
+        swing[:2] = np.clip(swing[:2], -_ASIDE, _ASIDE)
+        A = rows.A[k][:, order]
+        low, high = whole.q_min + _READY_ROOM, whole.q_max - _READY_ROOM
+        ready = np.clip(rows.q[k, free] - A[free] @ swing[order], low[free], high[free])
+        swing = A @ np.linalg.solve(A[free], ready - rows.q[k, free])
+        room = np.where(swing > 0.0, high - rows.q[k], rows.q[k] - low) / np.maximum(
+            np.abs(swing), 1e-9
+        )
+        ready = rows.q[k, free] + np.clip(room.min(), 0.0, 1.0) * (ready - rows.q[k, free])
+        out.append(Candidate(
+            q=rows.q[k].copy(),
+            free=(int(free[0]), int(free[1]), int(free[2])),
+            catch=int(np.argmax(order == 2)),
+            kappa=float(rows.kappa[k]),
+            inward=float(rows.inward[k]),
+            A=A,
+            ready=ready,
+            aim=boxes[k].copy(),
+            match_weight=float(rows.weight[k]),
+        ))  # fmt: skip
+    return out
+
+
+#: Time before the catch at which balls are looked at [s]: arms start about then.
+_EARLY = 0.42
+#: Drag of the balls [1/m]; it matters little in that time.
+_DRAG = 0.04
+#: The balls: speed and descent from the least (-1) to the most (1), as in ``Balls.velocity``.
+_EARLY_BALLS = ((-1.0, 1.0), (1.0, -1.0))
+
+
+def share_inside(whole: Arm, balls: Balls, rows: Rows) -> Array:
+    """Return which share of some balls is in the domain early on its way, shape (B,).
+
+    Args:
+        whole: The arm with all joints active.
+        balls: What is to be caught.
+        rows: Candidates.
+    """
+    ways = [_before(balls.velocity(faster, 0.0, steeper)) for faster, steeper in _EARLY_BALLS]
+    scratch, inside = scratch_of(whole.n), np.zeros(len(rows.q))
+    for k in range(len(rows.q)):
+        tangent = _tangent(whole, rows, k)
+        inside[k] = np.mean([invert(tangent, rows.tip[k] + x, rows.q[k].copy(), scratch)
+                             for x in ways])  # fmt: skip
+    return inside
+
+
+def _before(v: Array) -> Array:
+    """Return where a ball was early on its way, seen from where it is now [m], shape (3,)."""
+    r, dr = np.zeros(3), v.copy()
+    advance(r, dr, _DRAG, -_EARLY)
+    return r
+
+
+def _tangent(whole: Arm, rows: Rows, k: int) -> Tangent:
+    """Return the map l_c of a candidate, over all joints of the arm."""
+    q, A, free = rows.q[k], rows.A[k], rows.free[k]
+    order = np.argsort(free)
+    a, b, c = free[order].tolist()
+    i = int(free[2])
+    return Tangent(
+        chain=whole.chain, free=(a, b, c), catch_joint=i, catch=int(np.argmax(order == 2)),
+        q_catch=float(q[i] - A[i, :2] @ q[free[:2]]), kappa=float(rows.kappa[k]),
+        inward=float(rows.inward[k]), q_rest=q, A=np.ascontiguousarray(A[:, order]), planar=False,
+        plane=np.zeros(7),
+    )  # fmt: skip
+
+
+#: Time for which the joints go on at their speeds after the catch, until the arm has braked [s].
+BRAKED = 0.1
+#: Largest angle at which a ball may come in off the palm's normal [rad], and speed below which it
+#: does not matter [m/s].
+STRAIGHT, SOFT = np.deg2rad(45.0), 1.0
+#: Places in the box (across, up) and azimuth there [rad], and the balls that come to each: speed
+#: and descent from the least (-1) to the most (1).
+_PLACES = (
+    (0.0, 0.0, 0.0),
+    (0.9, 0.5, 0.1),
+    (-0.9, -0.5, -0.1),
+    (0.5, -0.9, -0.1),
+    (-0.5, 0.9, 0.1),
+)
+_BALLS = ((0.0, 0.0), (1.0, -1.0), (-1.0, 1.0))
+#: Share of joint speeds that may be asked, and largest share that a candidate may ask for: its
+#: learned map may do better.
+_FASTEST, _BEYOND = 0.9, 1.5
+#: In m/s of relative speed: what it costs to ask for all of a joint's speed beyond that share, and
+#: to use all of a joint's speed.
+_TOO_FAST, _EFFORT = 5.0, 0.3
+#: The same: for a ball that comes in aslant, for one after which the arm cannot brake, and where
+#: all balls are outside the domain early on their way.
+_ASLANT, _NO_BRAKE, _OUTSIDE = 1.0, 1.0, 2.0
+#: Stands for a speed that is not finite, and the least rate of the catch joint's way [rad/s].
+_NEVER, _STILL = 1e6, 0.05
+
+
+class _Meeting(NamedTuple):
+    """How the balls at one place are met."""
+
+    dq: Array  # (K, B, N)
+    relative: Array  # (K, B, 3) velocity of the ball relative to the hand [m/s]
+    line: Array  # (B,) largest share of a joint's speed that the line alone asks for
+
+
+def spread(whole: Arm, balls: Balls, rows: Rows, touch: Touch) -> Rows:
+    """Score candidates by how they meet balls all over the box.
+
+    Those that cannot, or that touch themselves at the nominal catch, are left out.
+
+    Args:
+        whole: The arm with all joints active.
+        balls: What is to be caught.
+        rows: Candidates; scores are replaced, and rates where learning weighs the match.
+        touch: Finds what touches.
+    """
+    box, rates = boxes_of(whole, balls, rows), np.zeros_like(rows.x)
+    good: NDArray[np.bool_] = np.ones(len(rows.q), dtype=bool)
+    total = np.zeros(len(rows.q))
+    for across, up, azimuth in _PLACES:
+        offset = np.array([0.0, across, up]) * box[:, 1]
+        q = _moved(whole, rows, balls.velocity(0.0, azimuth), offset)
+        poses = poses_of(whole.model, q)
+        v = np.array([balls.velocity(x, azimuth, y) for x, y in _BALLS])
+        met = _meeting(whole, rows, poses, v)
+        share = np.abs(met.dq / whole.dq_max).max(axis=2)
+        good &= within(whole, q, 0.05) & (share.max(axis=0) < _BEYOND) & (met.line < FASTEST_SHARE)
+        braked = within(whole, q + BRAKED * met.dq, 0.0)
+        cost = _EFFORT * share + _TOO_FAST * np.maximum(share - _FASTEST, 0.0) + _NO_BRAKE * ~braked
+        total += np.mean(cost + _hardness(met.relative, poses.palm), axis=0) / len(_PLACES)
+        rates += _rates(rows, met.dq.mean(axis=0)) / len(_PLACES)
+    x = np.where(rows.weight[:, None] > 0.0, rates, rows.x)
+    kept = rows._replace(score=total, x=x).take(good)
+    kept = kept.take(touch.clear(kept.q))
+    outside = 1.0 - share_inside(whole, balls, kept)
+    return kept._replace(score=kept.score + _OUTSIDE * outside)
+
+
+def _meeting(whole: Arm, rows: Rows, poses: Poses, v: Array) -> _Meeting:
+    """Return how balls are met in some poses."""
+    J, w = virtual(poses, rows.A)
+    x = np.array([line_rates(J, w, y, rows.kappa, rows.inward) for y in v])
+    x = np.where(np.isfinite(x), x, _NEVER)
+    dq = np.einsum("bna,kba->kbn", rows.A, x)
+    line = np.abs(dq / whole.dq_max).max(axis=(0, 2))
+    dq += np.where(rows.weight[:, None] > 0.0, _first_order(whole, poses.J, dq, x[:, :, 2], v), 0.0)
+    return _Meeting(dq, v[:, None] - np.einsum("bnc,kbn->kbc", poses.J, dq), line)
+
+
+def _first_order(whole: Arm, J: Array, dq: Array, ds: Array, v: Array) -> Array:
+    """Return c ds, shape (K, B, N): what first-order terms add to joint speeds.
+
+    c is the same for all balls: the sum of their squared relative velocities is least, within the
+    joint speeds. Where no c keeps them for all balls, it is the middle of what comes nearest.
+    """
+    ds = np.where(np.abs(ds) > _STILL, ds, np.copysign(_STILL, ds))
+    fastest = np.where(np.any(dq != 0.0, axis=0), _FASTEST * whole.dq_max, 0.0)
+    ends = np.sort(np.array([(x - dq) / ds[:, :, None] for x in (-fastest, fastest)]), axis=0)
+    low, high = ends[0].max(axis=0), ends[1].min(axis=0)
+    middle = 0.5 * (low + high)
+    left = v[:, None] - np.einsum("bnc,kbn->kbc", J, dq)
+    wanted = np.sum(ds[:, :, None] * left, axis=0) / np.sum(ds**2, axis=0)[:, None]
+    c = bounded(J, wanted, np.minimum(low, middle), np.maximum(high, middle))
+    return np.asarray(c * ds[:, :, None])
+
+
+def _hardness(relative: Array, palm: Array) -> Array:
+    """Return the relative speed, and more of it where a ball comes in aslant [m/s], (K, B)."""
+    s = np.linalg.norm(relative, axis=2)
+    cosine = -np.sum(relative * palm, axis=2) / np.maximum(s, 1e-9)
+    hardness: Array = s + _ASLANT * ((cosine < np.cos(STRAIGHT)) & (s > SOFT))
+    return hardness
+
+
+def _rates(rows: Rows, dq: Array) -> Array:
+    """Return the rates of the coordinates p that turn the free joints at dq [rad/s], (B, 3)."""
+    own = np.take_along_axis(rows.A, rows.free[:, :, None], axis=1)
+    turned = np.take_along_axis(dq, rows.free, axis=1)
+    rates = np.linalg.solve(own, turned[..., None])[..., 0]
+    return np.asarray(rates, np.float64)
+
+
+def _moved(whole: Arm, rows: Rows, v: Array, offset: Array) -> Array:
+    """Move the other free joints so that the catch point lies elsewhere, seen along the ball's way.
+
+    Two steps of Newton's method across v.
+    """
+    n = v / np.linalg.norm(v)
+    across = np.array([np.cross(n, [0.0, 0.0, 1.0]), np.zeros(3)])
+    across[0] /= np.linalg.norm(across[0])
+    across[1] = np.cross(across[0], n)
+    q, goal = rows.q.copy(), (rows.tip + offset) @ across.T
+    lost = np.zeros(len(q), dtype=bool)
+    for _ in range(2):
+        poses = poses_of(whole.model, q)
+        C = np.swapaxes(virtual(poses, rows.A)[0][:, :2] @ across.T, 1, 2)
+        flat = np.abs(np.linalg.det(C)) < 1e-4
+        C = np.where(flat[:, None, None], np.eye(2), C)
+        step = np.linalg.solve(C, (goal - poses.tip @ across.T)[..., None])[..., 0]
+        q += np.einsum("bka,ba->bk", rows.A[:, :, :2], np.clip(step, -0.8, 0.8))
+        lost |= flat
+    q[lost] = whole.q_max + 1.0  # in no range
+    return q
+
 
 #: Joint range left free at the catch [rad], and share of joint speeds that is drawn for a typical
 #: ball: balls elsewhere ask for more of the same map.
@@ -161,13 +482,14 @@ def _same_line(rows: Rows, rng: np.random.Generator, *, size: float) -> Rows:
     """Return candidates with kappa and inward a little different.
 
     Their line need not match the ball's velocity: terms of first order in b do, as far as joint
-    speeds allow (:mod:`mitt.design.corners`).
+    speeds allow (:mod:`mitt.design.geometry`).
     """
     count, kappa, inward = len(rows.q), rows.kappa, rows.inward
     harder = (kappa - 1.0 + 0.02) * np.exp(2.0 * size * rng.standard_normal(count))
     aside = size * (kappa - 1.0 + np.abs(inward) + 0.1) * rng.standard_normal(count)
     return rows._replace(
-        kappa=np.minimum(1.0 + harder, MOST), inward=np.clip(inward + aside, -MOST, MOST)
+        kappa=np.minimum(1.0 + harder, MOST_OFF_LINE),
+        inward=np.clip(inward + aside, -MOST_OFF_LINE, MOST_OFF_LINE),
     )
 
 

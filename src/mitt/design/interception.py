@@ -1,38 +1,106 @@
 """How hand and ball meet, in closed form: least relative velocity that the joint speeds allow.
 
-Three joints j, k and the catch joint i carry the hand at J x, x their speeds. The map's line is
-T = kappa J_i + inward (w_i x J_i) (:mod:`mitt.generator.tangent`), and v = x_j J_j + x_k J_k +
-x_i T. So the ball comes to the hand with v - J x = (T - J_i) x_i, in the plane of J_i and
-w_i x J_i; any direction d of that plane will do, and its size s is as small as the joint speeds
-allow:
+A pose moves by dq = A dp, p the angles of three free joints of the arm, whose rows of A are those
+of the identity. Where all other rows are zero, three joints move and the rest is held. Or all
+take part, each in proportion to the square of its speed limit: dq = W J' (J W J')^-1 v moves the
+hand at v with the least sum of squared shares of the limits, so A spans W J' of the nominal catch.
+The catch joint may stand otherwise where balls pass elsewhere: q_alpha goes with the two other free
+joints, and the catch joint's row of A holds that slope (:mod:`mitt.generator.tangent`).
+
+So three virtual joints j, k and the catch joint i carry the hand at J x, x their speeds. The map's
+line is T = kappa J_i + inward (w_i x J_i), and v = x_j J_j + x_k J_k + x_i T. The ball comes to the
+hand with v - J x = (T - J_i) x_i, in the plane of J_i and w_i x J_i; any direction d of that plane
+will do, and its size s is as small as the joint speeds allow:
 
     x = J^-1 (v - s d) = x_0 - s J^-1 d,   |A x| <= fastest.
 
-The three may be virtual joints, each of which turns several (:mod:`mitt.design.sharing`).
-
 | here        | meaning                                              | unit  | shape     |
 |-------------|------------------------------------------------------|-------|-----------|
-| ``J``       | columns dl/dq of the three joints, the catch joint last | m/rad | (B, 3, 3) |
-| ``w``       | axis of the catch joint                              | 1     | (B, 3)    |
-| ``A``       | dq of all joints over the three                      | 1     | (B, N, 3) |
+| ``A``       | dq of all joints over the three, the catch joint last | 1    | (B, N, 3) |
+| ``J``       | columns dl/dp of the three, the catch joint last     | m/rad | (B, 3, 3) |
+| ``w``       | turning rate of the hand per rate of the catch joint | 1     | (B, 3)    |
 | ``d``       | direction of the relative velocity                   | 1     | (B, 3)    |
 | ``s``       | its size                                             | m/s   | (B,)      |
 | ``x``       | joint speeds, the catch joint last                   | rad/s | (B, 3)    |
 """
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mitt.design.candidate import Candidate
+from mitt.design.poses import Poses, poses_of
+from mitt.design.task import Balls
+from mitt.robot.arm import Arm
 from mitt.signals import Array
+
+#: Least determinant of the free joints' part, as a share of the product of its rows' lengths, and
+#: largest share of a further joint per free one, for which joints share the motion.
+_SHARED_SINGULAR, _LARGEST_SHARE = 0.05, 3.0
+#: Largest share of a joint that counts as still.
+_STILL_SHARE = 0.02
+
+
+def alone(free: NDArray[np.int64], n: int) -> Array:
+    """Return A where three of n joints move alone, shape (B, n, 3).
+
+    Args:
+        free: The three joints of each row, shape (B, 3).
+        n: Number of joints.
+    """
+    A = np.zeros((len(free), n, 3))
+    A[np.arange(len(free))[:, None], free, np.arange(3)] = 1.0
+    return A
+
+
+def shared(J: Array, free: NDArray[np.int64], weights: Array) -> tuple[NDArray[np.bool_], Array]:
+    """Return where joints can share the motion, shape (B,), and A there, shape (B, N, 3).
+
+    Args:
+        J: dl/dq of all joints, shape (B, N, 3).
+        free: The three free joints, the catch joint last, shape (B, 3).
+        weights: What each joint is to do, 0 for one that is held, shape (B, N).
+    """
+    rows = np.arange(len(free))[:, None]
+    spanned = weights[:, :, None] * J
+    own = spanned[rows, free]
+    size = np.prod(np.linalg.norm(own, axis=2), axis=1)
+    good = np.abs(np.linalg.det(own)) > _SHARED_SINGULAR * size + 1e-12
+    A = spanned @ np.linalg.inv(np.where(good[:, None, None], own, np.eye(3)))
+    A[np.abs(A).max(axis=2) < _STILL_SHARE] = 0.0
+    A[rows, free] = np.eye(3)
+    sound: NDArray[np.bool_] = good & (np.abs(A).max(axis=(1, 2)) <= _LARGEST_SHARE)
+    return sound, A
+
+
+def slope_of(A: Array, free: NDArray[np.int64]) -> Array:
+    """Return how the catch angle goes with the two other free joints, shape (B, 2)."""
+    slope: Array = A[np.arange(len(A)), free[:, 2], :2]
+    return slope
+
+
+def sloped(A: Array, slope: Array) -> Array:
+    """Return A with more slope, shape (B, 2): the same motions by other virtual joints."""
+    out = A.copy()
+    out[:, :, :2] += A[:, :, 2:] * slope[:, None, :]
+    return out
+
+
+def virtual(poses: Poses, A: Array) -> tuple[Array, Array]:
+    """Return J and w of the virtual joints; see the module's table."""
+    J = np.einsum("bka,bkc->bac", A, poses.J)
+    w = np.einsum("bk,bkc->bc", A[:, :, 2], poses.W)
+    return J, w
+
 
 #: |det J| below this share of the product of its columns' lengths counts as singular.
 _SINGULAR = 0.05
 #: Least speed of the catch joint [rad/s]: a slower one makes no way along the ball's line.
 _SLOWEST = 0.3
 #: Largest kappa and inward that are looked at.
-MOST = 12.0
+MOST_OFF_LINE = 12.0
 #: Sweeps of coordinate descent over all joints.
 _SWEEPS = 60
 
@@ -80,7 +148,7 @@ def least_relative_velocity(
     scale = np.where(sound, s, 0.0) / np.where(sound, x[:, 2], 1.0)
     kappa = 1.0 + scale * np.sum(d * J_i, axis=1) / np.maximum(size[:, 2] ** 2, 1e-12)
     inward = scale * np.sum(d * lever, axis=1) / np.maximum(np.sum(lever**2, axis=1), 1e-12)
-    sound &= (kappa > 1.0 - 1e-9) & (kappa < MOST) & (np.abs(inward) < MOST)
+    sound &= (kappa > 1.0 - 1e-9) & (kappa < MOST_OFF_LINE) & (np.abs(inward) < MOST_OFF_LINE)
     return Interception(sound=sound, s=s, x=x, kappa=np.maximum(kappa, 1.0), inward=inward)
 
 
@@ -140,3 +208,85 @@ def bounded(J: Array, v: Array, low: Array, high: Array) -> Array:
             rest -= (better - dq[:, k])[:, None] * J[:, k]
             dq[:, k] = better
     return dq
+
+
+#: By what a joint is made quicker, and all links longer; share of joint speeds that may be asked.
+QUICKER, LONGER, _ASKED_SHARE = 1.5, 1.2, 0.9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FasterJoint:
+    """What one joint's speed is worth.
+
+    Attributes:
+        joint: Its name.
+        share: Share of its speed limit that this takes.
+        relative_m_s: Least relative speed there, by joint speeds alone.
+        quicker_m_s: The same, were the joint 50 % faster.
+    """
+
+    joint: str
+    share: float
+    relative_m_s: float
+    quicker_m_s: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Catch:
+    """The nominal catch of a candidate: what its joint speeds allow there."""
+
+    J: Array  # (1, N, 3)
+    v: Array  # (1, 3)
+    allowed: Array  # (N,) speeds that may be asked, 0 of held joints [rad/s]
+
+    def speeds(self, allowed: Array, *, longer: float = 1.0) -> Array:
+        """Return the joint speeds that leave the least relative velocity [rad/s], shape (N,).
+
+        Args:
+            allowed: Speeds that may be asked [rad/s], shape (N,).
+            longer: By what factor the arm is longer, its pose being the same.
+        """
+        return np.array(bounded(longer * self.J, self.v, -allowed[None], allowed[None])[0])
+
+    def least(self, allowed: Array, *, longer: float = 1.0) -> float:
+        """Return that least relative speed [m/s]; arguments as of :meth:`speeds`."""
+        dq = self.speeds(allowed, longer=longer)
+        return float(np.linalg.norm(self.v[0] - longer * dq @ self.J[0]))
+
+
+def _catch_of(whole: Arm, c: Candidate, balls: Balls) -> _Catch:
+    """Return the nominal catch of a candidate."""
+    allowed = np.zeros(whole.n)
+    allowed[list(c.active)] = _ASKED_SHARE * whole.dq_max[list(c.active)]
+    return _Catch(J=poses_of(whole.model, c.q[None]).J, v=balls.velocity()[None], allowed=allowed)
+
+
+def faster_joints(whole: Arm, c: Candidate, balls: Balls) -> list[FasterJoint]:
+    """Return what each active joint's speed is worth at a candidate's nominal catch.
+
+    In that pose and for a ball in the middle of those thrown. A map may use less of the joints than
+    they allow.
+    """
+    catch, out = _catch_of(whole, c, balls), []
+    share, now = np.abs(catch.speeds(catch.allowed)) / whole.dq_max, catch.least(catch.allowed)
+    for k in c.active:
+        quicker = catch.allowed.copy()
+        quicker[k] *= QUICKER
+        out.append(_row(whole, k, float(share[k]), now, min(catch.least(quicker), now)))
+    return out
+
+
+def longer_arm(whole: Arm, c: Candidate, balls: Balls) -> float:
+    """Return the least relative speed there, were all links longer by :data:`LONGER` [m/s].
+
+    The pose stays, and the hand is faster by as much; by joint speeds alone, as above.
+    """
+    catch = _catch_of(whole, c, balls)
+    return min(catch.least(catch.allowed, longer=LONGER), catch.least(catch.allowed))
+
+
+def _row(whole: Arm, k: int, share: float, speed: float, quicker: float) -> FasterJoint:
+    """Return one row."""
+    return FasterJoint(
+        joint=whole.names[k], share=float(share), relative_m_s=speed, quicker_m_s=quicker
+    )

@@ -9,24 +9,31 @@ of workers.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import cycle
 from math import sqrt
+from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt.design.candidate import Candidate
-from mitt.design.contact import Touch
-from mitt.design.corners import spread
-from mitt.design.effort import Effort
+from mitt.design.candidate import Candidate, mutated
 from mitt.design.evaluation import Evaluation, How
-from mitt.design.evaluator import Evaluator, Progress
-from mitt.design.geometry import drawn, improved, triples_of
-from mitt.design.mutation import mutated
-from mitt.design.rows import Rows, best_of, candidates_of, joined
+from mitt.design.geometry import (
+    Rows,
+    best_of,
+    candidates_of,
+    drawn,
+    improved,
+    joined,
+    spread,
+    triples_of,
+)
+from mitt.design.poses import Touch
+from mitt.design.search_jobs import Evaluator, Progress, digest, plain_task
 from mitt.design.task import REPORTED, Task
 from mitt.errors import ModelError
+from mitt.files.schema import to_plain
 from mitt.robot.arm import Arm
 
 #: Seeds of the throws by which candidates are compared, and by which the best is chosen; all of
@@ -45,6 +52,175 @@ _MORE = 4
 _WEIGHTS = (1.0, 2.0, 4.0)
 #: Share of the throws that is asked for, if nothing else is said.
 RATE = 0.98
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Effort:
+    """How much is looked at in each stage.
+
+    Attributes:
+        poses: Poses drawn at a time.
+        rounds: Most times that they are drawn.
+        enough: Candidates by geometry after which no more are drawn.
+        changes: Rounds of small changes of these.
+        judged: Candidates that are learned and judged by verdicts.
+        generations: Rounds of small changes that are judged by verdicts alone.
+        offspring: Changed ones of each of these.
+        thrown: Those of them that are thrown at.
+        throws: Throws at each in each generation, the first being that without changes. They grow,
+            so that the few that are left are told apart; where there are more than at first, maps
+            are learned from as many flights as those of ``mitt catch``.
+        parents: Candidates that are changed in each generation.
+        children: Changed ones of each generation.
+        last: Candidates that are learned in full and confirmed, with some match weights each.
+        confirm: Throws at each of these, by which the best is chosen.
+        again: How many of them are thrown at further: the best of several was lucky as well.
+        report: Fresh throws at the chosen one, which alone are reported.
+        speeds: Speeds of throws of which the page tells, rising [m/s].
+        each_speed: Throws at each of these.
+        sure: Fresh throws at the fastest of them that is caught.
+        grid: Points of the region of balls on each side of its middle.
+        slower: Searches for slower throws where the default ones are not caught.
+    """
+
+    poses: int = 40_000
+    rounds: int = 5
+    enough: int = 2000
+    changes: int = 16
+    judged: int = 60
+    generations: int = 8
+    offspring: int = 60
+    thrown: int = 16
+    throws: tuple[int, ...] = (12, 12, 16, 24, 32)
+    parents: int = 6
+    children: int = 16
+    last: int = 5
+    confirm: int = 50
+    again: int = 4
+    report: int = 100
+    speeds: tuple[float, ...] = (3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0)
+    each_speed: int = 12
+    sure: int = 50
+    grid: int = 8
+    slower: int = 3
+
+    def less(self) -> "Effort":
+        """Return less of it, for one of several searches."""
+        return replace(
+            self, judged=self.judged // 3, generations=self.generations // 2,
+            thrown=self.thrown // 2, throws=self.throws[:3], last=1, confirm=self.throws[0],
+        )  # fmt: skip
+
+    def halved(self) -> "Effort":
+        """Return it with half as many candidates, for an arm with one set of three joints.
+
+        Rounds of small changes by verdicts are two thirds, those by throws two less.
+        """
+        return replace(
+            self, judged=(self.judged + 1) // 2, generations=(2 * self.generations + 2) // 3,
+            offspring=(self.offspring + 1) // 2, thrown=(self.thrown + 1) // 2,
+            throws=self.throws[:-2], parents=(self.parents + 1) // 2,
+            children=(self.children + 1) // 2, last=self.last // 2, again=self.again // 2,
+        )  # fmt: skip
+
+
+#: Where just so few joints may move, and from so many on, less is looked at in full.
+_FEW_JOINTS, _MANY_JOINTS = 3, 5
+#: By name: what ``mitt design --effort`` may ask for.
+EFFORTS = {
+    "quick": Effort(rounds=2, changes=8, judged=16, generations=4, offspring=40, thrown=6,
+                    throws=(12, 12), children=8, last=1, confirm=20),
+    "full": Effort(),
+}  # fmt: skip
+
+
+def effort_of(name: str, joints: int) -> Effort:
+    """Return how much is looked at.
+
+    Args:
+        name: One of :data:`EFFORTS`.
+        joints: How many joints may move. In full, half as many candidates do where there are three;
+            where there are many, each takes longer, and one round by throws less is made.
+    """
+    effort = EFFORTS[name]
+    if name == "full" and joints == _FEW_JOINTS:
+        return effort.halved()
+    if name == "full" and joints >= _MANY_JOINTS:
+        return replace(effort, throws=effort.throws[:-1])
+    return effort
+
+
+#: What things take, about, in the time of one throw: a round by geometry and one of small changes,
+#: a candidate on paper, a map by how it is learned, a step of the region.
+_DRAWN, _CHANGED, _ON_PAPER, _STEP = 36.0, 6.0, 1.0, 4.0
+_LEARNED = {"glance": 5.0, "quick": 8.0, "many": 20.0, "full": 30.0}
+#: Speeds that are tried between those of the page.
+_BETWEEN = 3
+#: Parts that a whole search is told in.
+_PARTS = 1000
+
+
+def stages(effort: Effort) -> dict[str, float]:
+    """Return what each stage of a search takes, by its name, in the time of one throw."""
+    of = {
+        "geometry": _DRAWN * effort.rounds,
+        "geometry, changed": _CHANGED * effort.changes,
+        "on paper": _ON_PAPER * 6 * effort.judged,
+        "learning": _LEARNED["glance"] * 2 * effort.judged,
+    }
+    for k in range(effort.generations):
+        each = _LEARNED["glance"] * effort.offspring
+        of[f"changing {k + 1} of {effort.generations}"] = each
+    of["throwing"] = effort.thrown * (_LEARNED["quick"] + effort.throws[0])
+    for k, throws in enumerate(effort.throws[1:]):
+        how = "quick" if throws == effort.throws[0] else "many"
+        again = effort.parents if throws > effort.throws[k] else 0
+        each = (effort.children + again) * (_LEARNED[how] + throws)
+        of[f"improving {k + 1} of {len(effort.throws) - 1}"] = each
+    full = _LEARNED["full"]
+    of["confirming"] = len(_WEIGHTS) * effort.last * (full + effort.confirm)
+    of["confirming again"] = effort.again * (full + _MORE * effort.confirm)
+    return of | {"reporting": full + effort.report}
+
+
+def last_stages(effort: Effort) -> dict[str, float]:
+    """Return what is done with a design once it is found."""
+    return {
+        "region": _LEARNED["full"] + _STEP * (2 * effort.grid + 1),
+        "speeds": (len(effort.speeds) + _BETWEEN) * (_LEARNED["quick"] + effort.each_speed),
+        "fastest": _LEARNED["quick"] + effort.sure,
+    }
+
+
+@final
+class SearchProgress:
+    """Tells the progress of a whole search whenever it is told that of a stage."""
+
+    def __init__(self, effort: Effort, progress: Progress) -> None:
+        """Expect one search, and what follows it."""
+        self._takes, self._last = stages(effort), last_stages(effort)
+        self._progress, self._before, self._further, self._at = progress, 0.0, 0, 0
+
+    def again(self, effort: Effort) -> None:
+        """Expect searches for slower throws besides, since one has found nothing."""
+        self._before += sum(self._takes.values())
+        self._takes, self._further, self._at = stages(effort), effort.slower - 1, 0
+
+    def __call__(self, name: str, done: int, of: int) -> None:
+        """Take in how much of a stage is done; the stages before it count as done."""
+        takes = self._takes | self._last
+        if name not in takes:
+            return
+        order = list(takes)
+        if order.index(name) < self._at and name in self._takes:  # the next search begins
+            self._before += sum(self._takes.values())
+            self._further = max(self._further - 1, 0)
+        self._at = order.index(name)
+        if name in self._last:
+            self._further = 0
+        past = self._before + sum(takes[x] for x in order[: self._at]) + takes[name] * done / of
+        whole = self._before + self._further * sum(self._takes.values()) + sum(takes.values())
+        self._progress(f"designing: {name}", int(_PARTS * past / whole), _PARTS)
 
 
 def search(
@@ -84,6 +260,14 @@ def search(
     )
     pool = _refined(whole, task, effort, evaluator, pool)
     return _confirmed(evaluator, effort, best_by_price(pool, effort.last), rate)
+
+
+def search_of(
+    whole: Arm, task: Task, effort: Effort, *, joints: Sequence[str] | None, rate: float
+) -> str:
+    """Return all that decides a search, as a digest."""
+    arm = to_plain((whole.model, whole.limits))
+    return digest(arm, plain_task(task), to_plain(effort), joints, rate)
 
 
 def _confirmed(

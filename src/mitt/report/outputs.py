@@ -13,7 +13,7 @@ from mitt.generator.generators import Direct, Unoptimised
 from mitt.generator.learn import Learned
 from mitt.interrupts import finally_do
 from mitt.link.clock import Stopwatch
-from mitt.report.figures.learning import feedback_share
+from mitt.report.run_figures import feedback_share
 from mitt.report.run_page import ReportContent, write_report
 from mitt.trials.log import recording_of
 from mitt.trials.result import LEAVES, MAP, PAGE, RESULT, Journal, result

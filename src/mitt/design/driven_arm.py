@@ -1,4 +1,4 @@
-"""The whole of an arm: every joint between its base and its tip that has a drive."""
+"""The arm with every joint between its base and its tip that has a drive active."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -16,7 +16,7 @@ from mitt.robot.load import Mount, bounded, check_active, is_described, load_arm
 from mitt.robot.wam import LIMIT_SETS
 
 #: Half of the range of a joint that is held where it is [rad].
-_HELD = 5e-4
+_HELD_RANGE = 5e-4
 #: Joints of the WAM.
 _WAM = ("j1", "j2", "j3", "j4")
 
@@ -70,7 +70,9 @@ def held_as(whole: Arm, held: Mapping[str, float]) -> Arm:
         held: Angles of these joints [rad]; within 0.5 mrad the search keeps to them.
     """
     links = tuple(
-        replace(x, q_min=held[x.name] - _HELD, q_max=held[x.name] + _HELD) if x.name in held else x
+        replace(x, q_min=held[x.name] - _HELD_RANGE, q_max=held[x.name] + _HELD_RANGE)
+        if x.name in held
+        else x
         for x in whole.model.links
     )
     ready = np.array([held.get(x.name, q) for x, q in zip(links, whole.model.q_ready, strict=True)])
@@ -79,7 +81,7 @@ def held_as(whole: Arm, held: Mapping[str, float]) -> Arm:
 
 def movable(whole: Arm) -> NDArray[np.bool_]:
     """Say which joints are not held as by :func:`held_as`, shape (N,)."""
-    free: NDArray[np.bool_] = whole.q_max - whole.q_min > 4.0 * _HELD
+    free: NDArray[np.bool_] = whole.q_max - whole.q_min > 4.0 * _HELD_RANGE
     return free
 
 

@@ -11,7 +11,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from mitt.files.writing import write_atomically
-from mitt.report.figures.style import GREY, INK, RC
+from mitt.report.style import GREY, INK, RC
 from mitt.signals import Array
 
 #: Errors are shown this many times as long [1].

@@ -10,7 +10,7 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from mitt.report.figures.style import BLUE, GENERATORS, GREY, INK, UNNAMED, Plot, legend_above, plot
+from mitt.report.style import BLUE, GENERATORS, GREY, INK, UNNAMED, Plot, legend_above, plot
 from mitt.signals import Array
 
 Row = Mapping[str, Any]

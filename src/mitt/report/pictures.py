@@ -16,7 +16,7 @@ from matplotlib.colors import LightSource
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
-from mitt.report.meshes import BALL, body_meshes, sphere
+from mitt.report.scene_meshes import BALL, body_meshes, sphere
 from mitt.robot.arm import Arm
 from mitt.signals import Array
 from mitt.trials.log import TrialLog

@@ -1,0 +1,411 @@
+"""Candidates tried side by side, and the answers kept as they come.
+
+Each job is a pure function, so the result is the same with any number of workers. What a candidate
+is worth follows from what is asked of it alone (:class:`Job`). So a search that finds the answers
+of one that was broken off comes to the same design as one that never was. A line is handed to the
+system as soon as it is whole: a process that is killed loses what is under way.
+"""
+
+import errno
+import fcntl
+import hashlib
+import json
+import os
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, final
+
+import numpy as np
+
+import mitt
+from mitt.design.candidate import Candidate
+from mitt.design.evaluation import Evaluation, How, able_to_hold, judged, learned, thrown
+from mitt.design.task import Task
+from mitt.errors import FileError, InputError, MittError
+from mitt.files.schema import to_plain
+from mitt.reading import read_text
+from mitt.robot.arm import Arm
+from mitt.trials.workers import Engine, run_tasks
+
+#: Characters of a digest.
+_DIGITS = 16
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Job:
+    """What is to be tried of a candidate.
+
+    Attributes:
+        number: Its place among those tried together.
+        whole: The arm with all joints active.
+        candidate: The candidate.
+        task: What is to be caught.
+        throws: Number of throws; 0 to judge it by verdicts alone.
+        seed: Seed of the throws.
+        least: Least share of balls caught by the verdicts from which it is thrown at.
+        how: How thoroughly the map is learned.
+        give_up: Whether it is thrown at less where it catches few of the first throws.
+    """
+
+    number: int
+    whole: Arm
+    candidate: Candidate
+    task: Task
+    throws: int = 0
+    seed: int = 0
+    least: float = -1e9
+    how: How = "quick"
+    give_up: bool = True
+
+
+def answer_of(w: Evaluation) -> dict[str, Any]:
+    """Return what a candidate is worth as JSON has it, without the candidate."""
+    return {x.name: getattr(w, x.name) for x in fields(w) if x.name != "candidate"}
+
+
+def question_of(job: Job, task: str) -> str:
+    """Return what is asked of an arm's candidate, as a digest.
+
+    Args:
+        job: The job.
+        task: Its task, as a digest.
+    """
+    c = to_plain(job.candidate)
+    return digest(c, task, job.throws, job.seed, job.least, job.how, job.give_up)
+
+
+def plain_task(task: Task) -> list[Any]:
+    """Return a task as JSON has it."""
+    rest = [to_plain(getattr(task, x.name)) for x in fields(task) if x.name != "scene"]
+    return [task.scene.model_dump_json(), *rest]
+
+
+def digest(*parts: object) -> str:
+    """Return a digest of JSON values."""
+    return hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:_DIGITS]
+
+
+_SCHEMA = "mitt.search/1"
+#: Largest file of answers that is read [bytes], and what an answer may say.
+_MAX_BYTES = 100_000_000
+_FIELDS = {x.name for x in fields(Evaluation)} - {"candidate"}
+
+
+@final
+class Answers:
+    """The answers of a search, in a file if it has one, and the best candidates so far."""
+
+    def __init__(self) -> None:
+        """Begin with nothing, and without a file."""
+        self._ended: tuple[Task, list[Evaluation]] | None = None
+        self._under_way = list[tuple[Task, Evaluation]]()
+        self._answers, self._tasks = dict[str, dict[str, Any]](), dict[int, tuple[Task, str]]()
+        self._file: int | None = None
+        self._begun: bool | None = None  # whether there are answers, once that is known
+        self._path = Path()
+
+    @classmethod
+    def open(cls, path: Path, search: str, *, resume: bool) -> "Answers":
+        """Begin a file of answers anew, or go on with one.
+
+        Args:
+            path: The file.
+            search: What all decides the search, as a digest.
+            resume: Whether the answers of a search that was broken off count.
+
+        Raises:
+            InputError: It was another search, or it is still going on.
+            FileError: The file cannot be read or written.
+        """
+        self = cls()
+        self._path = path
+        head = json.dumps({"schema": _SCHEMA, "version": mitt.__version__, "search": search})
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            os.close(self._file or 0)
+            raise InputError("--out", "a design that no other search is looking for",
+                             f"{path}, where one is looking") from None  # fmt: skip
+        except OSError as error:
+            raise self._unwritable(error) from None
+        try:
+            size = self._take(head) if resume else 0
+            self._begun = bool(self._answers)
+            os.ftruncate(self._file, size)
+            if size == 0:
+                self._write(head)
+        except BaseException:
+            self.close(done=False)
+            raise
+        return self
+
+    def get(self, job: Job) -> Evaluation | None:
+        """Return what is known of a candidate; None where nothing is."""
+        answer = self._answers.get(self._question(job)) if self._answers else None
+        return None if answer is None else Evaluation(candidate=job.candidate, **answer)
+
+    def add(self, job: Job, worth: Evaluation) -> None:
+        """Keep what a candidate is worth; one that was lost with its worker may be tried again.
+
+        Raises:
+            FileError: The file cannot be written.
+        """
+        if worth.enough:
+            self._under_way.append((job.task, worth))
+        if self._file is not None and worth.failed != "lost":
+            self._write(json.dumps([self._question(job), answer_of(worth)]))
+            self._begun = True
+
+    def ended(self, task: Task, worth: Sequence[Evaluation]) -> None:
+        """Note what a stage has found: candidates that catch enough, by throws."""
+        enough = [w for w in worth if w.enough]
+        if enough:
+            self._ended = task, enough
+
+    @property
+    def best(self) -> tuple[Task, list[Evaluation]] | None:
+        """The best of the last stage by throws: those that catch enough, and what they are for."""
+        first = [(task, w) for task, w in self._under_way if task is self._under_way[0][0]]
+        return self._ended or ((first[0][0], [w for _, w in first]) if first else None)
+
+    def close(self, *, done: bool) -> None:
+        """Close the file; it goes where the search is done, or has not begun.
+
+        Twice does no more than once.
+        """
+        if self._file is not None:
+            if done or self._begun is False:
+                self._path.unlink(missing_ok=True)
+            os.close(self._file)
+        self._file = None
+
+    def _question(self, job: Job) -> str:
+        """Return what is asked, as a digest; the arm is that of the whole search."""
+        task = self._tasks.get(id(job.task))
+        if task is None:  # keeps the task as well, so that no other takes its id
+            task = self._tasks[id(job.task)] = job.task, digest(plain_task(job.task))
+        return question_of(job, task[1])
+
+    def _take(self, head: str) -> int:
+        """Take the answers of a file; return how many of its bytes are whole lines."""
+        text = read_text(self._path, max_bytes=_MAX_BYTES, wanted="answers of a search")
+        whole = text[: text.rfind("\n") + 1]
+        lines = whole.splitlines()
+        if lines and lines[0] != head:
+            raise InputError("--resume", f"the arm, the version and the options of {self._path}",
+                             "others", do="say the same, or --overwrite instead")  # fmt: skip
+        for number, line in enumerate(lines[1:], start=2):
+            try:
+                question, answer = json.loads(line)
+                self._answers[str(question)] = dict(answer)
+                if not set(answer) <= _FIELDS:
+                    raise ValueError("another answer")
+            except (ValueError, TypeError, RecursionError):
+                raise FileError(f"{self._path} line {number}", "an answer", line[:60],
+                                do="say --overwrite to begin anew") from None  # fmt: skip
+        return len(whole.encode())
+
+    def _write(self, line: str) -> None:
+        """Hand a line to the system."""
+        assert self._file is not None
+        try:
+            data = f"{line}\n".encode()
+            if os.write(self._file, data) < len(data):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        except OSError as error:
+            raise self._unwritable(error) from None
+
+    def _unwritable(self, error: OSError) -> FileError:
+        """Return the error of a file that cannot be written."""
+        return FileError(str(self._path), "a file that can be written", error.strerror)
+
+
+#: How often a candidate is evaluated by itself whose worker died.
+_ROUNDS = 2
+
+Progress = Callable[[str, int, int], None]
+
+
+def evaluated(job: Job) -> Evaluation:
+    """Return what a candidate is worth, or why it could not be thrown at.
+
+    An error of one candidate ends no search: it is part of the answer.
+    """
+    try:
+        return _evaluated(job)
+    except (MittError, np.linalg.LinAlgError) as error:
+        return _failed(job.candidate, "error", str(error))
+
+
+def _evaluated(job: Job) -> Evaluation:
+    """Return what a candidate is worth, stage by stage."""
+    c = job.candidate
+    if not able_to_hold(job.whole, c, job.task):
+        return _failed(c, "no pose")
+    if job.how == "paper":
+        return Evaluation(candidate=c, able=1.0, speed=0.0)
+    f = learned(job.whole, c, job.task, job.how)
+    if f is None:
+        return _failed(c, "no map")
+    worth = judged(c, f, job.task)
+    if job.throws == 0 or worth.share < job.least:
+        return worth
+    return thrown(c, f, job.task, throws=job.throws, seed=job.seed, give_up=job.give_up)
+
+
+def _failed(c: Candidate, why: str, said: str = "") -> Evaluation:
+    """Return a candidate that was not thrown at."""
+    return Evaluation(candidate=c, able=0.0, speed=99.0, failed=why, said=said)
+
+
+def _evaluated_in_worker(job: Job) -> bytes:
+    """Evaluate a candidate in a worker; the answer as bytes, without the candidate."""
+    return json.dumps(answer_of(evaluated(job))).encode()
+
+
+@dataclass(slots=True)
+class Tally:
+    """What could not be evaluated, over all that a design does.
+
+    Attributes:
+        errors: Candidates whose throws ended in an error.
+        lost: Candidates that were lost with their worker, again and again.
+        said: What the first error said.
+    """
+
+    errors: int = 0
+    lost: int = 0
+    said: str = ""
+
+    def count(self, w: Evaluation) -> None:
+        """Count a candidate, if it could not be evaluated."""
+        self.errors += w.failed == "error"
+        self.lost += w.failed == "lost"
+        self.said = self.said or w.said
+
+    def told(self) -> list[str]:
+        """Return in words what could not be evaluated, a line each."""
+        out = []
+        if self.errors:
+            out.append(f"left out for an error: {self.errors} candidates; the first: {self.said}")
+        if self.lost:
+            out.append(f"left out, lost with a worker process: {self.lost} candidates")
+        return out
+
+
+@final
+class Evaluator:
+    """Tries candidates, in this process or by an engine's workers."""
+
+    def __init__(
+        self, whole: Arm, task: Task, engine: Engine | None, progress: Progress,
+        tally: Tally | None = None, kept: Answers | None = None,
+    ) -> None:  # fmt: skip
+        """Take what all jobs have in common.
+
+        Args:
+            whole: The arm with all joints active.
+            task: What is to be caught.
+            engine: Where to _evaluated_in_worker; in this process where None.
+            progress: Told what is done, and how much of it.
+            tally: Where what could not be evaluated is counted.
+            kept: Where answers are kept, and looked for first.
+        """
+        self.whole, self.task, self._engine, self.progress = whole, task, engine, progress
+        self.tally, self.kept = tally or Tally(), kept or Answers()
+
+    def at(self, task: Task) -> "Evaluator":
+        """Return an evaluator for another task, which counts and keeps where this one does."""
+        return Evaluator(self.whole, task, self._engine, self.progress, self.tally, self.kept)
+
+    def try_all(
+        self, name: str, candidates: Sequence[Candidate], *, throws: int = 0, seed: int = 0,
+        least: float = -1e9, how: How = "quick", give_up: bool = True,
+    ) -> list[Evaluation]:  # fmt: skip
+        """Return what candidates are worth, in their order, without those that failed.
+
+        Args:
+            name: Of this stage, for the progress.
+            candidates: What is tried.
+            throws: As in :class:`Job`.
+            seed: As in :class:`Job`.
+            least: As in :class:`Job`.
+            how: As in :class:`Job`.
+            give_up: As in :class:`Job`.
+        """
+        jobs = [
+            Job(number=k, whole=self.whole, candidate=c, task=self.task, throws=throws,
+                  seed=seed, least=least, how=how, give_up=give_up)
+            for k, c in enumerate(candidates)
+        ]  # fmt: skip
+        worth = [w for w in self._worth(name, jobs) if not w.failed]
+        self.kept.ended(self.task, worth)
+        return worth
+
+    def try_each(
+        self, name: str, pairs: Sequence[tuple[Candidate, Task]], *, throws: int, seed: int
+    ) -> list[Evaluation]:
+        """Return what each candidate is worth for a task of its own, those that failed as well.
+
+        All throws are made, however many are caught.
+        """
+        jobs = [
+            Job(number=k, whole=self.whole, candidate=c, task=task, throws=throws, seed=seed,
+                  give_up=False)
+            for k, (c, task) in enumerate(pairs)
+        ]  # fmt: skip
+        return self._worth(name, jobs)
+
+    def _worth(self, name: str, jobs: Sequence[Job]) -> list[Evaluation]:
+        """Return what became of jobs, in their order."""
+        found = {job.number: w for job in jobs if (w := self.kept.get(job)) is not None}
+        new = [job for job in jobs if job.number not in found]
+        for number, worth in self._answers(new):
+            found[number] = worth
+            self.kept.add(jobs[number], worth)
+            self.progress(name, len(found), len(jobs))
+        for job in jobs:
+            self.tally.count(found[job.number])
+        return [found[job.number] for job in jobs]
+
+    def _answers(self, jobs: Sequence[Job]) -> Iterable[tuple[int, Evaluation]]:
+        """Yield number and worth of each, as they come.
+
+        A worker that dies takes with it what else is under way, so that those are evaluated again
+        one by one: only one whose own worker dies is lost.
+        """
+        if self._engine is None:
+            for job in jobs:
+                yield job.number, evaluated(job)
+            return
+        again = list[Job]()
+        for job, answer in run_tasks(
+            self._engine, _evaluated_in_worker, jobs, window=2 * self._engine.workers
+        ):
+            worth = self._answer(job, answer)
+            if worth is None:
+                again.append(job)
+            else:
+                yield job.number, worth
+        for job in sorted(again, key=lambda x: x.number):
+            yield job.number, self._alone(job, self._engine)
+
+    def _alone(self, job: Job, engine: Engine) -> Evaluation:
+        """Return what a candidate is worth with nothing else under way."""
+        for _ in range(_ROUNDS):
+            for _, answer in run_tasks(engine, _evaluated_in_worker, [job], window=1):
+                worth = self._answer(job, answer)
+                if worth is not None:
+                    return worth
+        return _failed(job.candidate, "lost")
+
+    def _answer(self, job: Job, answer: bytes | BaseException) -> Evaluation | None:
+        """Return what a worker said of a candidate; None where it died."""
+        if not isinstance(answer, BaseException):
+            return Evaluation(candidate=job.candidate, **json.loads(answer))
+        if self._engine is not None and self._engine.died(answer):
+            return None
+        raise answer
