@@ -131,7 +131,7 @@ def test_throws_of_one_speed_leave_and_arrive_as_is_said(task: Task, speed: floa
         r, v = throw.r, throw.dr
         while r[0] > place[0]:
             r, v = fly(r, v, drag=at.ranges.drag, duration=0.002)
-        arm_design.append(np.linalg.norm(v))
+        speeds.append(np.linalg.norm(v))
         descents.append(np.arcsin(-v[2] / np.linalg.norm(v)))
     for seen, (least, most) in ((speeds, at.balls.speeds), (descents, at.balls.descents)):
         assert np.mean((np.array(seen) > least) & (np.array(seen) < most)) > 0.8
