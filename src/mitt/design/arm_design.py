@@ -82,12 +82,7 @@ def region_of(
 ) -> Region | None:
     """Return the region of a design; None where it has no map.
 
-    Args:
-        whole: The arm with all joints active.
-        c: The design.
-        task: What is caught.
-        progress: Told what is done.
-        each_way: Points on each side of the middle.
+    It has ``each_way`` points on each side of the middle.
     """
     f = learned(whole, c, task, "full")
     if f is None:
@@ -223,12 +218,7 @@ def by_speed(
 ) -> list[AtSpeed]:
     """Return how a design does at several speeds, its map learned for each.
 
-    Args:
-        evaluator: Where it is thrown at.
-        c: The design.
-        task: What is caught; the speed is changed.
-        speeds: At release [m/s].
-        throws: At each speed.
+    Speeds are those at release [m/s].
     """
     worth = evaluator.try_each(
         "speeds", [(c, task_at(task, speed)) for speed in speeds], throws=throws, seed=_SPEEDS_SEED
@@ -513,9 +503,7 @@ def softer(whole: Arm) -> str:
 def _lost(whole: Arm, usual: Evaluation | None) -> str:
     """Return in words why nothing was found for the throws that were asked for.
 
-    Args:
-        whole: The arm.
-        usual: The best design for them, with throws that no search used.
+    ``usual`` is the best design for them, with throws that no search used.
     """
     if usual is None:
         return "no design meets the throws within the joint speeds and ranges"
@@ -531,11 +519,8 @@ def _lost(whole: Arm, usual: Evaluation | None) -> str:
 def _reason(whole: Arm, usual: Evaluation | None, slow: Evaluation | None, speed: float) -> str:
     """Return in words why nothing was found for default throws, and what was for slower ones.
 
-    Args:
-        whole: The arm.
-        usual: The best design for default throws, with throws that no search used.
-        slow: The best design for slower throws, if one catches enough of them.
-        speed: Speed of these at release [m/s].
+    ``usual`` and ``slow`` are the best designs for default and for slower throws, with throws that
+    no search used; ``speed`` is that of the slower ones at release [m/s].
     """
     why = _lost(whole, usual)
     if slow is None or not slow.enough:

@@ -1,6 +1,7 @@
 """One way for an arm to catch: the choices that a search makes, and small changes of them."""
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,9 +62,7 @@ class Candidate:
     def arm(self, whole: Arm, arrivals: Array | None = None) -> Arm:
         """Return the arm with the other joints held.
 
-        Args:
-            whole: The arm with all its joints active.
-            arrivals: How balls come, as in :class:`mitt.robot.description.ArmModel`.
+        How balls come is as in :class:`mitt.robot.description.ArmModel`.
         """
         held = {k: float(x) for k, x in enumerate(self.q) if k not in self.active}
         links = tuple(replace(x, held=held.get(k)) for k, x in enumerate(whole.model.links))
@@ -103,20 +102,25 @@ def within(whole: Arm, q: Array, margin: float) -> NDArray[np.bool_]:
     return inside
 
 
-#: Standard deviations of a change: joints at the catch, held joints, ready pose [rad]; kappa - 1
-#: and inward together, as a share; each by itself, as a share.
-_FREE, _HELD, _READY, _KAPPA, _INWARD = 0.12, 0.2, 0.2, 0.3, 0.15
-#: The same of how far a further joint turns per coordinate of the free ones.
-_FOLLOWS = 0.1
-#: Room that is left to the ends of the ranges [rad].
-_MARGIN = 0.06
-#: Standard deviations of the slope of the catch angle, and of the match weight as a share; how
-#: often the weight is set to 0, or to 1 where it was 0.
-_SLOPE, _WEIGHT, _SWITCHED = 0.3, 0.7, 0.05
-#: Shift of the aim against the catch point [m], and how often a held joint is turned square.
-_AIM, _SQUARE = 0.07, 0.1
-#: How often each part is changed.
-_OFTEN = 0.6
+class _Change(NamedTuple):
+    """Sizes of small changes, standard deviations unless it says otherwise; found by trial."""
+
+    free: float = 0.12  # of a free joint at the catch [rad]
+    held: float = 0.2  # of another joint there [rad]
+    ready: float = 0.2  # of the ready pose [rad]
+    both: float = 0.3  # of kappa - 1 and inward by one factor, of its logarithm [1]
+    each: float = 0.15  # of kappa - 1 and inward each by itself, of its logarithm [1]
+    follows: float = 0.1  # of how far a further joint turns per coordinate of the free ones [1]
+    slope: float = 0.3  # of the slope of the catch angle [1]
+    weight: float = 0.7  # of the match weight, of its logarithm [1]
+    aim: float = 0.07  # of the aim against the catch point [m]
+    often: float = 0.6  # how often each part is changed, as a share
+    square: float = 0.1  # how often a held joint is turned to a right angle
+    switched: float = 0.05  # how often the match weight is set to 0, or to 1 where it was 0
+    margin: float = 0.06  # room that is left to the ends of the ranges [rad]
+
+
+_CHANGE = _Change()
 
 
 def mutated(whole: Arm, c: Candidate, rng: np.random.Generator, *, size: float, moves: bool) -> (
@@ -124,39 +128,38 @@ def mutated(whole: Arm, c: Candidate, rng: np.random.Generator, *, size: float, 
 ):  # fmt: skip
     """Return a candidate a little different.
 
-    Args:
-        whole: The arm with all joints active.
-        c: What is changed.
-        rng: Source of randomness.
-        size: Of the changes; 1 for the first ones.
-        moves: Whether the aim goes with the catch point; it stays otherwise.
+    Changes have ``size`` 1 at first. Where ``moves``, the aim goes with the catch point.
     """
     free = list(c.free)
     q, ready, A = c.q.copy(), c.ready.copy(), c.A.copy()
-    if rng.random() < _OFTEN:
-        sigma = np.full(whole.n, _HELD)
-        sigma[free] = _FREE
+    if rng.random() < _CHANGE.often:
+        sigma = np.full(whole.n, _CHANGE.held)
+        sigma[free] = _CHANGE.free
         sigma[~movable(whole)] = 0.0
-        q = q + size * sigma * rng.standard_normal(whole.n) * (rng.random(whole.n) < _OFTEN)
+        q = q + size * sigma * rng.standard_normal(whole.n) * (rng.random(whole.n) < _CHANGE.often)
         q = _inside(whole, _squared(q, free, rng), np.arange(whole.n))
         ready = ready + (q - c.q)[free]
-    if len(c.active) > 3 and rng.random() < _OFTEN:
+    if len(c.active) > 3 and rng.random() < _CHANGE.often:
         further = [k for k in c.active if k not in free]
-        A[further] += size * _FOLLOWS * rng.standard_normal((len(further), 3))
-    if rng.random() < _OFTEN:
+        A[further] += size * _CHANGE.follows * rng.standard_normal((len(further), 3))
+    if rng.random() < _CHANGE.often:
         others = [x for x in range(3) if x != c.catch]
         slope = c.A[free[c.catch], others]
-        change = np.clip(slope + size * _SLOPE * rng.standard_normal(2), -10.0, 10.0) - slope
+        change = np.clip(slope + size * _CHANGE.slope * rng.standard_normal(2), -10.0, 10.0) - slope
         A[:, others] += np.outer(A[:, c.catch], change)
-    if rng.random() < _OFTEN:
-        ready = ready + size * _READY * rng.standard_normal(3)
+    if rng.random() < _CHANGE.often:
+        ready = ready + size * _CHANGE.ready * rng.standard_normal(3)
     kappa, inward = c.kappa, c.inward
-    if rng.random() < _OFTEN:  # harder or softer: both by one factor, the ball's way in stays
-        factor = float(np.exp(size * _KAPPA * rng.standard_normal()))
+    if (
+        rng.random() < _CHANGE.often
+    ):  # harder or softer: both by one factor, the ball's way in stays
+        factor = float(np.exp(size * _CHANGE.both * rng.standard_normal()))
         kappa, inward = 1.0 + (kappa - 1.0 + 0.02) * factor, inward * factor
-    if rng.random() < _OFTEN:
-        kappa = 1.0 + (kappa - 1.0) * float(np.exp(size * _INWARD * rng.standard_normal()))
-        inward += size * _INWARD * (kappa - 1.0 + abs(inward) + 0.1) * float(rng.standard_normal())
+    if rng.random() < _CHANGE.often:
+        kappa = 1.0 + (kappa - 1.0) * float(np.exp(size * _CHANGE.each * rng.standard_normal()))
+        inward += (
+            size * _CHANGE.each * (kappa - 1.0 + abs(inward) + 0.1) * float(rng.standard_normal())
+        )
     aim = _aim(c.aim, whole.position(q) - whole.position(c.q), size, rng) if moves else c.aim
     turn = c.turn + (np.pi / 3.0 if rng.random() < 0.1 else 0.0)
     return replace(
@@ -168,8 +171,8 @@ def mutated(whole: Arm, c: Candidate, rng: np.random.Generator, *, size: float, 
 
 def _weight(c: Candidate, size: float, rng: np.random.Generator) -> float:
     """Return a match weight that is a little larger or smaller, and now and then 0."""
-    weight = c.match_weight * float(np.exp(size * _WEIGHT * rng.standard_normal()))
-    if rng.random() < _SWITCHED:
+    weight = c.match_weight * float(np.exp(size * _CHANGE.weight * rng.standard_normal()))
+    if rng.random() < _CHANGE.switched:
         weight = 0.0 if weight > 0.0 else 1.0
     return min(weight, 1000.0)
 
@@ -179,7 +182,7 @@ def _squared(q: Array, free: list[int], rng: np.random.Generator) -> Array:
     square = np.round(q / (0.5 * np.pi)) * (0.5 * np.pi)
     held = np.ones(len(q), dtype=bool)
     held[free] = False
-    out: Array = np.where(held & (rng.random(len(q)) < _SQUARE), square, q)
+    out: Array = np.where(held & (rng.random(len(q)) < _CHANGE.square), square, q)
     return out
 
 
@@ -187,13 +190,13 @@ def _aim(aim: Array, moved: Array, size: float, rng: np.random.Generator) -> Arr
     """Return an aim that goes with the catch point, and sometimes is shifted against it."""
     out = aim.copy()
     out[0] += moved
-    if rng.random() < _OFTEN:
-        out[0] += size * _AIM * rng.standard_normal(3)
+    if rng.random() < _CHANGE.often:
+        out[0] += size * _CHANGE.aim * rng.standard_normal(3)
     return out
 
 
 def _inside(whole: Arm, q: Array, joints: NDArray[np.int64]) -> Array:
     """Return angles of some joints, kept in their ranges [rad]."""
-    room = np.minimum(_MARGIN, 0.1 * (whole.q_max - whole.q_min))[joints]
+    room = np.minimum(_CHANGE.margin, 0.1 * (whole.q_max - whole.q_min))[joints]
     out: Array = np.clip(q, whole.q_min[joints] + room, whole.q_max[joints] - room)
     return out

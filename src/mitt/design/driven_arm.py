@@ -65,9 +65,7 @@ def whole_arm(
 def held_as(whole: Arm, held: Mapping[str, float]) -> Arm:
     """Return an arm some of whose joints hardly turn: a search leaves them where they are held.
 
-    Args:
-        whole: The arm with all joints active.
-        held: Angles of these joints [rad]; within 0.5 mrad the search keeps to them.
+    Their angles [rad]: within 0.5 mrad the search keeps to them.
     """
     links = tuple(
         replace(x, q_min=held[x.name] - _HELD_RANGE, q_max=held[x.name] + _HELD_RANGE)

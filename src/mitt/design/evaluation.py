@@ -81,11 +81,7 @@ class Verdicts:
 def balls_of(f: DirectMap, task: Task, *, count: int, seed: int) -> list[BallState]:
     """Return balls of a task as they are when the arm starts.
 
-    Args:
-        f: The map at which they are thrown.
-        task: What is thrown.
-        count: How many at most; a user's balls once each.
-        seed: Seed of what is drawn.
+    So many are drawn with a seed; a user's balls come once each.
     """
     source = task.source(f, throws=count, seed=seed)
     own = len(source.throws or source.recordings)
@@ -112,11 +108,7 @@ def verdicts(
 ) -> Verdicts:
     """Return the verdicts on balls, the arm at rest in its ready pose.
 
-    Args:
-        f: A learned map.
-        balls: The balls, as they are when the arm starts.
-        driven: Its arm as the catcher drives it.
-        settings: What the catcher knows.
+    They are as when the arm starts, which is ``driven`` as the catcher drives it.
     """
     q, caught = f.arm.q_ready, settings.caught
     said, ends = list[Verdict](), list[_End]()
@@ -192,42 +184,47 @@ def _cause(trial: Trial) -> str:
             return trial.status
 
 
-#: Share of each torque that holding a pose, and speeding up to the catch, may ask for on paper.
-_HOLDING, _SPEEDING = 0.85, 2.5
-#: Largest share of a joint's speed that l_c^-1 may ask for at the catch on paper; where learning
-#: weighs the match, as much as of its flights.
-_ASKED, _ASKED_WEIGHED = 1.6, FASTEST_SHARE
-#: Time in which the hand reaches its speed at the catch, on paper [s].
-_RISE = 0.25
-#: Largest difference of one pose from itself, by its catch point and l_c^-1 [rad].
-_SAME = 1e-3
-#: Gap that own shapes and floor keep in ready pose and at the catch [m].
-_GAP = 0.012
-#: Poses from the ready pose to the catch that are looked at, both included.
-_ON_THE_WAY = 4
+class _Paper(NamedTuple):
+    """What a candidate may ask for before it has a map; choices of this project."""
+
+    holding: float = 0.85  # share of each torque to hold a pose
+    speeding: float = 2.5  # share of each torque to speed up to the catch
+    rise: float = 0.25  # time in which the hand reaches its speed there [s]
+    speed: float = 1.6  # share of a joint's speed at the catch
+    speed_weighed: float = FASTEST_SHARE  # the same where learning weighs the match
+    same: float = 1e-3  # largest difference of one pose from itself by l_c^-1 [rad]
+    gap: float = 0.012  # of own shapes and floor in ready pose and at the catch [m]
+    poses: int = 4  # looked at from ready pose to catch, both included
+
+
+class _Discount(NamedTuple):
+    """From where on a ball counts less in what is judged, and how fast."""
+
+    share: float = 0.95  # of a limit
+    steep: float = 5.0  # a ball counts 1 / (1 + steep excess)
+    angle: float = float(np.deg2rad(25.0))  # off the palm's normal [rad]
+    aslant: float = 0.3  # the same beyond that angle [1/rad]
+    slow: float = 1.0  # relative speed up to which the angle does not matter [m/s]
+    # One from the side or behind touches the fingers before it is in the hand. Of 200 throws at one
+    # design 8 of 9 beyond 95 degrees were lost, none below.
+    side: float = float(np.deg2rad(80.0))  # off the normal [rad]
+    behind: float = 10.0  # the same beyond that angle [1/rad]
+
+
+_PAPER, _DISCOUNT = _Paper(), _Discount()
 #: Seed and largest number of the balls that candidates are judged by.
 _JUDGE_SEED, _JUDGED_BALLS = 32, 30
-#: Flights and instants for a quick answer, and for the last candidates. What is best on maps
-#: learned from 30 flights need not be with 120: of one design 98 and 86 % were caught. On paper a
-#: few show whether balls come to where the map can meet them.
-_GLANCE, _QUICK = Neighbourhood(flights=16, instants=9), Neighbourhood(flights=30, instants=12)
-_MANY_FLIGHTS, _FULL = Neighbourhood(instants=12), Neighbourhood()
+#: Flights on which a candidate is tried on paper: a few show whether balls come to where it can
+#: meet them.
 _ON_PAPER = Neighbourhood(flights=6, instants=7, kicked=0.0, bounced=0.0)
-_STEPS = {
-    "glance": LearnSettings(steps=3, tolerance=0.05),
-    "quick": LearnSettings(steps=5, tolerance=0.02),
-    "many": LearnSettings(steps=5, tolerance=0.02),
-    "full": LearnSettings(),
+#: From which flights a map is learned, and in how many steps. What is best on maps learned from 30
+#: flights need not be with 120: of one design 98 and 86 % were caught.
+_LEARNING = {
+    "glance": (Neighbourhood(flights=16, instants=9), LearnSettings(steps=3, tolerance=0.05)),
+    "quick": (Neighbourhood(flights=30, instants=12), LearnSettings(steps=5, tolerance=0.02)),
+    "many": (Neighbourhood(instants=12), LearnSettings(steps=5, tolerance=0.02)),
+    "full": (Neighbourhood(), LearnSettings()),
 }
-_AROUND = {"glance": _GLANCE, "quick": _QUICK, "many": _MANY_FLIGHTS, "full": _FULL}
-#: Share of a limit from which on a ball counts less, and how fast: 1 / (1 + _STEEP excess).
-_FULL_SHARE, _STEEP = 0.95, 5.0
-#: Angle off the palm's normal from which on it counts less [rad], and how fast [1/rad]; up to this
-#: relative speed the angle does not matter [m/s].
-_STRAIGHT, _ASLANT, _SLOW = np.deg2rad(25.0), 0.3, 1.0
-#: The same for one that comes from the side or from behind: it touches the fingers before it is in
-#: the hand. Of 200 throws at one design 8 of 9 beyond 95 degrees were lost, none below.
-_SIDE, _FROM_BEHIND = np.deg2rad(80.0), 10.0
 #: Share of the throws that has to be caught, within every limit, for an arm to count as one that
 #: can catch them.
 ENOUGH = 0.8
@@ -313,8 +310,7 @@ class Evaluation:
     def score(self, price: float) -> float:
         """Return the share caught, less what a hard catch costs; larger is better.
 
-        Args:
-            price: Of 1 m/s of :attr:`hardness`, in shares of throws.
+        ``price`` is that of 1 m/s of :attr:`hardness`, in shares of throws.
         """
         return self.share - price * self.hardness
 
@@ -332,20 +328,20 @@ def able_to_hold(whole: Arm, c: Candidate, task: Task) -> bool:
     if touching(arm, task.scene, _to_catch(c)) or not _on_branch(arm, start, c):
         return False
     inside = [x for x in (lift_flight(start, flight) for flight in flights) if x is not None]
-    most = _ASKED_WEIGHED if c.match_weight > 0.0 else _ASKED
+    most = _PAPER.speed_weighed if c.match_weight > 0.0 else _PAPER.speed
     return len(inside) >= 4 and sum(_asks_little(arm, x.virtual[-1], most) for x in inside) >= 3
 
 
 def _to_catch(c: Candidate) -> Array:
     """Return poses of the active joints from the ready pose to the catch [rad], shape (k, n)."""
-    share = np.linspace(0.0, 1.0, _ON_THE_WAY)[:, None]
+    share = np.linspace(0.0, 1.0, _PAPER.poses)[:, None]
     return np.asarray((1.0 - share) * c.q_ready + share * c.q_catch)
 
 
 def _on_branch(arm: Arm, start: DirectMap, c: Candidate) -> bool:
     """Say whether l_c^-1 of the nominal catch point is the pose that the candidate means."""
     status, q_o = start.to_joints(arm.position(c.q_catch))
-    return status is MapStatus.INSIDE and bool(np.abs(q_o - c.q_catch).max() < _SAME)
+    return status is MapStatus.INSIDE and bool(np.abs(q_o - c.q_catch).max() < _PAPER.same)
 
 
 def _holds(arm: Arm, c: Candidate, floor: float) -> bool:
@@ -354,9 +350,9 @@ def _holds(arm: Arm, c: Candidate, floor: float) -> bool:
     shapes = shapes_of(arm, Surroundings(floor=floor))
     for q in (ready, c.q_catch):
         share = arm.limits.torque_ratio(arm.torque(q, still, still), np.zeros(len(arm.bodies)))
-        if float(share.max()) > _HOLDING:
+        if float(share.max()) > _PAPER.holding:
             return False
-        if clearance(arm.bodies, q, shapes.table, shapes.pairs, shapes.ends) < _GAP:
+        if clearance(arm.bodies, q, shapes.table, shapes.pairs, shapes.ends) < _PAPER.gap:
             return False
     return bool(np.all((ready > arm.q_min) & (ready < arm.q_max)))
 
@@ -364,15 +360,12 @@ def _holds(arm: Arm, c: Candidate, floor: float) -> bool:
 def _asks_little(arm: Arm, virtual: Array, most: float) -> bool:
     """Say whether the arm could about reach the joint speeds of l_c^-1 at a catch.
 
-    Args:
-        arm: The arm.
-        virtual: Rows q_o, dq_o, ddq_o there.
-        most: Largest share of a joint's speed.
+    ``virtual`` has the rows q_o, dq_o, ddq_o there; ``most`` is a share of a joint's speed.
     """
     q, dq = virtual[0], virtual[1]
-    tau = arm.torque(q, np.zeros(arm.n), dq / _RISE)
+    tau = arm.torque(q, np.zeros(arm.n), dq / _PAPER.rise)
     share = arm.limits.torque_ratio(tau, np.zeros(len(arm.bodies)))
-    return bool(float(share.max()) <= _SPEEDING and np.abs(dq / arm.dq_max).max() <= most)
+    return bool(float(share.max()) <= _PAPER.speeding and np.abs(dq / arm.dq_max).max() <= most)
 
 
 def learned(whole: Arm, c: Candidate, task: Task, how: How = "quick") -> DirectMap | None:
@@ -380,10 +373,11 @@ def learned(whole: Arm, c: Candidate, task: Task, how: How = "quick") -> DirectM
 
     In full it is the one that ``mitt catch`` learns.
     """
-    around = task.around(_AROUND[how])
+    usual, steps = _LEARNING[how]
+    around = task.around(usual)
     try:
         arm = c.arm(whole, task.arrivals)
-        found = learn(arm, design=c.design, around=around, settings=_STEPS[how])
+        found = learn(arm, design=c.design, around=around, settings=steps)
     except (MittError, np.linalg.LinAlgError):
         return None
     return found.map if found.flights >= around.flights // 2 else None
@@ -408,10 +402,16 @@ def _able(said: Verdicts) -> float:
     It falls smoothly, so that of two candidates that are both beyond a limit the nearer one is
     seen.
     """
-    beyond = np.maximum(said.share - _FULL_SHARE, 0.0)
-    aslant = np.where(said.speed <= _SLOW, 0.0, np.maximum(said.angle - _STRAIGHT, 0.0))
-    behind = np.maximum(said.angle - _SIDE, 0.0)
-    within = (1.0 + _STEEP * beyond) * (1.0 + _ASLANT * aslant) * (1.0 + _FROM_BEHIND * behind)
+    beyond = np.maximum(said.share - _DISCOUNT.share, 0.0)
+    aslant = np.where(
+        said.speed <= _DISCOUNT.slow, 0.0, np.maximum(said.angle - _DISCOUNT.angle, 0.0)
+    )
+    behind = np.maximum(said.angle - _DISCOUNT.side, 0.0)
+    within = (
+        (1.0 + _DISCOUNT.steep * beyond)
+        * (1.0 + _DISCOUNT.aslant * aslant)
+        * (1.0 + _DISCOUNT.behind * behind)
+    )
     return float(np.mean(1.0 / within))
 
 
@@ -448,12 +448,7 @@ def trials_of(
 ) -> list[Trial]:
     """Return scored throws at a map: default throws at its arm's aim, or those of the task.
 
-    Args:
-        f: The map.
-        task: What is thrown.
-        throws: How many.
-        seed: Seed of throws, plant and noise.
-        give_up: Whether a third of them suffices where few of these are caught.
+    Where ``give_up``, a third of them suffices where few of these are caught.
     """
     source = task.source(f, throws=throws, seed=seed)
     runner = TrialRunner(f.arm, Direct(f), task.scene, pixels=False)

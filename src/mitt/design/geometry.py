@@ -45,19 +45,42 @@ from mitt.robot.arm import Arm
 from mitt.signals import Array
 from mitt.trials.learning import FASTEST_SHARE
 
-#: What each further candidate of the same choice of joints costs, in m/s of relative speed.
-_REPEATED = 0.08
-#: The ready pose is the pose at the catch less this time [s] times the joint speeds there: 0.13 to
-#: 0.2 in the softest motions of the WAM (``benchmarks/softest.py``). Range of a factor on it, drawn
-#: for each joint.
-_SWING, _EACH = (0.04, 0.22), (0.7, 1.3)
-#: Farthest that the two other joints stand off their angles at the catch [rad]. From farther away
-#: l_c^-1 may find another branch; what does so is left out on paper.
-_ASIDE = 1.0
-#: Room that the ready pose keeps to the ends of the ranges [rad].
-_READY_ROOM = 0.05
-#: How often a relative velocity at the catch costs something in learning, and how much [(m/s)^-2].
-_WEIGHED, _WEIGHTS = 0.7, (0.3, 100.0)
+
+class _Draw(NamedTuple):
+    """How poses, choices of joints and maps are drawn; found by trial."""
+
+    margin: float = 0.12  # joint range left free at the catch [rad]
+    shares: tuple[float, float] = (0.3, 0.9)  # of joint speeds for a typical ball: others ask more
+    alone: int = 24  # choices of three joints that move alone, of each pose
+    shared: int = 8  # choices of three that all others follow, of each pose
+    held: float = 0.25  # how often a further joint is held nevertheless
+    sloped: float = 0.6  # how often the catch angle goes with the other joints
+    slope: float = 1.0  # standard deviation of its slope [1]
+    facing: float = 0.1  # least cosine of the palm's normal and the way the ball comes from
+    tilt: float = float(np.deg2rad(35.0))  # of the relative velocity off that normal [rad]
+    often: float = 0.6  # how often each joint is changed
+    weighed: float = 0.7  # how often a relative velocity at the catch costs something in learning
+    weights: tuple[float, float] = (0.3, 100.0)  # range of what it costs [(m/s)^-2]
+    # The ready pose is the pose at the catch less this time [s] times the joint speeds there: 0.13 to
+    # 0.2 in the softest motions of the WAM (``benchmarks/softest.py``).
+    swing: tuple[float, float] = (0.04, 0.22)
+    swing_each: tuple[float, float] = (0.7, 1.3)  # factor on it, drawn for each joint [1]
+    aside: float = 1.0  # farthest of the two other joints from the catch [rad]: the same branch
+    ready_room: float = 0.05  # of the ready pose to the ends of the ranges [rad]
+
+
+class _Cost(NamedTuple):
+    """What a candidate's score has besides the relative speed, in m/s of it; found by trial."""
+
+    repeated: float = 0.08  # for each further candidate of the same choice of joints
+    effort: float = 0.3  # for using all of a joint's speed
+    too_fast: float = 5.0  # for asking all of a joint's speed more than may be asked
+    aslant: float = 1.0  # for a ball that comes in aslant
+    no_brake: float = 1.0  # for a ball after which the arm cannot brake
+    outside: float = 2.0  # where all balls are outside the domain early on their way
+
+
+_DRAW, _COST = _Draw(), _Cost()
 
 
 class Rows(NamedTuple):
@@ -80,10 +103,7 @@ class Rows(NamedTuple):
 
     def take(self, rows: Which) -> "Rows":
         """Return some of them, by index or by mask."""
-        return Rows(
-            self.q[rows], self.free[rows], self.kappa[rows], self.inward[rows], self.A[rows],
-            self.x[rows], self.tip[rows], self.score[rows], self.weight[rows],
-        )  # fmt: skip
+        return Rows._make(x[rows] for x in self)
 
 
 def joined(parts: Sequence[Rows]) -> Rows:
@@ -116,7 +136,7 @@ def best_of(rows: Rows, *, count: int, each: int) -> Rows:
         place = (*key, *np.round(rows.tip[k] / 0.15).astype(int).tolist())
         if seen.get(key, 0) >= each or near.get(place, 0) >= max(1, each // 8):
             continue
-        cost.append(float(rows.score[k]) + _REPEATED * seen.get(key, 0))
+        cost.append(float(rows.score[k]) + _COST.repeated * seen.get(key, 0))
         seen[key], near[place] = seen.get(key, 0) + 1, near.get(place, 0) + 1
         taken.append(k)
     ranked = np.argsort(cost, kind="stable")[:count]
@@ -125,9 +145,9 @@ def best_of(rows: Rows, *, count: int, each: int) -> Rows:
 
 def drawn_weights(count: int, rng: np.random.Generator) -> Array:
     """Draw match weights: 0, or one of any size [(m/s)^-2], shape (count,)."""
-    low, high = np.log(_WEIGHTS).tolist()
+    low, high = np.log(_DRAW.weights).tolist()
     size = np.exp(rng.uniform(low, high, count))
-    out: Array = np.where(rng.random(count) < _WEIGHED, size, 0.0)
+    out: Array = np.where(rng.random(count) < _DRAW.weighed, size, 0.0)
     return out
 
 
@@ -139,10 +159,10 @@ def candidates_of(
     for k in range(len(rows.q)):
         order = np.argsort(rows.free[k])
         free = rows.free[k][order]
-        swing = rng.uniform(*_SWING) * rng.uniform(*_EACH, 3) * rows.x[k]
-        swing[:2] = np.clip(swing[:2], -_ASIDE, _ASIDE)
+        swing = rng.uniform(*_DRAW.swing) * rng.uniform(*_DRAW.swing_each, 3) * rows.x[k]
+        swing[:2] = np.clip(swing[:2], -_DRAW.aside, _DRAW.aside)
         A = rows.A[k][:, order]
-        low, high = whole.q_min + _READY_ROOM, whole.q_max - _READY_ROOM
+        low, high = whole.q_min + _DRAW.ready_room, whole.q_max - _DRAW.ready_room
         ready = np.clip(rows.q[k, free] - A[free] @ swing[order], low[free], high[free])
         swing = A @ np.linalg.solve(A[free], ready - rows.q[k, free])
         room = np.where(swing > 0.0, high - rows.q[k], rows.q[k] - low) / np.maximum(
@@ -172,13 +192,7 @@ _EARLY_BALLS = ((-1.0, 1.0), (1.0, -1.0))
 
 
 def share_inside(whole: Arm, balls: Balls, rows: Rows) -> Array:
-    """Return which share of some balls is in the domain early on its way, shape (B,).
-
-    Args:
-        whole: The arm with all joints active.
-        balls: What is to be caught.
-        rows: Candidates.
-    """
+    """Return which share of some balls is in the domain early on its way, shape (B,)."""
     ways = [_before(balls.velocity(faster, 0.0, steeper)) for faster, steeper in _EARLY_BALLS]
     scratch, inside = scratch_of(whole.n), np.zeros(len(rows.q))
     for k in range(len(rows.q)):
@@ -227,14 +241,8 @@ _BALLS = ((0.0, 0.0), (1.0, -1.0), (-1.0, 1.0))
 #: Share of joint speeds that may be asked, and largest share that a candidate may ask for: its
 #: learned map may do better.
 _FASTEST, _BEYOND = 0.9, 1.5
-#: In m/s of relative speed: what it costs to ask for all of a joint's speed beyond that share, and
-#: to use all of a joint's speed.
-_TOO_FAST, _EFFORT = 5.0, 0.3
-#: The same: for a ball that comes in aslant, for one after which the arm cannot brake, and where
-#: all balls are outside the domain early on their way.
-_ASLANT, _NO_BRAKE, _OUTSIDE = 1.0, 1.0, 2.0
-#: Stands for a speed that is not finite, and the least rate of the catch joint's way [rad/s].
-_NEVER, _STILL = 1e6, 0.05
+#: Least rate of the catch joint's way [rad/s].
+_STILL = 0.05
 
 
 class _Meeting(NamedTuple):
@@ -249,12 +257,7 @@ def spread(whole: Arm, balls: Balls, rows: Rows, touch: Touch) -> Rows:
     """Score candidates by how they meet balls all over the box.
 
     Those that cannot, or that touch themselves at the nominal catch, are left out.
-
-    Args:
-        whole: The arm with all joints active.
-        balls: What is to be caught.
-        rows: Candidates; scores are replaced, and rates where learning weighs the match.
-        touch: Finds what touches.
+    Scores are replaced, and rates where learning weighs the match.
     """
     box, rates = boxes_of(whole, balls, rows), np.zeros_like(rows.x)
     good: NDArray[np.bool_] = np.ones(len(rows.q), dtype=bool)
@@ -268,21 +271,25 @@ def spread(whole: Arm, balls: Balls, rows: Rows, touch: Touch) -> Rows:
         share = np.abs(met.dq / whole.dq_max).max(axis=2)
         good &= within(whole, q, 0.05) & (share.max(axis=0) < _BEYOND) & (met.line < FASTEST_SHARE)
         braked = within(whole, q + BRAKED * met.dq, 0.0)
-        cost = _EFFORT * share + _TOO_FAST * np.maximum(share - _FASTEST, 0.0) + _NO_BRAKE * ~braked
+        cost = (
+            _COST.effort * share
+            + _COST.too_fast * np.maximum(share - _FASTEST, 0.0)
+            + _COST.no_brake * ~braked
+        )
         total += np.mean(cost + _hardness(met.relative, poses.palm), axis=0) / len(_PLACES)
         rates += _rates(rows, met.dq.mean(axis=0)) / len(_PLACES)
     x = np.where(rows.weight[:, None] > 0.0, rates, rows.x)
     kept = rows._replace(score=total, x=x).take(good)
     kept = kept.take(touch.clear(kept.q))
     outside = 1.0 - share_inside(whole, balls, kept)
-    return kept._replace(score=kept.score + _OUTSIDE * outside)
+    return kept._replace(score=kept.score + _COST.outside * outside)
 
 
 def _meeting(whole: Arm, rows: Rows, poses: Poses, v: Array) -> _Meeting:
     """Return how balls are met in some poses."""
     J, w = virtual(poses, rows.A)
     x = np.array([line_rates(J, w, y, rows.kappa, rows.inward) for y in v])
-    x = np.where(np.isfinite(x), x, _NEVER)
+    x = np.where(np.isfinite(x), x, 1e6)  # too fast for any joint
     dq = np.einsum("bna,kba->kbn", rows.A, x)
     line = np.abs(dq / whole.dq_max).max(axis=(0, 2))
     dq += np.where(rows.weight[:, None] > 0.0, _first_order(whole, poses.J, dq, x[:, :, 2], v), 0.0)
@@ -310,7 +317,7 @@ def _hardness(relative: Array, palm: Array) -> Array:
     """Return the relative speed, and more of it where a ball comes in aslant [m/s], (K, B)."""
     s = np.linalg.norm(relative, axis=2)
     cosine = -np.sum(relative * palm, axis=2) / np.maximum(s, 1e-9)
-    hardness: Array = s + _ASLANT * ((cosine < np.cos(STRAIGHT)) & (s > SOFT))
+    hardness: Array = s + _COST.aslant * ((cosine < np.cos(STRAIGHT)) & (s > SOFT))
     return hardness
 
 
@@ -345,22 +352,6 @@ def _moved(whole: Arm, rows: Rows, v: Array, offset: Array) -> Array:
     return q
 
 
-#: Joint range left free at the catch [rad], and share of joint speeds that is drawn for a typical
-#: ball: balls elsewhere ask for more of the same map.
-_MARGIN, _SHARES = 0.12, (0.3, 0.9)
-#: How often each joint is changed.
-_OFTEN = 0.6
-#: Choices of three joints that move alone, and of those that all others follow, of each pose; how
-#: often a further joint is held nevertheless.
-_ALONE, _SHARED, _HELD = 24, 8, 0.25
-#: How often the catch angle goes with the other joints, and standard deviation of its slope.
-_SLOPED, _SLOPE = 0.6, 1.0
-#: Least cosine of the palm's normal and the direction from which the ball comes.
-_FACING = 0.1
-#: Tilt of the relative velocity off the palm's normal that is tried [rad].
-_TILT = np.deg2rad(35.0)
-
-
 def triples_of(whole: Arm, joints: Sequence[str] | None) -> NDArray[np.int64]:
     """Return the choices of three joints, the catch joint last, shape (T, 3)."""
     names = list(whole.names) if not joints else [x for x in whole.names if x in joints]
@@ -385,13 +376,7 @@ def drawn(
 ) -> Rows:
     """Draw poses and choices of joints, and return those that meet the typical ball.
 
-    Args:
-        whole: The arm with all joints active.
-        balls: What is to be caught.
-        triples: Choices of three joints, the catch joint last, shape (T, 3).
-        rng: Source of randomness.
-        count: Poses drawn.
-        touch: Finds what touches.
+    ``triples`` are choices of three joints, the catch joint last, shape (T, 3).
     """
     q = facing(whole, rng.uniform(whole.q_min, whole.q_max, (count, whole.n)), rng)
     q, poses, _ = _able(whole, balls, q, touch)
@@ -406,13 +391,13 @@ def _of_three(
     rng: np.random.Generator,
 ) -> Rows:  # fmt: skip
     """Return poses in which three joints meet the typical ball, the others held."""
-    chosen, row = _choices(len(of[0]), triples, _ALONE, rng)
+    chosen, row = _choices(len(of[0]), triples, _DRAW.alone, rng)
     slope = _slopes(len(row), rng)
     A = sloped(np.broadcast_to(np.eye(3), (len(row), 3, 3)), slope)
     J, w = of[1].J[row[:, None], chosen], of[1].W[row, chosen[:, 2]]
     J[:, :2] += slope[:, :, None] * J[:, 2:]
     d, v = _into(of[1].palm[row], J[:, 2], w, rng), balls.velocity()
-    share = rng.uniform(*_SHARES, (len(row), 1))
+    share = rng.uniform(*_DRAW.shares, (len(row), 1))
     found = least_relative_velocity(J, w, v, d, share * whole.dq_max[chosen], A)
     good = np.flatnonzero(found.sound & (found.s < balls.speed))
     moving = chosen[good], sloped(alone(chosen[good], whole.n), slope[good])
@@ -424,8 +409,8 @@ def _of_all(
     rng: np.random.Generator,
 ) -> Rows:  # fmt: skip
     """Return poses in which further joints follow the three."""
-    chosen, row = _choices(len(of[0]), triples, _SHARED, rng)
-    weights = np.where(rng.random((len(row), whole.n)) < _HELD, 0.0, whole.dq_max**2)
+    chosen, row = _choices(len(of[0]), triples, _DRAW.shared, rng)
+    weights = np.where(rng.random((len(row), whole.n)) < _DRAW.held, 0.0, whole.dq_max**2)
     named = np.isin(np.arange(whole.n), triples)
     weights[:, ~(named & movable(whole))] = 0.0
     weights[np.arange(len(row))[:, None], chosen] = whole.dq_max[chosen] ** 2
@@ -436,7 +421,9 @@ def _of_all(
 
 def _slopes(count: int, rng: np.random.Generator) -> Array:
     """Draw how catch angles go with the two other joints, shape (count, 2)."""
-    slope: Array = _SLOPE * rng.standard_normal((count, 2)) * (rng.random((count, 1)) < _SLOPED)
+    slope: Array = (
+        _DRAW.slope * rng.standard_normal((count, 2)) * (rng.random((count, 1)) < _DRAW.sloped)
+    )
     return slope
 
 
@@ -454,16 +441,10 @@ def improved(
 ) -> Rows:
     """Return candidates and small changes of them, scored by :func:`spread`.
 
-    Args:
-        whole: The arm with all joints active.
-        balls: What is to be caught.
-        rows: Candidates with their scores.
-        rng: Source of randomness.
-        size: Standard deviation of the changes [rad].
-        touch: Finds what touches.
+    ``size`` is the standard deviation of the changes [rad].
     """
     change = size * rng.standard_normal((len(rows.q), whole.n))
-    change *= (rng.random(change.shape) < _OFTEN) & movable(whole)
+    change *= (rng.random(change.shape) < _DRAW.often) & movable(whole)
     q, poses, kept = _able(whole, balls, rows.q + change, touch)
     chosen, A = rows.free[kept], rows.A[kept]
     takes_part, slope = np.any(A != 0.0, axis=2), slope_of(A, chosen)
@@ -500,8 +481,8 @@ def _able(whole: Arm, balls: Balls, q: Array, touch: Touch) -> (
     if balls.aim is not None:
         q = led(whole, q, balls)
     poses, v = poses_of(whole.model, q), balls.velocity()
-    good = clear(poses, touch.floor) & within(whole, q, _MARGIN)
-    good &= -(poses.palm @ v) > _FACING * np.linalg.norm(v)
+    good = clear(poses, touch.floor) & within(whole, q, _DRAW.margin)
+    good &= -(poses.palm @ v) > _DRAW.facing * np.linalg.norm(v)
     if balls.aim is not None:
         good &= off_line(poses.tip, balls) < 0.05
     return q[good], poses.take(good), np.flatnonzero(good)
@@ -513,18 +494,12 @@ def _met(
 ) -> Rows:  # fmt: skip
     """Return the rows whose joints meet a ball of velocity v within their speeds.
 
-    Args:
-        whole: The arm with all joints active.
-        v: Velocity of the ball [m/s], shape (3,).
-        of: Poses.
-        moving: The free joints, and how all share the motion, a row each.
-        row: Which pose each row has.
-        rng: Source of randomness.
+    ``moving`` has the free joints and how all share the motion, ``row`` which pose each row has.
     """
     poses, A = of[1].take(row), moving[1]
     J, w = virtual(poses, A)
     d = _into(poses.palm, J[:, 2], w, rng)
-    share = rng.uniform(*_SHARES, (len(row), 1))
+    share = rng.uniform(*_DRAW.shares, (len(row), 1))
     found = least_relative_velocity(J, w, v, d, share * whole.dq_max, A)
     good = np.flatnonzero(found.sound & (found.s < np.linalg.norm(v)))
     moving = moving[0][good], A[good]
@@ -553,6 +528,6 @@ def _into(palm: Array, J: Array, w: Array, rng: np.random.Generator) -> Array:
     across /= np.maximum(np.linalg.norm(across, axis=1), 1e-12)[:, None]
     flat = -palm + np.sum(palm * across, axis=1)[:, None] * across
     flat /= np.maximum(np.linalg.norm(flat, axis=1), 1e-9)[:, None]
-    tilt = rng.uniform(-_TILT, _TILT, len(palm))[:, None]
+    tilt = rng.uniform(-_DRAW.tilt, _DRAW.tilt, len(palm))[:, None]
     d: Array = np.cos(tilt) * flat + np.sin(tilt) * np.cross(across, flat)
     return d

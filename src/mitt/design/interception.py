@@ -46,9 +46,7 @@ _STILL_SHARE = 0.02
 def alone(free: NDArray[np.int64], n: int) -> Array:
     """Return A where three of n joints move alone, shape (B, n, 3).
 
-    Args:
-        free: The three joints of each row, shape (B, 3).
-        n: Number of joints.
+    ``free`` are the three joints of each row, shape (B, 3).
     """
     A = np.zeros((len(free), n, 3))
     A[np.arange(len(free))[:, None], free, np.arange(3)] = 1.0
@@ -116,9 +114,7 @@ class Interception(NamedTuple):
 
     def take(self, rows: NDArray[np.int64]) -> "Interception":
         """Return some of them, by index."""
-        return Interception(
-            self.sound[rows], self.s[rows], self.x[rows], self.kappa[rows], self.inward[rows]
-        )
+        return Interception._make(x[rows] for x in self)
 
 
 def least_relative_velocity(
@@ -168,13 +164,7 @@ def line_rates(J: Array, w: Array, v: Array, kappa: Array, inward: Array) -> Arr
     """Return the rates of the three joints when a ball moves along given lines, shape (B, 3).
 
     Infinite where a line gives none.
-
-    Args:
-        J: As in :func:`least_relative_velocity`.
-        w: As in :func:`least_relative_velocity`.
-        v: As in :func:`least_relative_velocity`.
-        kappa: Velocity-match ratios, shape (B,).
-        inward: Shares of the line towards the axis, shape (B,).
+    J, w and v are as in :func:`least_relative_velocity`; kappa and inward have shape (B,).
     """
     J_i = J[:, 2]
     T = kappa[:, None] * J_i + inward[:, None] * np.cross(w, J_i)
@@ -242,9 +232,8 @@ class _Catch:
     def speeds(self, allowed: Array, *, longer: float = 1.0) -> Array:
         """Return the joint speeds that leave the least relative velocity [rad/s], shape (N,).
 
-        Args:
-            allowed: Speeds that may be asked [rad/s], shape (N,).
-            longer: By what factor the arm is longer, its pose being the same.
+        Those that may be asked are ``allowed``, shape (N,); the arm is ``longer`` by a factor, its
+        pose the same.
         """
         return np.array(bounded(longer * self.J, self.v, -allowed[None], allowed[None])[0])
 
@@ -272,7 +261,10 @@ def faster_joints(whole: Arm, c: Candidate, balls: Balls) -> list[FasterJoint]:
     for k in c.active:
         quicker = catch.allowed.copy()
         quicker[k] *= QUICKER
-        out.append(_row(whole, k, float(share[k]), now, min(catch.least(quicker), now)))
+        out.append(FasterJoint(
+            joint=whole.names[k], share=float(share[k]), relative_m_s=now,
+            quicker_m_s=min(catch.least(quicker), now),
+        ))  # fmt: skip
     return out
 
 
@@ -283,10 +275,3 @@ def longer_arm(whole: Arm, c: Candidate, balls: Balls) -> float:
     """
     catch = _catch_of(whole, c, balls)
     return min(catch.least(catch.allowed, longer=LONGER), catch.least(catch.allowed))
-
-
-def _row(whole: Arm, k: int, share: float, speed: float, quicker: float) -> FasterJoint:
-    """Return one row."""
-    return FasterJoint(
-        joint=whole.names[k], share=float(share), relative_m_s=speed, quicker_m_s=quicker
-    )

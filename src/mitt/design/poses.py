@@ -172,10 +172,7 @@ class Touch:
 def touching(arm: Arm, scene: Scene, poses: Array) -> bool:
     """Say whether arm or hand touch themselves or the floor in any of some poses.
 
-    Args:
-        arm: The arm.
-        scene: The world.
-        poses: Poses of the active joints [rad], shape (k, n).
+    Poses are of the active joints [rad], shape (k, n).
     """
     built, data = _placed(arm, scene)
     return any(_contacts(built, data, q) for q in poses)

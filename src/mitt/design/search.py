@@ -124,8 +124,6 @@ class Effort:
         )  # fmt: skip
 
 
-#: Where just so few joints may move, and from so many on, less is looked at in full.
-_FEW_JOINTS, _MANY_JOINTS = 3, 5
 #: By name: what ``mitt design --effort`` may ask for.
 EFFORTS = {
     "quick": Effort(rounds=2, changes=8, judged=16, generations=4, offspring=40, thrown=6,
@@ -140,32 +138,26 @@ def effort_of(name: str, joints: int) -> Effort:
     Args:
         name: One of :data:`EFFORTS`.
         joints: How many joints may move. In full, half as many candidates do where there are three;
-            where there are many, each takes longer, and one round by throws less is made.
+            from five on each takes longer, and one round by throws less is made.
     """
     effort = EFFORTS[name]
-    if name == "full" and joints == _FEW_JOINTS:
+    if name == "full" and joints == 3:
         return effort.halved()
-    if name == "full" and joints >= _MANY_JOINTS:
+    if name == "full" and joints >= 5:
         return replace(effort, throws=effort.throws[:-1])
     return effort
 
 
-#: What things take, about, in the time of one throw: a round by geometry and one of small changes,
-#: a candidate on paper, a map by how it is learned, a step of the region.
-_DRAWN, _CHANGED, _ON_PAPER, _STEP = 36.0, 6.0, 1.0, 4.0
+#: What learning a map takes, about, by how it is learned, in the time of one throw.
 _LEARNED = {"glance": 5.0, "quick": 8.0, "many": 20.0, "full": 30.0}
-#: Speeds that are tried between those of the page.
-_BETWEEN = 3
-#: Parts that a whole search is told in.
-_PARTS = 1000
 
 
 def stages(effort: Effort) -> dict[str, float]:
     """Return what each stage of a search takes, by its name, in the time of one throw."""
     of = {
-        "geometry": _DRAWN * effort.rounds,
-        "geometry, changed": _CHANGED * effort.changes,
-        "on paper": _ON_PAPER * 6 * effort.judged,
+        "geometry": 36.0 * effort.rounds,
+        "geometry, changed": 6.0 * effort.changes,
+        "on paper": 6.0 * effort.judged,
         "learning": _LEARNED["glance"] * 2 * effort.judged,
     }
     for k in range(effort.generations):
@@ -186,8 +178,8 @@ def stages(effort: Effort) -> dict[str, float]:
 def last_stages(effort: Effort) -> dict[str, float]:
     """Return what is done with a design once it is found."""
     return {
-        "region": _LEARNED["full"] + _STEP * (2 * effort.grid + 1),
-        "speeds": (len(effort.speeds) + _BETWEEN) * (_LEARNED["quick"] + effort.each_speed),
+        "region": _LEARNED["full"] + 4.0 * (2 * effort.grid + 1),
+        "speeds": (len(effort.speeds) + 3) * (_LEARNED["quick"] + effort.each_speed),
         "fastest": _LEARNED["quick"] + effort.sure,
     }
 
@@ -220,7 +212,7 @@ class SearchProgress:
             self._further = 0
         past = self._before + sum(takes[x] for x in order[: self._at]) + takes[name] * done / of
         whole = self._before + self._further * sum(self._takes.values()) + sum(takes.values())
-        self._progress(f"designing: {name}", int(_PARTS * past / whole), _PARTS)
+        self._progress(f"designing: {name}", int(1000 * past / whole), 1000)
 
 
 def search(
@@ -408,15 +400,10 @@ def best_by_price(pool: Sequence[Evaluation], count: int) -> list[Evaluation]:
     for price in cycle(PRICES):
         if not left or len(out) == count:
             break
-        best = _best(left, price)
+        best = max(left, key=lambda w: (w.thrown > 0, w.score(price)))
         left.remove(best)
         out.append(best)
     return out
-
-
-def _best(pool: Sequence[Evaluation], price: float) -> Evaluation:
-    """Return the best for a price, one that was thrown at if there is any."""
-    return max(pool, key=lambda w: (w.thrown > 0, w.score(price)))
 
 
 def ranked(pool: Sequence[Evaluation], rate: float) -> list[Evaluation]:

@@ -65,12 +65,7 @@ def answer_of(w: Evaluation) -> dict[str, Any]:
 
 
 def question_of(job: Job, task: str) -> str:
-    """Return what is asked of an arm's candidate, as a digest.
-
-    Args:
-        job: The job.
-        task: Its task, as a digest.
-    """
+    """Return what is asked of an arm's candidate, as a digest."""
     c = to_plain(job.candidate)
     return digest(c, task, job.throws, job.seed, job.least, job.how, job.give_up)
 
@@ -306,13 +301,8 @@ class Evaluator:
     ) -> None:  # fmt: skip
         """Take what all jobs have in common.
 
-        Args:
-            whole: The arm with all joints active.
-            task: What is to be caught.
-            engine: Where to _evaluated_in_worker; in this process where None.
-            progress: Told what is done, and how much of it.
-            tally: Where what could not be evaluated is counted.
-            kept: Where answers are kept, and looked for first.
+        ``progress`` is told what is done, and how much of it. What could not be evaluated is
+        counted in ``tally``; answers are looked for in ``kept`` first, and kept there.
         """
         self.whole, self.task, self._engine, self.progress = whole, task, engine, progress
         self.tally, self.kept = tally or Tally(), kept or Answers()
@@ -327,14 +317,7 @@ class Evaluator:
     ) -> list[Evaluation]:  # fmt: skip
         """Return what candidates are worth, in their order, without those that failed.
 
-        Args:
-            name: Of this stage, for the progress.
-            candidates: What is tried.
-            throws: As in :class:`Job`.
-            seed: As in :class:`Job`.
-            least: As in :class:`Job`.
-            how: As in :class:`Job`.
-            give_up: As in :class:`Job`.
+        ``name`` is that of the stage, for the progress; all else is as in :class:`Job`.
         """
         jobs = [
             Job(number=k, whole=self.whole, candidate=c, task=self.task, throws=throws,

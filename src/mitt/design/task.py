@@ -80,8 +80,8 @@ _ARRIVALS_SEED, _THROWS = 33, 400
 #: Centre of the box that they pass [m]: the catch point of the WAM's default throws
 #: (docs/throws.md), for which the heights of all throws are stated.
 _PLACE = np.array([0.77, 0.0, 0.057])
-#: Shares of the throws that arrive slower, or less steeply, than what is taken.
-_LEAST, _MIDDLE, _MOST = 0.05, 0.5, 0.95
+#: Shares of the throws that arrive slower, or less steeply, than the least, middle and most.
+_QUANTILES = (0.05, 0.5, 0.95)
 #: Steps in which a throw is followed [s], and for how long.
 _STEP, _LONGEST = 0.005, 1.5
 #: By how much the flights to learn from differ more: speed as a share, descent and azimuth [rad],
@@ -107,26 +107,32 @@ class Arrivals(NamedTuple):
 
     def balls(self, *, aim: Array | None = None, around: Array | None = None) -> Balls:
         """Return what a search needs to know of them; see :class:`Balls` for the arguments."""
-        speed = np.linalg.norm(self.v, axis=1)
-        slow, middle, quick = np.quantile(speed, (_LEAST, _MIDDLE, _MOST)).tolist()
-        descent = np.arcsin(-self.v[:, 2] / speed)
-        flat, down, steep = np.quantile(descent, (_LEAST, _MIDDLE, _MOST)).tolist()
+        slow, middle, quick = np.quantile(self.speed, _QUANTILES).tolist()
+        flat, down, steep = np.quantile(self.descent, _QUANTILES).tolist()
         return Balls(
             speed=middle, descent=down, speeds=(slow, quick), descents=(flat, steep),
-            azimuth=self.azimuth, aim=aim, around=around,
+            azimuth=float(np.median(self.side)), aim=aim, around=around,
         )  # fmt: skip
 
     @property
-    def azimuth(self) -> float:
-        """Middle of where they come from, off +x [rad]."""
-        return float(np.median(np.arctan2(-self.v[:, 1], -self.v[:, 0])))
+    def speed(self) -> Array:
+        """Their speeds [m/s], shape (B,)."""
+        return np.asarray(np.linalg.norm(self.v, axis=1))
+
+    @property
+    def descent(self) -> Array:
+        """By which angles they come down [rad], shape (B,)."""
+        return np.asarray(np.arcsin(-self.v[:, 2] / self.speed))
+
+    @property
+    def side(self) -> Array:
+        """Where they come from, off +x [rad], shape (B,)."""
+        return np.asarray(np.arctan2(-self.v[:, 1], -self.v[:, 0]))
 
     def ranges(self) -> Array:
         """Return what maps are to be learned on: ``ArmModel.arrivals``, shape (4, 2)."""
-        speed = np.linalg.norm(self.v, axis=1)
-        descent = np.arcsin(-self.v[:, 2] / speed)
-        side = np.arctan2(-self.v[:, 1], -self.v[:, 0])
-        ends = [np.quantile(x, (_LEAST, _MOST)) for x in (speed, descent, side, self.t)]
+        values = (self.speed, self.descent, self.side, self.t)
+        ends = [np.quantile(x, _QUANTILES[::2]) for x in values]
         share, angle, aside, time = _MARGINS
         ends[0] *= (1.0 - share, 1.0 + share)
         ends[1] += (-angle, angle)

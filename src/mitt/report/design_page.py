@@ -135,14 +135,7 @@ _GAIN = 0.1
 
 
 def write_design_page(path: Path, found: Design, scene: Scene, *, command: str) -> None:
-    """Write the page of a design.
-
-    Args:
-        path: The file.
-        found: What was found.
-        scene: The world in which it was tried.
-        command: The command that found it.
-    """
+    """Write the page of a design."""
     best = found.best
     arm = None if best is None else best.candidate.arm(found.whole)
     pictures = [] if best is None or arm is None else _pictures(arm, scene, found, best)
@@ -201,10 +194,7 @@ def _choice(found: Design) -> list[tuple[str, ...]]:
 def advice_of(found: Design, helps: list[FasterJoint], longer: float) -> list[str]:
     """Return in words what would help.
 
-    Args:
-        found: What was found.
-        helps: What each joint's speed is worth.
-        longer: Least relative speed with longer links [m/s].
+    ``longer`` is the least relative speed with longer links [m/s].
     """
     out = []
     gains = [x for x in helps if x.relative_m_s - x.quicker_m_s > _GAIN]

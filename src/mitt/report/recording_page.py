@@ -158,13 +158,7 @@ _BEGINS = {
 
 
 def write_replay_page(path: Path, x: Replayed, *, command: str) -> None:
-    """Write the page of a replayed recording.
-
-    Args:
-        path: The file.
-        x: The replay.
-        command: The command that made it.
-    """
+    """Write the page of a replayed recording."""
     e = evidence_of(x)
     drawn = len(e.t) >= _FEWEST and bool(np.all(np.isfinite(e.t)))
     plots = {} if not drawn else {

@@ -99,13 +99,7 @@ NODE = "/bodies/{:02d}"
 
 
 def replay_page(arm: Arm, scene: Scene, log: TrialLog) -> str:
-    """Return the replay of a trial as one self-contained HTML page.
-
-    Args:
-        arm: The arm.
-        scene: The world's settings.
-        log: Log of the trial.
-    """
+    """Return the replay of a trial as one self-contained HTML page."""
     model = build_scene(scene, arm.model).model
     with served() as server:
         furnish(server.scene, arm, scene, model)

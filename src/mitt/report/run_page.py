@@ -48,10 +48,7 @@ Table1Row = tuple[str, str, str, str]
 def table_1(arm: Arm, log: TrialLog | None, *, vision: str) -> tuple[Table1Row, ...]:
     """Return Table 1, the paper's figures beside ours.
 
-    Args:
-        arm: The arm with its limit set.
-        log: Log of a throw, for what the arm reached in it.
-        vision: ``pixels`` or ``points``.
+    The log is of a throw, for what the arm reached in it; vision is ``pixels`` or ``points``.
     """
     return (*_vision_rows(vision), *_arm_rows(arm, log), *_hand_rows(arm.model.hand, log))
 

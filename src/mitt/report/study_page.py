@@ -110,9 +110,7 @@ def write_study_report(result: StudyResult, *, replays: int, progress: Progress)
 def study_page(result: StudyResult, worst: Sequence[Sequence[Cell]]) -> str:
     """Return the page.
 
-    Args:
-        result: The study.
-        worst: Rows of the table of worst throws.
+    ``worst`` has the rows of the table of worst throws.
     """
     study, rows = result.study, result.rows
     pairs = [row for row in rows if row["against_direct"] is not None]
