@@ -61,8 +61,8 @@ class _Draw(NamedTuple):
     often: float = 0.6  # how often each joint is changed
     weighed: float = 0.7  # how often a relative velocity at the catch costs something in learning
     weights: tuple[float, float] = (0.3, 100.0)  # range of what it costs [(m/s)^-2]
-    # The ready pose is the pose at the catch less this time [s] times the joint speeds there: 0.13 to
-    # 0.2 in the softest motions of the WAM (``benchmarks/softest.py``).
+    # The ready pose is the pose at the catch less this time [s] times the joint speeds there: 0.13
+    # to 0.2 in the softest motions of the WAM (``benchmarks/softest.py``).
     swing: tuple[float, float] = (0.04, 0.22)
     swing_each: tuple[float, float] = (0.7, 1.3)  # factor on it, drawn for each joint [1]
     aside: float = 1.0  # farthest of the two other joints from the catch [rad]: the same branch
