@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from mitt.design.driven_arm import whole_arm
-from mitt.design.poses import poses_of
+from mitt.design.poses import poses_of, touching
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
+from mitt.world.scene import Scene
 
 #: Step of central differences [rad], and what they agree to.
 _STEP, _ROUNDED = 1e-6, 1e-8
@@ -44,3 +45,17 @@ def test_some_poses_are_taken_from_all(whole: Arm) -> None:
     some = poses.take(np.array([4, 1]))
     np.testing.assert_array_equal(some.tip, poses.tip[[4, 1]])
     np.testing.assert_array_equal(some.W, poses.W[[4, 1]])
+
+
+#: The WAM's base ends 0.346 m below its shoulder.
+TABLE, PEDESTAL = Scene(floor=-0.36), Scene(floor=-1.0)
+
+
+@pytest.mark.parametrize(("scene", "low"), [(TABLE, True), (PEDESTAL, False)])
+def test_an_arm_on_a_table_touches_it_where_it_reaches_down(
+    arm: Arm, scene: Scene, *, low: bool
+) -> None:
+    """In its ready pose it stands there; straight and 23 degrees below the horizontal it hits."""
+    assert not touching(arm, scene, arm.q_ready[None])
+    down = np.array([0.0, 0.5 * np.pi + 0.4, 0.0])
+    assert touching(arm, scene, down[None]) == low

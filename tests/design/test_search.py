@@ -194,7 +194,7 @@ def test_an_arm_that_cannot_is_told_so_and_no_file_is_written(
         whole=whole, task=task, found=False, reason="too slow", best=None,
         fastest=Fastest(speed_m_s=2.5), rows=(row,),
     )  # fmt: skip
-    monkeypatch.setattr(command, "design", lambda *_, **__: lost)
+    monkeypatch.setattr(command, "search_design", lambda *_, **__: lost)
     out = tmp_path / "d.toml"
     assert main(["design", "wam", "--out", str(out), "--json", "--workers", "1"]) == 0
     said = json.loads(capsys.readouterr().out)
@@ -244,7 +244,7 @@ def test_an_arm_file_keeps_its_joints(
         asked.append((arm, joints))
         return replace(found, found=False, reason="none", best=None, rows=())
 
-    monkeypatch.setattr(command, "design", noted)
+    monkeypatch.setattr(command, "search_design", noted)
     out = str(tmp_path / "d.toml")
     assert main(["design", str(path), "--out", out, "--workers", "1"]) == 0
     arm, joints = asked[0]

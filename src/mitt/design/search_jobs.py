@@ -64,12 +64,6 @@ def answer_of(w: Evaluation) -> dict[str, Any]:
     return {x.name: getattr(w, x.name) for x in fields(w) if x.name != "candidate"}
 
 
-def question_of(job: Job, task: str) -> str:
-    """Return what is asked of an arm's candidate, as a digest."""
-    c = to_plain(job.candidate)
-    return digest(c, task, job.throws, job.seed, job.least, job.how, job.give_up)
-
-
 def plain_task(task: Task) -> list[Any]:
     """Return a task as JSON has it."""
     rest = [to_plain(getattr(task, x.name)) for x in fields(task) if x.name != "scene"]
@@ -182,7 +176,8 @@ class Answers:
         task = self._tasks.get(id(job.task))
         if task is None:  # keeps the task as well, so that no other takes its id
             task = self._tasks[id(job.task)] = job.task, digest(plain_task(job.task))
-        return question_of(job, task[1])
+        c = to_plain(job.candidate)
+        return digest(c, task[1], job.throws, job.seed, job.least, job.how, job.give_up)
 
     def _take(self, head: str) -> int:
         """Take the answers of a file; return how many of its bytes are whole lines."""

@@ -89,11 +89,6 @@ def region_plot(region: Region) -> Plot:
     return plot("region", (9.0, 4.4), draw)
 
 
-def region_picture(arm: Arm, scene: Scene, q: Array, region: Region) -> Picture:
-    """Return a picture of an arm at a catch [rad], shape (n,), with the places of others."""
-    return pose_picture(arm, scene, q, catch=True, marks=region.hand[::2], seen_from=_OBLIQUE)
-
-
 def pose_picture(
     arm: Arm, scene: Scene, q: Array, *, catch: bool, marks: Array | None = None,
     seen_from: tuple[float, float] = FROM_THE_SIDE,
@@ -130,6 +125,30 @@ _SECTIONS = (
     Section("choice", "Choice", "What it was chosen from"),
     Section("help", "What would help", "What would help"),
 )
+#: What a limit that binds means.
+_WHAT = {
+    "speed": "{0} is too slow",
+    "torque": "{0} is too weak",
+    "range": "the range of {0} ends",
+    "brake": "{0} has too little room to come to rest after the catch",
+    "impact": "the impact would drive {0} beyond its speed",
+    "acceleration": "{0} may not speed up quickly enough",
+    "region": "the catch would be outside the region that the map was learned for ({0})",
+    "domain": "the flights leave the domain of the map, throws from less far would help",
+    "force": "the ball would press harder than hand or arm take",
+    "hand": "the fingers would have too little time to close",
+    "grip": "the fingers would not hold the ball",
+    "palm": "the ball would come from behind the palm",
+    "spill": "the ball would leave the basket while the arm brakes",
+    "dropped": "they touch the hand and are not held",
+    "missed": "they pass the hand",
+    "stopped": "the catcher stopped ({0})",
+    "beyond a limit": "they are caught, with a command or a motion beyond a limit",
+    "no pose": "no typical flight is in the domain of the map with little torque and speed",
+    "no map": "no map could be learned",
+    "error": "the throws ended in an error",
+    "lost": "the worker process ended",
+}
 #: Gain in relative speed that is worth a word [m/s].
 _GAIN = 0.1
 
@@ -144,11 +163,15 @@ def write_design_page(path: Path, found: Design, scene: Scene, *, command: str) 
         of = found.whole, best.candidate, found.task.balls
         helps = faster_joints(*of)
         advice = advice_of(found, helps, longer_arm(*of))
+    rows = [
+        (x.joint, number(100.0 * x.share, 0), number(x.relative_m_s, 2), number(x.quicker_m_s, 2))
+        for x in helps
+    ]
     write_text(
         path,
         page(
             "design", _SECTIONS, title=f"What {found.whole.model.name} can catch",
-            command=command, found=found, best=best, pictures=pictures, helps=_help_rows(helps),
+            command=command, found=found, best=best, pictures=pictures, helps=rows,
             advice=advice, limits=found.whole.limits.name,
             choice=_choice(found), interval=_interval(best),
             plot=rate_by_speed(found.rows).svg if found.rows else "",
@@ -165,7 +188,9 @@ def _pictures(arm: Arm, scene: Scene, found: Design, best: Evaluation) -> list[t
         ("catch", pose_picture(arm, scene, c.q_catch, catch=True)),
     ]
     if region is not None and len(region.hand):
-        out.append(("region", region_picture(arm, scene, c.q_catch, region)))
+        places = pose_picture(arm, scene, c.q_catch, catch=True, marks=region.hand[::2],
+                              seen_from=_OBLIQUE)  # fmt: skip
+        out.append(("region", places))
     return [(name, picture.png) for name, picture in out]
 
 
@@ -230,37 +255,3 @@ def advice_of(found: Design, helps: list[FasterJoint], longer: float) -> list[st
         lost_or_not = "the first balls are lost" if first.throws else "no ball was thrown"
         out.append(f"At {first.speed_m_s:g} m/s {lost_or_not}: {what}.")
     return out
-
-
-#: What a limit that binds means.
-_WHAT = {
-    "speed": "{0} is too slow",
-    "torque": "{0} is too weak",
-    "range": "the range of {0} ends",
-    "brake": "{0} has too little room to come to rest after the catch",
-    "impact": "the impact would drive {0} beyond its speed",
-    "acceleration": "{0} may not speed up quickly enough",
-    "region": "the catch would be outside the region that the map was learned for ({0})",
-    "domain": "the flights leave the domain of the map, throws from less far would help",
-    "force": "the ball would press harder than hand or arm take",
-    "hand": "the fingers would have too little time to close",
-    "grip": "the fingers would not hold the ball",
-    "palm": "the ball would come from behind the palm",
-    "spill": "the ball would leave the basket while the arm brakes",
-    "dropped": "they touch the hand and are not held",
-    "missed": "they pass the hand",
-    "stopped": "the catcher stopped ({0})",
-    "beyond a limit": "they are caught, with a command or a motion beyond a limit",
-    "no pose": "no typical flight is in the domain of the map with little torque and speed",
-    "no map": "no map could be learned",
-    "error": "the throws ended in an error",
-    "lost": "the worker process ended",
-}
-
-
-def _help_rows(helps: list[FasterJoint]) -> list[tuple[str, ...]]:
-    """Return the rows of the table."""
-    return [
-        (x.joint, number(100.0 * x.share, 0), number(x.relative_m_s, 2), number(x.quicker_m_s, 2))
-        for x in helps
-    ]

@@ -22,7 +22,6 @@ from mitt.report.style import (
     mark_time,
     plot,
 )
-from mitt.signals import Array
 from mitt.trials.explain import Evidence, evidence_of, explain, timeline
 from mitt.trials.replayed import Replayed
 
@@ -70,7 +69,10 @@ def estimate(x: Replayed, e: Evidence) -> Plot:
 
     def draw(figure: Figure) -> None:
         axes: Axes = figure.subplots()
-        _points(axes, e.t, 1e3 * e.residual, "residual of a sighting", PALE)
+        known = np.isfinite(e.residual)
+        if np.any(known):
+            axes.plot(e.t[known], 1e3 * e.residual[known], ".", color=PALE, markersize=3,
+                      label="residual of a sighting")  # fmt: skip
         for values, label, colour in (
             (e.error, "error of the estimate", ORANGE), (e.sigma, "its 1-sigma", BLUE),
         ):  # fmt: skip
@@ -118,13 +120,6 @@ def hand(x: Replayed, e: Evidence) -> Plot:
         _mark(axes, x, e, named=False)
 
     return plot("hand", (11.0, 2.6), draw)
-
-
-def _points(axes: Axes, t: Array, values: Array, label: str, colour: str) -> None:
-    """Draw single values as dots."""
-    known = np.isfinite(values)
-    if np.any(known):
-        axes.plot(t[known], values[known], ".", color=colour, markersize=3, label=label)
 
 
 def _mark(axes: Axes, x: Replayed, e: Evidence, *, named: bool) -> None:

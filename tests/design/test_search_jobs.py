@@ -159,7 +159,7 @@ def test_an_interrupt_writes_the_best_so_far_and_says_how_to_go_on(
             os.kill(os.getpid(), number)
         return found
 
-    monkeypatch.setattr(command, "design", broken)
+    monkeypatch.setattr(command, "search_design", broken)
     words = ["design", "wam", "--limits", "wam-80v", "--out", str(out), "--workers", "1"]
     assert main(words) == status
     said = [x for x in capsys.readouterr().err.splitlines() if "compiling" not in x]
@@ -191,7 +191,7 @@ def test_a_search_that_has_not_begun_leaves_nothing(
         os.kill(os.getpid(), signal.SIGINT)
         raise AssertionError
 
-    monkeypatch.setattr(command, "design", broken)
+    monkeypatch.setattr(command, "search_design", broken)
     words = ["design", "wam", "--out", str(tmp_path / "d.toml")]
     for _ in range(2):
         assert main([*words, "--workers", "1"]) == 130
@@ -209,7 +209,7 @@ def test_what_ends_a_search_by_an_error_keeps_it_as_well(
         kept.ended(task, [found.best])
         raise InputError("workers", "processes that live", "none")
 
-    monkeypatch.setattr(command, "design", broken)
+    monkeypatch.setattr(command, "search_design", broken)
     out = tmp_path / "d.toml"
     assert main(["design", "wam", "--out", str(out), "--workers", "1"]) == 2
     said = [x for x in capsys.readouterr().err.splitlines() if "compiling" not in x]
