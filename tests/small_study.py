@@ -8,7 +8,7 @@ from pathlib import Path
 from mitt.files.maps import save_map
 from mitt.generator.learn import Learned
 from mitt.trials.study_file import Study, read_study
-from mitt.trials.study_results import Folder
+from mitt.trials.study_folder import Folder
 from mitt.trials.study_run import Job
 
 TEXT = """

@@ -128,3 +128,20 @@ def test_a_view_beyond_its_array_is_found_where_bounds_are_checked() -> None:
     )  # fmt: skip
     assert run.stdout == "4.0\n"
     assert "a view reaches beyond its array" in run.stderr
+
+
+def test_no_kernel_needs_scipy() -> None:
+    """Numba computes products and systems of matrices by SciPy, which is not installed by mitt."""
+    found = []
+    for path in PACKAGE.rglob("*.py"):
+        for function in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(function, ast.FunctionDef) and any(
+                ast.unparse(by) == "kernel" for by in function.decorator_list
+            ):
+                found += [
+                    f"{path.name}: {function.name}"
+                    for part in ast.walk(function)
+                    if isinstance(part, ast.MatMult)
+                    or (isinstance(part, ast.Attribute) and part.attr in ("linalg", "dot"))
+                ]
+    assert found == []

@@ -33,7 +33,7 @@ from mitt.holding import CaughtBall, aslant, closing, pull, spill
 from mitt.jit import kernel
 from mitt.robot.arm import Arm, Tables
 from mitt.robot.basket import Basket
-from mitt.robot.dynamics import bias_and_mass
+from mitt.robot.dynamics import bias_and_mass, solve_positive
 from mitt.signals import TICK, Array
 from mitt.structs import Record
 
@@ -311,7 +311,7 @@ def rehearse(
     (bodies, _, index), n = arm, state.shape[1]
     command, last = np.zeros((4, n)), np.zeros((3, n))
     last[:2] = state
-    motion, push, system = np.zeros((3, n)), np.zeros(n), np.zeros((n, n))
+    motion, system = np.zeros((3, n)), np.zeros((n, n + 1))
     for k in range(len(rows) - 1):
         command[:3] = rows[k]
         clamp(b, last, command[:3])
@@ -323,8 +323,9 @@ def rehearse(
         for i in range(n):
             for j in range(n):
                 system[i, j] = m.mass[index[i], j]
-            push[i] = command[3, i] - m.tau[index[i]]
-        ddq = np.linalg.solve(system, push)
+            system[i, n] = command[3, i] - m.tau[index[i]]
+        solve_positive(system)
         for j in range(n):
-            state[0, j] += TICK * (state[1, j] + 0.5 * TICK * ddq[j])
-            state[1, j] += TICK * ddq[j]
+            ddq = system[j, n]
+            state[0, j] += TICK * (state[1, j] + 0.5 * TICK * ddq)
+            state[1, j] += TICK * ddq

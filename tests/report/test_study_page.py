@@ -13,7 +13,8 @@ from mitt.files.writing import write_json
 from mitt.generator.learn import Learned
 from mitt.report.study_page import break_even, paired_tests, sweeps_of, write_study_report
 from mitt.trials.study_file import Study
-from mitt.trials.study_results import Folder, read_result
+from mitt.trials.study_folder import Folder
+from mitt.trials.study_results import read_result
 from mitt.trials.study_run import run_study
 
 

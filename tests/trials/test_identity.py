@@ -15,7 +15,7 @@ from mitt.generator.learn import Learned
 from mitt.reading import difference, noted, read_bytes
 from mitt.trials import registry
 from mitt.trials.study_file import Study
-from mitt.trials.study_results import Folder
+from mitt.trials.study_folder import Folder
 from mitt.trials.study_run import ChunkError, Job, all_jobs, throw_again, throw_chunk
 
 ARM = """schema = "mitt.arm/1"

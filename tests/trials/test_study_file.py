@@ -9,7 +9,7 @@ from mitt.errors import InputError, MittError, UnknownNameError
 from mitt.files.schema import merged
 from mitt.reading import shipped
 from mitt.trials.study_file import Study, extent, read_study
-from mitt.trials.study_results import Folder
+from mitt.trials.study_folder import Folder
 from mitt.world.disturbances import Kick
 
 #: Names that a registry with all rivals has.

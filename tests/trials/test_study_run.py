@@ -15,7 +15,8 @@ from mitt.files.writing import locked, write_json
 from mitt.generator.learn import Learned
 from mitt.trials import registry
 from mitt.trials.study_file import Study
-from mitt.trials.study_results import Folder, read_part
+from mitt.trials.study_folder import Folder
+from mitt.trials.study_results import read_part
 from mitt.trials.study_run import FinishedStudy, all_jobs, run_study
 
 #: What a finished study's folder is compared by.

@@ -26,7 +26,7 @@ from mitt.trials.registry import available, check_generator
 from mitt.trials.result import MAX_BYTES, NAME, PAGE, RESULT, died, read_kept
 from mitt.trials.runs import FinishedRun
 from mitt.trials.study_file import Study, extent, read_study
-from mitt.trials.study_results import MANIFEST, Folder
+from mitt.trials.study_folder import MANIFEST, Folder
 from mitt.trials.workers import check_engine, engine_of
 
 if TYPE_CHECKING:

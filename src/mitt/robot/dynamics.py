@@ -229,6 +229,32 @@ def bias_and_mass(bodies: Array, motion: Array, tau: Array, M: Array, work: Arra
 
 
 @kernel
+def solve_positive(system: Array) -> bool:
+    """Solve A X = B for [A B], A positive definite; Numba's own solver needs SciPy.
+
+    Args:
+        system: A beside B, shape (n, n + m); overwritten, B by X.
+
+    Returns:
+        False where A is not positive definite: then X says nothing.
+    """
+    n, columns = system.shape
+    for c in range(n):
+        if not system[c, c] > 0.0:
+            return False
+        for r in range(c + 1, n):
+            factor = system[r, c] / system[c, c]
+            for k in range(c + 1, columns):
+                system[r, k] -= factor * system[c, k]
+    for x in range(n, columns):
+        for c in range(n - 1, -1, -1):
+            for k in range(c + 1, n):
+                system[c, x] -= system[c, k] * system[k, x]
+            system[c, x] /= system[c, c]
+    return True
+
+
+@kernel
 def _add_rotors(bodies: Array, M: Array) -> None:
     """Add the rotors to the mass matrix, shape (N, n)."""
     for j in range(len(bodies)):

@@ -19,7 +19,7 @@ from mitt.generator.feasibility import Verdict
 from mitt.jit import kernel
 from mitt.robot.arm import Arm, Tables
 from mitt.robot.basket import Basket
-from mitt.robot.dynamics import bias_and_mass, slopes_work
+from mitt.robot.dynamics import bias_and_mass, slopes_work, solve_positive
 from mitt.signals import TICK, Array
 from mitt.world.engine import ARM_FLOOR, BALL_HAND, SELF
 from mitt.world.simulation import World
@@ -92,27 +92,12 @@ def _hold(arm: Tables, q: Array, dq: Array, tau: Array, work: Array, out: Array)
                 for j in range(n):
                     system[i, j] = mass[index[i], j]
                 system[i, n] = tau[t, i] - out[t, index[i]]
-            _solve(system)
+            solve_positive(system)
             for k in range(links):
                 for j in range(n):
                     out[t, k] += mass[k, j] * system[j, n]
         for i in range(n):
             out[t, index[i]] = tau[t, i]
-
-
-@kernel
-def _solve(system: Array) -> None:
-    """Solve A x = b for [A b], A positive definite, shape (n, n + 1); b becomes x."""
-    n = len(system)
-    for c in range(n):
-        for r in range(c + 1, n):
-            factor = system[r, c] / system[c, c]
-            for k in range(c + 1, n + 1):
-                system[r, k] -= factor * system[c, k]
-    for c in range(n - 1, -1, -1):
-        for k in range(c + 1, n):
-            system[c, n] -= system[c, k] * system[k, n]
-        system[c, n] /= system[c, c]
 
 
 #: Caught: the ball's centre so near the catch point beyond its radius [m], touched by so many

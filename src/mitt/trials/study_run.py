@@ -34,18 +34,8 @@ from mitt.trials.runner import LoggedTrial, TrialRunner
 from mitt.trials.runs import Progress
 from mitt.trials.source import Source, source_of, widened
 from mitt.trials.study_file import SCHEMA, Condition, Study
-from mitt.trials.study_results import (
-    Folder,
-    Row,
-    merge,
-    notes_of,
-    read_part,
-    row_of,
-    summary,
-    timing_of,
-    write_bytes,
-    write_rows,
-)
+from mitt.trials.study_folder import Folder, notes_of, write_bytes
+from mitt.trials.study_results import Row, merge, read_part, row_of, summary, timing_of, write_rows
 from mitt.trials.workers import Engine, run_tasks
 from mitt.world.disturbances import Undisturbed
 from mitt.world.flights import Recording, builtin_flights, read_flights

@@ -24,6 +24,7 @@ from mitt.fields import brief
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
 from mitt.robot.basket import Basket
+from mitt.robot.dynamics import solve_positive
 from mitt.robot.kinematics import packed_chain, tip_motion
 from mitt.signals import TICK, Array
 
@@ -255,40 +256,63 @@ def fit_caught(
         Offset, its standard deviation [s], residual, distance from the catch point [m], count.
     """
     poses, size, count, knee = _poses(chain, q), np.zeros(len(t_seen)), 0, np.inf
-    x, N, A, work = np.zeros(4), np.zeros((4, 4)), np.zeros((3, 4)), np.empty((3, 3))
+    x, A, work, row = np.zeros(4), np.zeros((3, 4)), np.empty((3, 3)), np.empty((3, 5))
+    N, system = np.zeros((4, 5)), np.empty((4, 6))
     along, spread, total = np.zeros(len(t_seen)), 0.0, 0.0
     for i in range(3):
         A[i, 1 + i] = -1.0
     for step in range(_STEPS):
-        b, count, spread, total = np.zeros(4), 0, 0.0, 1e-300
+        count, spread, total = 0, 0.0, 1e-300
         N[:, :], size[:], along[:] = 0.0, np.nan, 0.0
         for k in range(len(t_seen)):
-            row = _row(poses, t_arm, t_seen[k] + x[0], seen[k], x, work, A)
-            if len(row) == 0:
+            pose = _row(poses, t_arm, t_seen[k] + x[0], seen[k], x, work, A)
+            if len(pose) == 0:
                 continue
-            e, R = row[:3].copy(), row[3:].copy().reshape(3, 3)
-            W = R.T @ weights[k] @ R
-            size[k], count = np.sqrt(e @ W @ e), count + 1
+            _turn(pose, A, row)
+            size[k], count = np.sqrt(_product(row, weights[k], row, 4, 4)), count + 1
             w = 1.0 if size[k] <= knee else knee / size[k]
-            spread, total = spread + w * size[k] ** 2, total + w * np.trace(W)
-            N += w * (A.T @ W @ A)
-            b_k = A.T @ (W @ e)
-            b -= w * b_k
-            along[k] = b_k[0]
+            spread += w * size[k] ** 2
+            total += w * (weights[k, 0, 0] + weights[k, 1, 1] + weights[k, 2, 2])
+            along[k] = _product(row, weights[k], row, 0, 4)
+            for i in range(4):
+                for j in range(4):
+                    N[i, j] += w * _product(row, weights[k], row, i, j)
+                N[i, 4] -= w * _product(row, weights[k], row, i, 4)
+        system[:, :5], system[:, 5] = N, 0.0
+        system[0, 5] = 1.0
         for i in range(4):
-            N[i, i] *= 1.0 + 1e-12
-        if count < FEWEST or not np.linalg.det(N / np.trace(N)) > 0.0:
+            system[i, i] *= 1.0 + 1e-12
+        if count < FEWEST or not solve_positive(system):
             return x[0], np.inf, np.inf, np.inf, count
         knee = 2.0 * 1.4826 / np.sqrt(3.0) * max(np.nanmedian(size), 1e-12)
-        dx = np.linalg.solve(N, b)
-        if step == _STEPS - 1 or (step > 2 and abs(dx[0]) < _NEAR):
+        if step == _STEPS - 1 or (step > 2 and abs(system[0, 4]) < _NEAR):
             break
-        x += dx
+        x += system[:, 4]
         if not abs(x[0]) < FARTHEST:
             return x[0], np.inf, np.inf, np.inf, count
     scale = spread / max(3 * count - 4, 1)
-    sigma = np.sqrt(scale * np.linalg.inv(N)[0, 0] * _alike(along))
+    sigma = np.sqrt(scale * system[0, 5] * _alike(along))
     return x[0], sigma, np.sqrt(spread / total), np.sqrt(np.sum(x[1:] ** 2)), count
+
+
+@kernel
+def _turn(pose: Array, A: Array, row: Array) -> None:
+    """Turn derivative and error from the hand's frame to the world's: the columns of ``row``."""
+    for i in range(3):
+        for j in range(5):
+            row[i, j] = 0.0
+            for k in range(3):
+                row[i, j] += pose[3 + 3 * i + k] * (A[k, j] if j < 4 else pose[k])
+
+
+@kernel
+def _product(left: Array, W: Array, right: Array, i: int, j: int) -> float:
+    """Return the product of two columns, weighted, shapes (3, m), (3, 3), (3, m)."""
+    total = 0.0
+    for a in range(3):
+        for b in range(3):
+            total += left[a, i] * W[a, b] * right[b, j]
+    return total
 
 
 @kernel
