@@ -58,10 +58,10 @@ def searched(
     search = search_of(whole, task, TINY, joints=None, rate=RATE)
     with (folder / "search.lock").open("w") as lock, pytest.MonkeyPatch.context() as patch:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        kept = Answers.open(folder / "search.jsonl", search, resume=True)
+        answers = Answers.open(folder / "search.jsonl", search, resume=True)
         patch.setattr(Evaluator, "_worth", noted)
-        found = design(whole, task, TINY, progress=silent, kept=kept)
-        kept.close(done=False)
+        found = design(whole, task, TINY, progress=silent, answers=answers)
+        answers.close(done=False)
     return found, asked
 
 

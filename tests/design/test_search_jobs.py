@@ -47,15 +47,15 @@ def test_a_search_that_is_broken_off_again_and_again_comes_to_the_same_design(
     path, lines = tmp_path / "search.jsonl", [0]
 
     def searched(progress: Callable[[str, int, int], None], workers: int) -> Design:
-        kept = Answers.open(path, search, resume=True)
+        answers = Answers.open(path, search, resume=True)
         engine = Processes(workers) if workers else None
         try:
-            return design(whole, task, TINY, progress=progress, engine=engine, kept=kept)
+            return design(whole, task, TINY, progress=progress, engine=engine, answers=answers)
         finally:
-            best = best_so_far(whole, kept, RATE)
+            best = best_so_far(whole, answers, RATE)
             assert best.usable if best else progress is not silent and stage == "learning"
             lines.append(path.read_bytes().count(b"\n"))
-            kept.close(done=False)
+            answers.close(done=False)
             if engine is not None:
                 engine.close(at_once=True)
 
@@ -86,28 +86,28 @@ def test_answers_come_back_to_the_bit_and_none_for_another_question(
     others = [replace(job, throws=5), replace(job, seed=8), replace(job, how="full"),
               replace(job, give_up=False), replace(job, task=replace(task, seed=9)),
               replace(job, candidate=replace(c, turn=c.turn + 1e-15))]  # fmt: skip
-    kept = Answers.open(path, "x", resume=False)
-    kept.add(job, worth)
-    kept.add(others[0], replace(worth, failed="lost"))
-    kept.close(done=False)
-    kept = Answers.open(path, "x", resume=True)
-    assert kept.get(replace(job, number=5, task=replace(task))) is not None
-    back = kept.get(job)
+    answers = Answers.open(path, "x", resume=False)
+    answers.add(job, worth)
+    answers.add(others[0], replace(worth, failed="lost"))
+    answers.close(done=False)
+    answers = Answers.open(path, "x", resume=True)
+    assert answers.get(replace(job, number=5, task=replace(task))) is not None
+    back = answers.get(job)
     assert back is not None
     assert all(getattr(back, x) == getattr(worth, x) for x in Evaluation.__slots__)
-    assert [kept.get(other) for other in others] == [None] * len(others)
-    kept.close(done=True)
+    assert [answers.get(other) for other in others] == [None] * len(others)
+    answers.close(done=True)
     assert not path.exists()
 
 
 def test_answers_of_another_search_are_refused_and_those_in_use(tmp_path: Path) -> None:
     path = tmp_path / "a.jsonl"
-    kept = Answers.open(path, "x", resume=False)
+    answers = Answers.open(path, "x", resume=False)
     with pytest.raises(InputError, match="where one is looking"):
         Answers.open(path, "x", resume=True)
     head = path.read_bytes()
     path.write_bytes(head + b'["a", {"able": 1.0, "speed": 2.0}]\n')
-    kept.close(done=False)
+    answers.close(done=False)
     path.write_bytes(head + b'["a", {"able": 1.0, "speed": 2.0}]\n')
     with pytest.raises(InputError, match="--resume: wanted the arm"):
         Answers.open(path, "y", resume=True)
@@ -148,13 +148,13 @@ def test_an_interrupt_writes_the_best_so_far_and_says_how_to_go_on(
     assert found.best is not None
     out, before = tmp_path / "d.toml", list[object]()
 
-    def broken(arm: Arm, task: Task, *_: object, kept: Answers, **__: object) -> Design:
+    def broken(arm: Arm, task: Task, *_: object, answers: Answers, **__: object) -> Design:
         assert found.best is not None
-        before.append(kept.best)
+        before.append(answers.best)
         job = Job(number=0, whole=arm, candidate=found.best.candidate, task=task, seed=len(before))
-        kept.add(job, replace(found.best, clean=0))
+        answers.add(job, replace(found.best, clean=0))
         if len(before) == 2:
-            kept.ended(task, [found.best])
+            answers.ended(task, [found.best])
         if len(before) < 3:
             os.kill(os.getpid(), number)
         return found
@@ -204,9 +204,9 @@ def test_what_ends_a_search_by_an_error_keeps_it_as_well(
     found: Design, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:  # fmt: skip
-    def broken(_: Arm, task: Task, *__: object, kept: Answers, **___: object) -> Design:
+    def broken(_: Arm, task: Task, *__: object, answers: Answers, **___: object) -> Design:
         assert found.best is not None
-        kept.ended(task, [found.best])
+        answers.ended(task, [found.best])
         raise InputError("workers", "processes that live", "none")
 
     monkeypatch.setattr(command, "search_design", broken)
@@ -222,17 +222,17 @@ def test_the_best_so_far_is_of_the_last_stage_that_caught_enough(
     found: Design, whole: Arm, task: Task
 ) -> None:
     assert found.best is not None
-    kept, first = Answers(), replace(found.best, thrown=10, caught=9, clean=9)
-    assert kept.best is None
+    answers, first = Answers(), replace(found.best, thrown=10, caught=9, clean=9)
+    assert answers.best is None
     job = Job(number=0, whole=whole, candidate=first.candidate, task=task, throws=10)
-    kept.add(job, replace(first, clean=2))
-    assert kept.best is None
-    kept.add(job, first)
-    assert kept.best == (task, [first])
+    answers.add(job, replace(first, clean=2))
+    assert answers.best is None
+    answers.add(job, first)
+    assert answers.best == (task, [first])
     later = replace(first, thrown=50, caught=50, clean=50)
-    kept.ended(task, [later, first])
-    kept.ended(task, [replace(first, clean=2)])
-    assert kept.best == (task, [later, first])
+    answers.ended(task, [later, first])
+    answers.ended(task, [replace(first, clean=2)])
+    assert answers.best == (task, [later, first])
 
 
 @pytest.mark.parametrize("slower", [False, True])
@@ -287,11 +287,11 @@ def test_the_evaluator_asks_for_nothing_that_is_known(
 
     monkeypatch.setattr("mitt.design.search_jobs.evaluated", noted)
     for more in (2, 3):
-        kept = Answers.open(tmp_path / "a.jsonl", "x", resume=True)
-        bench = Evaluator(whole, task, None, silent, kept=kept)
+        answers = Answers.open(tmp_path / "a.jsonl", "x", resume=True)
+        bench = Evaluator(whole, task, None, silent, answers=answers)
         worth = bench.try_all("some", [replace(c, turn=0.1 * k) for k in range(more)])
         assert [w.speed for w in worth] == [1.0 + k for k in range(more)]
-        kept.close(done=False)
+        answers.close(done=False)
     assert [job.number for job in asked] == [0, 1, 2]
     assert (
         json.loads((tmp_path / "a.jsonl").read_text().splitlines()[0])["schema"] == "mitt.search/1"

@@ -15,11 +15,11 @@ from mitt.design.task import (
     Balls,
     Task,
     box_of,
-    kept,
     of_default_throws,
     of_flights,
     of_throws,
     ranges_of_throws,
+    unseen,
 )
 from mitt.errors import FileError, InputError
 from mitt.files.arm_file import ArmFile, open_arm, write_arm_file
@@ -139,7 +139,7 @@ def test_a_search_sees_other_throws_than_those_that_are_reported(
     speeds = [np.linalg.norm(x.dr) for x in throws]
     assert min(speeds) < release_speed(many) < max(speeds)
     assert not task_at(many, 4.0).own
-    assert (task.kept, few.kept, many.kept, flights.kept) == (None, 0, 30, 22)
+    assert (task.unseen, few.unseen, many.unseen, flights.unseen) == (None, 0, 30, 22)
     assert len({x.reported for x in (task, few, many)}) == 3
 
 
@@ -189,7 +189,7 @@ def test_what_is_kept_for_the_report_decides_nothing(
     """
     whole, scene = found.whole, read_scene("lab")
     throws = throws[:40]
-    other = {id(x) for x in kept(throws)}
+    other = {id(x) for x in unseen(throws)}
     moved = [Throw(r=x.r + 0.02, dr=1.2 * x.dr) if id(x) in other else x for x in throws]
     tasks = []
     for name, rows in (("as-they-are", list(throws)), ("moved", moved)):
@@ -200,7 +200,7 @@ def test_what_is_kept_for_the_report_decides_nothing(
         tasks.append(_task(options, whole, scene))
     _same_but_for_what_is_kept(found, tasks)
     flights = builtin_flights()
-    other = {id(x) for x in kept(flights)}
+    other = {id(x) for x in unseen(flights)}
     tasks = []
     for factor in (1.0, 1.3):
         path = tmp_path / f"flights-{factor}.csv"

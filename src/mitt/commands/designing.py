@@ -72,16 +72,16 @@ def design(options: DesignOptions) -> int:
     effort = effort_of(options.effort, whole.n if joints is None else len(joints))
     search = search_of(whole, task, effort, joints=joints, rate=rate)
     engine = None if options.workers == 1 else engine_of("local", options.workers)
-    kept = Answers.open(_search(options), search, resume=options.resume)
+    answers = Answers.open(_search(options), search, resume=options.resume)
 
     def last_words() -> str:
-        return _keep(best_so_far(whole, kept, rate), origin, options)
+        return _keep(best_so_far(whole, answers, rate), origin, options)
 
     try:
         with finally_do(last_words), progress() as report:
             found = search_design(
                 whole, task, effort, progress=report, joints=joints, engine=engine, rate=rate,
-                kept=kept,
+                answers=answers,
             )  # fmt: skip
     except KeyboardInterrupt as stop:
         notice()
@@ -91,12 +91,12 @@ def design(options: DesignOptions) -> int:
         raise MittError(f"{error}; {last_words()}") from None
     else:
         _finish(found, origin, scene, options)
-        kept.close(done=True)
+        answers.close(done=True)
         return 0
     finally:
         if engine is not None:
             engine.close(at_once=True)
-        kept.close(done=False)
+        answers.close(done=False)
 
 
 def _finish(found: Design, origin: ArmFile, scene: Scene, options: DesignOptions) -> None:

@@ -433,7 +433,7 @@ def rate_of(count: int, of: int) -> str:
 def design(
     whole: Arm, task: Task, effort: Effort, *, progress: Progress,
     joints: Sequence[str] | None = None, engine: Engine | None = None, rate: float = RATE,
-    kept: Answers | None = None,
+    answers: Answers | None = None,
 ) -> Design:  # fmt: skip
     """Find what an arm can catch and the map that does it.
 
@@ -446,10 +446,10 @@ def design(
         engine: Where candidates are tried; in this process if left out.
         rate: Share of the throws that is asked for: the softest design that catches as many is
             taken.
-        kept: Where answers are kept, and those of a search that was broken off are found.
+        answers: Where answers are kept, and those of a search that was broken off are found.
     """
     start, total = monotonic(), SearchProgress(effort, progress)
-    evaluator = Evaluator(whole, task, engine, total, kept=kept)
+    evaluator = Evaluator(whole, task, engine, total, answers=answers)
     confirmed = search(evaluator, effort, joints=joints, rate=rate)
     usual = reported(evaluator, confirmed[0].candidate, effort) if confirmed else None
     found = usual is not None and usual.enough
@@ -477,14 +477,14 @@ def design(
     )  # fmt: skip
 
 
-def best_so_far(whole: Arm, kept: Answers, rate: float) -> Design | None:
+def best_so_far(whole: Arm, answers: Answers, rate: float) -> Design | None:
     """Return the best of a search that is broken off; None where none caught enough yet.
 
     Its throws are mostly those by which it was chosen, so no fair figures.
     """
-    if kept.best is None:
+    if answers.best is None:
         return None
-    task, worth = kept.best
+    task, worth = answers.best
     return Design(whole=whole, task=task, found=False, reason="the search was broken off",
                   best=ranked(worth, rate)[0], fastest=Fastest(speed_m_s=0.0))  # fmt: skip
 

@@ -307,7 +307,7 @@ def reported(evaluator: Evaluator, c: Candidate, effort: Effort) -> Evaluation |
     None where it is not thrown at.
     """
     task = evaluator.task
-    own = task.kept or len(task.throws or task.recordings)  # 0 where throws are drawn
+    own = task.unseen or len(task.throws or task.recordings)  # 0 where throws are drawn
     throws = min(effort.report, own) if own else effort.report
     worth = evaluator.try_all(
         "reporting", [c], throws=throws, seed=REPORTED, how="full", give_up=False
@@ -320,15 +320,15 @@ def _by_geometry(
     progress: Progress,
 ) -> Rows:  # fmt: skip
     """Return candidates that meet balls all over the box, by geometry alone."""
-    kept, count, touch = [], 0, Touch(whole, task.scene)
+    found, count, touch = [], 0, Touch(whole, task.scene)
     for k in range(effort.rounds):
         rows = drawn(whole, task.balls, triples, rng, count=effort.poses, touch=touch)
-        kept.append(spread(whole, task.balls, best_of(rows, count=4000, each=400), touch))
-        count += len(kept[-1].q)
+        found.append(spread(whole, task.balls, best_of(rows, count=4000, each=400), touch))
+        count += len(found[-1].q)
         progress("geometry", k + 1, effort.rounds)
         if count >= effort.enough:
             break
-    rows = joined(kept)
+    rows = joined(found)
     for k in range(effort.changes if len(rows.q) else 0):
         rows = best_of(rows, count=effort.enough, each=effort.enough // 6)
         rows = improved(whole, task.balls, rows, rng, size=0.3 / (1.0 + 0.25 * k), touch=touch)

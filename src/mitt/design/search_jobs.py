@@ -292,19 +292,19 @@ class Evaluator:
 
     def __init__(
         self, whole: Arm, task: Task, engine: Engine | None, progress: Progress,
-        tally: Tally | None = None, kept: Answers | None = None,
+        tally: Tally | None = None, answers: Answers | None = None,
     ) -> None:  # fmt: skip
         """Take what all jobs have in common.
 
         ``progress`` is told what is done, and how much of it. What could not be evaluated is
-        counted in ``tally``; answers are looked for in ``kept`` first, and kept there.
+        counted in ``tally``; answers are looked for in ``answers`` first, and kept there.
         """
         self.whole, self.task, self._engine, self.progress = whole, task, engine, progress
-        self.tally, self.kept = tally or Tally(), kept or Answers()
+        self.tally, self.answers = tally or Tally(), answers or Answers()
 
     def at(self, task: Task) -> "Evaluator":
         """Return an evaluator for another task, which counts and keeps where this one does."""
-        return Evaluator(self.whole, task, self._engine, self.progress, self.tally, self.kept)
+        return Evaluator(self.whole, task, self._engine, self.progress, self.tally, self.answers)
 
     def try_all(
         self, name: str, candidates: Sequence[Candidate], *, throws: int = 0, seed: int = 0,
@@ -320,7 +320,7 @@ class Evaluator:
             for k, c in enumerate(candidates)
         ]  # fmt: skip
         worth = [w for w in self._worth(name, jobs) if not w.failed]
-        self.kept.ended(self.task, worth)
+        self.answers.ended(self.task, worth)
         return worth
 
     def try_each(
@@ -339,17 +339,17 @@ class Evaluator:
 
     def _worth(self, name: str, jobs: Sequence[Job]) -> list[Evaluation]:
         """Return what became of jobs, in their order."""
-        found = {job.number: w for job in jobs if (w := self.kept.get(job)) is not None}
+        found = {job.number: w for job in jobs if (w := self.answers.get(job)) is not None}
         new = [job for job in jobs if job.number not in found]
-        for number, worth in self._answers(new):
+        for number, worth in self._as_they_come(new):
             found[number] = worth
-            self.kept.add(jobs[number], worth)
+            self.answers.add(jobs[number], worth)
             self.progress(name, len(found), len(jobs))
         for job in jobs:
             self.tally.count(found[job.number])
         return [found[job.number] for job in jobs]
 
-    def _answers(self, jobs: Sequence[Job]) -> Iterable[tuple[int, Evaluation]]:
+    def _as_they_come(self, jobs: Sequence[Job]) -> Iterable[tuple[int, Evaluation]]:
         """Yield number and worth of each, as they come.
 
         A worker that dies takes with it what else is under way, so that those are evaluated again

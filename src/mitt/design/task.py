@@ -299,7 +299,7 @@ class Task:
         return bool(self.throws or self.recordings)
 
     @property
-    def kept(self) -> int | None:
+    def unseen(self) -> int | None:
         """How many of a user's throws no search sees; None where throws are drawn."""
         count = len(self.throws or self.recordings)
         return None if not self.own else count // 2 if count >= _HALVED_FROM else 0
@@ -307,13 +307,13 @@ class Task:
     @property
     def reported(self) -> str:
         """What throws are reported, in words."""
-        match self.kept:
+        match self.unseen:
             case None:
                 return "throws that the search had not used"
             case 0:
                 return "the throws of the search, with other noise"
-            case kept:
-                return f"{kept} throws that the search had not used"
+            case count:
+                return f"{count} throws that the search had not used"
 
     def around(self, usual: Neighbourhood) -> Neighbourhood:
         """Return flights of this ball, to learn from or to try a candidate on paper with."""
@@ -336,7 +336,7 @@ class Task:
             f.arm, seed=seed, count=throws, drag=self.scene.ball.drag,
             ranges=None if self.ranges is None else shifted(self.ranges, f.arm),
         )  # fmt: skip
-        part = kept if seed >= REPORTED else seen
+        part = unseen if seed >= REPORTED else seen
         return replace(drawn, throws=part(self.throws), recordings=part(self.recordings))
 
 
@@ -348,7 +348,7 @@ def seen(balls: tuple[_Balls, ...]) -> tuple[_Balls, ...]:
     return _half(balls, 0)
 
 
-def kept(balls: tuple[_Balls, ...]) -> tuple[_Balls, ...]:
+def unseen(balls: tuple[_Balls, ...]) -> tuple[_Balls, ...]:
     """Return the other half, which is thrown for the report alone; all of a few."""
     return _half(balls, 1)
 

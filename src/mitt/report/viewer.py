@@ -51,21 +51,21 @@ def scene_of(about: About) -> Scene:
 
 
 @dataclass(frozen=True, slots=True)
-class Doubt:
+class Ellipsoid:
     """An ellipsoid: half axes [m], shape (3,), and its attitude as w, x, y, z."""
 
     axes: Array
     wxyz: Array
 
 
-def ellipsoid(covariance: Array) -> Doubt:
+def ellipsoid(covariance: Array) -> Ellipsoid:
     """Return the ellipsoid of three sigmas of a position's covariance [m^2], shape (3, 3)."""
     values, R = np.linalg.eigh(0.5 * (covariance + covariance.T))
     if np.linalg.det(R) < 0.0:
         R[:, 0] *= -1.0
     wxyz = np.empty(4)
     mujoco.mju_mat2Quat(wxyz, np.ascontiguousarray(R).ravel())
-    return Doubt(np.maximum(_SIGMAS * np.sqrt(np.maximum(values, 0.0)), _LEAST), wxyz)
+    return Ellipsoid(np.maximum(_SIGMAS * np.sqrt(np.maximum(values, 0.0)), _LEAST), wxyz)
 
 
 def way(r: Array, dr: Array, drag: float, floor: float) -> Array:
