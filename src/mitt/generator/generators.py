@@ -159,6 +159,7 @@ class Direct:
 
     def adapt(self, ball: BallState, q: Array, dq: Array) -> "Direct":
         """Project alpha onto the initial constraint, eq. (12), and refine it for the ball."""
+        q, dq = (checks.vector(*x, self.map.arm.n, finite=True) for x in (("q", q), ("dq", dq)))
         f = (self.learned or self.map).adapt(ball, q, dq)
         if not self.refines or ball.led or f.status is not MapStatus.INSIDE:
             return replace(self, map=f)
