@@ -89,7 +89,7 @@ def test_without_a_folder_that_can_be_written_to_nothing_is_kept(
 
 def test_all_forms_of_import_are_seen() -> None:
     source = (
-        "import mitt.ball.flight\nfrom mitt.robot import (\n    arm,\n    chain as c,\n)\n"
+        "import mitt.ball.flight\nfrom mitt.robot import (\n    arm,\n    kinematics as c,\n)\n"
         "from mitt.ball import filter as f\n"
     )
     found = jit.imports_of(source)

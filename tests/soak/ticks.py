@@ -249,7 +249,7 @@ class _Episode:
             self._joints = self._plant.state.copy()
             return
         command, brakes = self._catcher.result.command, self._catcher.result.scalars["brakes"]
-        push = command[4]
+        push = self._catcher.state.monitor.ddq_by_tau
         if brakes.item() and not command[3].any():
             dq = 0.0 * dq  # the brakes hold
         dq = np.clip(dq + time * np.nan_to_num(push), -arm.dq_max, arm.dq_max)

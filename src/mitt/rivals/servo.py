@@ -30,7 +30,8 @@ from mitt.rivals.intercept import Hand, Intercept, hand_of, lift
 from mitt.rivals.paths import quintic
 from mitt.rivals.pursuit import rival
 from mitt.robot.description import STOP_GAP
-from mitt.robot.kinematics import Vec, sweep
+from mitt.robot.kinematics import Vec
+from mitt.robot.kinematics import place as place_chain
 from mitt.signals import Array, BallState
 
 #: Share of the speed limits, and share of the torques on each joint's own inertia that bounds its
@@ -153,7 +154,7 @@ def _second(packed: Array, q: Array, place: Array, work: Array) -> None:
     """Write the origin of the second active joint in the world."""
     g = unpack(packed)
     w = unfold(work, len(q))
-    sweep(g.chain, q, w.still, w.motion)
+    place_chain(g.chain, q, w.motion)
     place[:] = w.motion.origin[0, 1]
 
 
