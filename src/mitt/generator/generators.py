@@ -114,6 +114,8 @@ class Direct:
         checks.instance("refines", self.refines, bool)
         if self.learned is not None:
             checks.instance("learned", self.learned, DirectMap)
+        if self.certificate is not None:
+            checks.instance("certificate", self.certificate, Verdict)
         weight = self.map.design.match_weight
         if self.refines and weight > 0.0:  # eq. (22) alone would undo what the map has learned
             raise InputError("a map refined in flight", "match_weight 0", weight,

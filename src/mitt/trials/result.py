@@ -18,6 +18,7 @@ from typing import Any, final
 
 import numpy as np
 
+from mitt import checks
 from mitt.errors import FileError
 from mitt.files.writing import Leaves, write_json
 from mitt.link.clock import Stopwatch
@@ -218,7 +219,7 @@ def read_kept(folder: Path) -> Kept:
     Raises:
         FileError: There is no list, or it is none of a run.
     """
-    path = folder / NAME
+    path = checks.path("folder", folder) / NAME
     lines = io.StringIO(read_text(path, max_bytes=MAX_BYTES, wanted="the throws of a run"))
     head = _row(lines.readline())
     wanted, again = head.pop("throws", None), head.pop("again", {})
