@@ -14,7 +14,7 @@ CONTRACTS = Path(__file__).parents[2] / ".importlinter"
 #: What each part is for; a part that is not here is an error.
 DOES = {
     "cli": "the command mitt",
-    "commands": "a module a command, and their options",
+    "commands": "the commands, their options and help",
     "report": "pages, figures, 3-D replays, the viewer",
     "design": "what an arm can catch, and the map that does it",
     "bench": "speed beside other libraries",

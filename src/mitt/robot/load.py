@@ -76,24 +76,8 @@ def load_arm(
 ) -> Arm:
     """Return an arm by name (``wam``) or from a URDF (``.urdf``) or MJCF (``.xml``) file.
 
-    Args:
-        name_or_path: Name or file.
-        tip: Frame of the file whose origin is the catch point and whose z axis is the normal
-            of the palm; only for files.
-        joints: Active joints of the file, the others held; of the WAM j1, j2 and j4 if left out.
-        held: Angles at which joints are held [rad]; any other is held at 0, or at the end of its
-            range that is nearest to it.
-        ready: Ready pose of the active joints, in their order [rad]; 0 if left out, or the middle
-            of a range that 0 is not in.
-        limits: Limit set: ``paper``, ``wam-48v``, ``wam-80v`` for the WAM; for files ``model``,
-            what the file states, or a set that goes before it.
-        hand: A hand, or the name of one of ``mitt.robot.basket.HANDS``; with ``none`` nothing is
-            mounted, and the tip is the catch point. If left out, the WAM has the three-finger hand,
-            and a file is taken to contain what the arm carries, as with ``none``.
-        hand_turn: How far the hand is turned about the z axis of the tip [rad].
-        hand_mount: For files: whether the hand's catch point or its plate is at the tip.
-        encoder_step: Resolution of the encoders of the active joints [rad], one for all or one a
-            joint; the WAM's own, or ``description.ENCODER_STEP`` for files, if left out.
+    The arguments are those of :func:`mitt.files.arm_file.load_arm`, but for ``limits``: a name of
+    the WAM's, ``model``, what the file states, or a set that goes before it.
 
     Raises:
         UnknownNameError: No such arm, joint, frame, hand or limit set.
