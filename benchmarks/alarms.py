@@ -24,9 +24,9 @@ from typing import Any
 import numpy as np
 from arms import SETUPS, WAM, named
 
-from mitt.generator.generators import Direct, Unoptimised
-from mitt.generator.mapping import DirectMap, unlearned
-from mitt.robot.arm import Arm
+from mitt.arm.arm import Arm
+from mitt.catcher.generators import Direct, Unoptimised
+from mitt.map.mapping import DirectMap, unlearned
 from mitt.trials.learning import learn
 from mitt.trials.runner import TrialRunner
 from mitt.trials.score import reason_of

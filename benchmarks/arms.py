@@ -9,10 +9,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from sysconfig import get_paths
 
-from mitt.generator.map_design import MapDesign
-from mitt.robot.arm import Arm
-from mitt.robot.hands import HandModel
-from mitt.robot.load import load_arm
+from mitt.arm.arm import Arm
+from mitt.arm.hands import HandModel
+from mitt.arm.load import load_arm
+from mitt.map.map_design import MapDesign
 
 _ROBOTS = Path(get_paths()["purelib"]) / "cmeel.prefix/share/example-robot-data/robots"
 #: Limit sets of the WAM, which are names of arms here.

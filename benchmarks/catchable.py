@@ -23,12 +23,13 @@ from collections.abc import Callable, Iterator
 from functools import lru_cache, partial
 from pathlib import Path
 
+from oracle import Row, counted, is_sampled, judged, parallel
+
+from mitt.catcher.generators import Generator
 from mitt.files.arm_file import ArmSpec, ThrowSettings
-from mitt.generator.generators import Generator
-from mitt.generator.learn import Learned
+from mitt.map.learn import Learned
 from mitt.rivals.clairvoyant import make_clairvoyant
 from mitt.trials.learning import learn, neighbourhood_of_ball
-from mitt.trials.oracle import Row, counted, is_sampled, judged, parallel
 from mitt.trials.registry import make_generator
 from mitt.trials.runner import TrialRunner
 from mitt.trials.score import Trial

@@ -13,10 +13,10 @@ import numpy as np
 
 from mitt.ball.filter import THROWN_BALL, BallFilter
 from mitt.ball.flight import advance
+from mitt.eyes.camera import Rig, fixed_rig
+from mitt.eyes.eyes import Eyes, EyesStatus
+from mitt.eyes.head import active_rig
 from mitt.signals import Array
-from mitt.vision.camera import Rig, fixed_rig
-from mitt.vision.eyes import Eyes, EyesStatus
-from mitt.vision.head import active_rig
 from mitt.world.imaging import Imager, ImageSensor
 
 Rows = dict[str, list[tuple[float, float]]]

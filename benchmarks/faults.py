@@ -25,11 +25,11 @@ from typing import Any
 import numpy as np
 from arms import WAM, named
 
+from mitt.arm.arm import Arm
+from mitt.catcher.generators import Direct
 from mitt.catcher.state import REASONS, Result, rows_of
 from mitt.control.health import ABORT
-from mitt.generator.generators import Direct
-from mitt.generator.mapping import DirectMap
-from mitt.robot.arm import Arm
+from mitt.map.mapping import DirectMap
 from mitt.signals import Array
 from mitt.trials.learning import learn
 from mitt.trials.result import STATUSES

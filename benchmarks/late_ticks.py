@@ -24,12 +24,12 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from exact_plant import SETTINGS, Change, as_read, each, throw
 from franka_design import panda_file
 
+from mitt.arm.arm import Arm
 from mitt.catcher.catcher import Catcher
+from mitt.catcher.generators import Direct
 from mitt.files.arm_file import load_arm, read_arm_file
-from mitt.generator.generators import Direct
-from mitt.generator.map_design import default_design
-from mitt.generator.mapping import DirectMap
-from mitt.robot.arm import Arm
+from mitt.map.map_design import default_design
+from mitt.map.mapping import DirectMap
 from mitt.signals import TICK, ArmState, Array
 from mitt.trials.learning import learn
 from mitt.trials.source import Source, source_of, widened

@@ -18,13 +18,13 @@ from rich import _export_format
 from rich.console import Console
 
 from mitt.cell.drivers import connect
+from mitt.cell.live import Mode
 from mitt.cell.prepare import map_of, prepare
 from mitt.cell.session import SHOWN, STATES, Numbers, Person, Session, loop_of, numbers, rehearse
-from mitt.commands.screen import picture
+from mitt.cli.screen import picture
+from mitt.clock import hurried, uncollected
 from mitt.files.cell import read_cell
 from mitt.interrupts import tell
-from mitt.link.clock import hurried, uncollected
-from mitt.link.live import Mode
 
 #: Domain of the two, throws, and number of the throw in which the picture is made, from 0.
 DOMAIN, THROWS, SHOT = "174", 5, 3

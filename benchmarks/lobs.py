@@ -15,11 +15,11 @@ from collections import Counter
 
 import numpy as np
 
+from mitt.arm.hands import HandModel
+from mitt.arm.load import load_arm
 from mitt.ball.flight import advance
-from mitt.generator.generators import Direct
-from mitt.generator.mapping import DirectMap
-from mitt.robot.hands import HandModel
-from mitt.robot.load import load_arm
+from mitt.catcher.generators import Direct
+from mitt.map.mapping import DirectMap
 from mitt.trials.learning import learn
 from mitt.trials.runner import TrialRunner
 from mitt.world.scene import Scene

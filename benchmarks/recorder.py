@@ -14,10 +14,10 @@ from time import perf_counter_ns, sleep
 import numpy as np
 
 import mitt
-from mitt.generator.generators import Direct
-from mitt.generator.mapping import DirectMap
-from mitt.link.clock import uncollected
-from mitt.link.recorder import Recorder
+from mitt.catcher.generators import Direct
+from mitt.cell.recorder import Recorder
+from mitt.clock import uncollected
+from mitt.map.mapping import DirectMap
 from mitt.trials.runner import LONGEST, TrialRunner
 from mitt.trials.score import HELD_AFTER
 from mitt.trials.source import source_of

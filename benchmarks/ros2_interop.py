@@ -19,8 +19,8 @@ from pathlib import Path
 
 import numpy as np
 
+from mitt.clock import hurried, uncollected
 from mitt.files.cell import arm_of, read_cell
-from mitt.link.clock import hurried, uncollected
 from mitt.signals import Command
 
 HERE = Path(__file__).parent / "interop"
@@ -55,7 +55,7 @@ def work(folder: Path, *words: str) -> None:
 def exchange(peer: Path, count: int) -> dict[str, int]:
     """Let the peer send so many joint states, answer each, and return both sides' counts."""
     os.environ["ROS_DOMAIN_ID"] = DOMAIN
-    from mitt.link.ros2 import Ros2Robot  # noqa: PLC0415 (reads the domain)
+    from mitt.cell.ros2 import Ros2Robot  # noqa: PLC0415 (reads the domain)
 
     cell = read_cell("wam-sim")
     options = {"command": COMMANDS, "unbraked": True}

@@ -19,12 +19,12 @@ from itertools import islice
 import numpy as np
 from scipy.optimize import least_squares
 
+from mitt.arm.arm import Arm
+from mitt.arm.load import load_arm
 from mitt.ball.flight import acceleration
 from mitt.design.task import BOX, FAR
 from mitt.files.arm_file import ThrowSettings
 from mitt.rivals.clairvoyant import PARTS, Symbolic, braked, casadi, drive_rows, steps, symbolic
-from mitt.robot.arm import Arm
-from mitt.robot.load import load_arm
 from mitt.signals import Array
 from mitt.trials.source import source_of, widened
 from mitt.world.flights import BallPath

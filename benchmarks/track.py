@@ -14,8 +14,8 @@ from dataclasses import replace
 import numpy as np
 
 from mitt.ball.filter import BallFilter, FilterConfig
+from mitt.cameras.filtering import UNKNOWN_BALL, follow
 from mitt.signals import Array, Sighting
-from mitt.tracks.filtering import UNKNOWN_BALL, follow
 from mitt.trials.catcher_settings import filter_settings
 from mitt.world.flights import Recording, builtin_flights
 from mitt.world.throws import fly

@@ -35,7 +35,7 @@ import os, sys
 seen = set()
 sys.addaudithook(lambda event, given: event == "open" and isinstance(given[0], str)
                  and seen.add(given[0]))
-from mitt.cli import main
+from mitt.cli.main import main
 status = main(sys.argv[2:])
 with open("/proc/self/maps") as maps:
     seen.update(line.split(maxsplit=5)[5].strip() for line in maps if len(line.split()) > 5)

@@ -7,8 +7,8 @@ import numpy as np
 
 from mitt.ball.filter import THROWN_BALL, BallFilter
 from mitt.ball.flight import advance
-from mitt.vision.camera import fixed_rig
-from mitt.vision.eyes import Eyes
+from mitt.eyes.camera import fixed_rig
+from mitt.eyes.eyes import Eyes
 from mitt.world.imaging import Imager, ImageSensor
 
 RADIUS, DRAG = 0.04, 0.04

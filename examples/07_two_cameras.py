@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from mitt.robot.load import load_arm
-from mitt.vision.camera import Rig, fixed_rig, look_at, turned
-from mitt.vision.least_squares import fit
-from mitt.vision.rig_calibration import HandProblem, placed
-from mitt.vision.segmentation import Segmenter
+from mitt.arm.load import load_arm
+from mitt.cameras.least_squares import fit
+from mitt.eyes.camera import Rig, fixed_rig, look_at, turned
+from mitt.eyes.rig_calibration import HandProblem, placed
+from mitt.eyes.segmentation import Segmenter
 from mitt.world.imaging import Imager, ImageSensor
 
 RADIUS, rng, arm = 0.04, np.random.default_rng(0), load_arm("wam")

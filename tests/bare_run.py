@@ -157,7 +157,7 @@ def prepared(folder: Path) -> None:
 
 def run(line: str, env: dict[str, str]) -> tuple[int, str]:
     """Run a line and return its status and what it says."""
-    from mitt.cli import main  # noqa: PLC0415 (once extras are out of the way)
+    from mitt.cli.main import main  # noqa: PLC0415 (once extras are out of the way)
 
     program, *words = shlex.split(f"{line} {RUNS[line][2]}".replace("FRAME", "palm"))
     if program == "python":

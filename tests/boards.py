@@ -3,11 +3,11 @@
 import cv2
 import numpy as np
 
-from mitt.calibration.board_calibration import BoardViews
-from mitt.calibration.charuco import Board, BoardSpec, Seen
+from mitt.cameras.board_calibration import BoardViews
+from mitt.cameras.charuco import Board, BoardSpec, Seen
+from mitt.eyes.camera import applied, turned
+from mitt.eyes.lens import Lens
 from mitt.signals import Array, Image
-from mitt.vision.camera import applied, turned
-from mitt.vision.lens import Lens
 
 SPEC = BoardSpec(columns=9, rows=6, square=0.06, marker=0.045)
 SIZE = (640, 480)

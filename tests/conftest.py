@@ -8,11 +8,11 @@ import pytest
 from hypothesis import HealthCheck, settings
 from support import parabola
 
-from mitt.generator.learn import Flight, Learned, learn
-from mitt.generator.map_design import MapDesign
-from mitt.generator.mapping import DirectMap, unlearned
-from mitt.robot.arm import Arm
-from mitt.robot.load import load_arm
+from mitt.arm.arm import Arm
+from mitt.arm.load import load_arm
+from mitt.map.learn import Flight, Learned, learn
+from mitt.map.map_design import MapDesign
+from mitt.map.mapping import DirectMap, unlearned
 
 settings.register_profile(
     "mitt", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow]

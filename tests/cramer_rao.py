@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 from boards import SPEC, many_views, true_lens, true_stereo
 
-from mitt.calibration.board_calibration import board_problem, free_numbers
-from mitt.calibration.charuco import Board
+from mitt.cameras.board_calibration import board_problem, free_numbers
+from mitt.cameras.charuco import Board
+from mitt.cameras.least_squares import fit
+from mitt.eyes.camera import applied, inverse
+from mitt.eyes.lens import Lens
+from mitt.eyes.rig_calibration import BoardProblem
 from mitt.signals import Array
-from mitt.vision.camera import applied, inverse
-from mitt.vision.least_squares import fit
-from mitt.vision.lens import Lens
-from mitt.vision.rig_calibration import BoardProblem
 
 VIEWS, NOISE = 20, 0.2
 #: Points 2 m before the rig that both cameras see, in the frame of the left one [m].

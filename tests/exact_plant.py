@@ -10,13 +10,13 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
+from mitt.arm.arm import Arm
+from mitt.arm.dynamics import bias_and_mass, slopes_work
 from mitt.ball.filter import THROWN_BALL
 from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
 from mitt.catcher.state import REASONS
 from mitt.control.health import Reason
-from mitt.jit import kernel
-from mitt.robot.arm import Arm
-from mitt.robot.dynamics import bias_and_mass, slopes_work
+from mitt.kernels import kernel
 from mitt.signals import ArmState, Array, Command, Senses, Sighting
 from mitt.world.throws import Throw
 

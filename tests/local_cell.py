@@ -4,11 +4,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from mitt.cell.drivers import LocalRobot, local_robot
+from mitt.cell.live import LiveLoop, Mode
 from mitt.cell.prepare import PreparedCell, about_of, catchers, map_of, prepare, setpoints_of
+from mitt.cell.recorder import Recorder
+from mitt.cell.robot import Robot, RobotLink
 from mitt.files.cell import read_cell
-from mitt.link.live import LiveLoop, Mode
-from mitt.link.recorder import Recorder
-from mitt.link.robot import Robot, RobotLink
 from mitt.signals import ArmState, Command, Sighting
 
 Readings = Sequence[ArmState]

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from mitt.generator.generators import Direct, Unoptimised
-from mitt.generator.learn import Learned
-from mitt.generator.mapping import DirectMap
-from mitt.robot.arm import Arm
+from mitt.arm.arm import Arm
+from mitt.catcher.generators import Direct, Unoptimised
+from mitt.map.learn import Learned
+from mitt.map.mapping import DirectMap
 from mitt.trials.runner import LoggedTrial, TrialRunner
 from mitt.trials.source import aim_of
 from mitt.world.scene import Scene

@@ -6,10 +6,10 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from mitt.arm.load import load_arm
+from mitt.catcher.generators import Generator, refining
 from mitt.files.recordings import Recorded, write_recording
-from mitt.generator.generators import Generator, refining
-from mitt.generator.mapping import DirectMap
-from mitt.robot.load import load_arm
+from mitt.map.mapping import DirectMap
 from mitt.trials.learning import learn
 from mitt.trials.log import recording_of
 from mitt.trials.registry import make_generator

@@ -6,7 +6,7 @@ from concurrent.futures import Future
 from pathlib import Path
 
 from mitt.files.maps import save_map
-from mitt.generator.learn import Learned
+from mitt.map.learn import Learned
 from mitt.trials.study_file import Study, read_study
 from mitt.trials.study_folder import Folder
 from mitt.trials.study_run import Job

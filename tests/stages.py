@@ -2,12 +2,12 @@
 
 import numpy as np
 
+from mitt.arm.arm import Arm
+from mitt.arm.shapes import Surroundings
 from mitt.control.tracking import Tracked, track, tracking_of
 from mitt.control.viability import safety_filter, safety_of, stops_clear
-from mitt.robot.arm import Arm
-from mitt.robot.shapes import Surroundings
+from mitt.kernels import Record
 from mitt.signals import TICK, ArmState, Array, Command
-from mitt.structs import Record
 
 
 class SafetyFilter:

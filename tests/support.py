@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from documents import write_metadata
 
-from mitt.generator.learn import Flight
-from mitt.robot.arm import Arm
+from mitt.arm.arm import Arm
+from mitt.map.learn import Flight
 from mitt.signals import Array, BallState
 
 

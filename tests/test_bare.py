@@ -25,9 +25,9 @@ def bare(code: str, *words: str, cwd: Path) -> "subprocess.CompletedProcess[str]
 #: Imports every command, and what workers of a design import; says what is missing for which.
 IMPORTS = """
 from importlib import import_module
-from mitt.commands.options import COMMANDS
+from mitt.cli.options import COMMANDS
 from mitt.errors import MissingPackageError
-commands = (f"mitt.commands.{x.module}" for x in COMMANDS.values())
+commands = (f"mitt.cli.{x.module}" for x in COMMANDS.values())
 for name in (*commands, "mitt.design.search_jobs", "mitt.gym"):
     try:
         import_module(name)
@@ -41,7 +41,7 @@ except ImportError:
 #: Runs several commands in turn; each says its status and its lines on stderr.
 COMMANDS = """
 import contextlib, io, json
-from mitt.cli import main
+from mitt.cli.main import main
 for line in sys.argv[1:]:
     said = io.StringIO()
     with contextlib.redirect_stderr(said):

@@ -15,9 +15,9 @@ import pytest
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from mitt.clock import Stopwatch
 from mitt.files.maps import save_map
-from mitt.generator.learn import Learned
-from mitt.link.clock import Stopwatch
+from mitt.map.learn import Learned
 from mitt.trials.result import STATUSES, result
 from mitt.trials.score import Trial
 from mitt.trials.study_file import read_study
@@ -102,7 +102,7 @@ def test_every_name_in_a_document_exists(path: Path) -> None:
 
 def test_a_name_that_does_not_exist_is_noticed() -> None:
     """The check above can fail: at the module, at the function, at the method and at the field."""
-    for name in ("mitt.signals.Array", "mitt.signals.BallState.r_o", "mitt.robot.arm.Arm.torque"):
+    for name in ("mitt.signals.Array", "mitt.signals.BallState.r_o", "mitt.arm.arm.Arm.torque"):
         assert exists(name)
     for name in (
         "mitt.nowhere",

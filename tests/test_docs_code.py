@@ -16,18 +16,18 @@ import pytest
 from documents import BLOCK, ROOT, blocks, is_part, lines_of
 from support import install
 
+from mitt.arm.arm import Arm
 from mitt.catcher.catcher import Catcher, Phase
-from mitt.cli import main
-from mitt.commands.line import parse
-from mitt.commands.options import COMMANDS
+from mitt.catcher.generators import Direct
+from mitt.cli.line import parse
+from mitt.cli.main import main
+from mitt.cli.options import COMMANDS
 from mitt.files.maps import save_map
-from mitt.generator.feasibility import Outcome
-from mitt.generator.generators import Direct
-from mitt.generator.learn import Learned
-from mitt.robot.arm import Arm
+from mitt.map.learn import Learned
 from mitt.signals import ArmState, Command, Sighting
 from mitt.trials.runner import TrialRunner
 from mitt.trials.source import source_of
+from mitt.verdict.feasibility import Outcome
 from mitt.world.scene import read_scene
 from mitt.world.simulation import World
 

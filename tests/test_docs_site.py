@@ -12,17 +12,17 @@ import numpy as np
 import pytest
 
 import mitt
-from mitt.commands.options import COMMANDS
+from mitt.arm.arm import Arm
+from mitt.catcher.generators import Direct
+from mitt.cli.options import COMMANDS
 from mitt.files.arm_file import load_arm
-from mitt.generator.demand import Tolerance, shares_of
-from mitt.generator.feasibility import judge
-from mitt.generator.generators import Direct
-from mitt.generator.learn import Learned
-from mitt.holding import CaughtBall
-from mitt.impact import shares_after
-from mitt.robot.arm import Arm
+from mitt.map.demand import Tolerance, shares_of
+from mitt.map.learn import Learned
 from mitt.trials.explain import LIMITS
 from mitt.trials.learning import learn
+from mitt.verdict.feasibility import judge
+from mitt.verdict.holding import CaughtBall
+from mitt.verdict.impact import shares_after
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"

@@ -10,10 +10,10 @@ import pytest
 from support import ball_state, parabola
 
 import mitt
-from mitt.generator.demand import demand
-from mitt.generator.learn import learn
-from mitt.generator.map_design import MapDesign
-from mitt.robot.load import load_arm
+from mitt.arm.load import load_arm
+from mitt.map.demand import demand
+from mitt.map.learn import learn
+from mitt.map.map_design import MapDesign
 
 #: The paper prints 1 to 20 and 22; 21 is the summary of its section 3.6.
 NUMBERED = (*range(1, 21), 22)

@@ -14,7 +14,7 @@ from support import BASKET_ARM
 import mitt.gym
 from mitt.errors import InputError
 from mitt.files.maps import save_map
-from mitt.generator.learn import Learned
+from mitt.map.learn import Learned
 from mitt.version import __version__
 
 _IDS = ("mitt/Catch-v0", "mitt/CatchPixels-v0")

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from mitt import cli
-from mitt.cli import main
+from mitt.cli import main as cli
+from mitt.cli.main import main
 from mitt.interrupts import Interrupted, finally_do, listening, status_of, words_of
 
 #: How long a process may go on after a signal [s]: a second is promised, on a machine of its own.
@@ -114,7 +114,7 @@ def test_an_interrupt_that_a_library_makes_another_error_of_is_an_interrupt(
         except KeyboardInterrupt:
             raise ImportError("initialization failed") from None
 
-    monkeypatch.setattr("mitt.commands.catching.prepare", load)
+    monkeypatch.setattr("mitt.cli.catching.prepare", load)
     assert main(["catch"]) == 143
     assert capsys.readouterr().err == "mitt: interrupted by SIGTERM\n"
 

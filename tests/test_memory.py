@@ -20,16 +20,16 @@ from numba.core import event
 from support import arrays_in
 
 import mitt
+from mitt.arm.arm import Arm
 from mitt.catcher.catcher import Catcher, CatcherSettings
+from mitt.catcher.generators import Direct, Generator, Unoptimised, refining
+from mitt.catcher.several import Several
 from mitt.errors import FileError, InputError, MittError, ShapeError, UnknownNameError
-from mitt.generator.generators import Direct, Generator, Unoptimised, refining
-from mitt.generator.learn import Learned
-from mitt.generator.several import Several
-from mitt.robot.arm import Arm
+from mitt.eyes.camera import fixed_rig
+from mitt.eyes.eyes import Eyes, EyesConfig
+from mitt.map.learn import Learned
 from mitt.signals import ArmState, Command, Frame, Senses
 from mitt.trials.runner import TrialRunner
-from mitt.vision.camera import fixed_rig
-from mitt.vision.eyes import Eyes, EyesConfig
 from mitt.world.scene import Scene
 from mitt.world.throws import Throw
 
@@ -43,11 +43,11 @@ _STAGE = """
 import faulthandler, gc, json, sys
 faulthandler.enable()
 import numpy as np
-from mitt.generator.map_design import default_design
-from mitt.generator.generators import Unoptimised
-from mitt.generator.mapping import unlearned
-from mitt.link.clock import Stopwatch
-from mitt.robot.load import load_arm
+from mitt.map.map_design import default_design
+from mitt.catcher.generators import Unoptimised
+from mitt.map.mapping import unlearned
+from mitt.clock import Stopwatch
+from mitt.arm.load import load_arm
 from mitt.trials.play import play_out
 from mitt.trials.runner import TrialRunner
 from mitt.world.scene import Scene
@@ -98,8 +98,8 @@ def test_a_catch_bears_a_collection_of_garbage_between_all_steps() -> None:
     """Catcher, stepped by hand: every owner deleted, garbage collected in each tick."""
     code = _STAGE.split("def played", maxsplit=1)[0] + (
         "from mitt.catcher.catcher import Catcher, CatcherSettings\n"
-        "from mitt.vision.camera import fixed_rig\n"
-        "from mitt.vision.eyes import Eyes\n"
+        "from mitt.eyes.camera import fixed_rig\n"
+        "from mitt.eyes.eyes import Eyes\n"
         "def told(collects):\n"
         "    world = World(Scene(), arm.model)\n"
         "    f = unlearned(arm, default_design(arm))\n"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from mitt.jit import PACKAGE
+from mitt.kernels import PACKAGE
 
 ROOT = Path(__file__).parents[1]
 #: Where a name may begin: as from these folders, or from the file that names it.

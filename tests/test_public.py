@@ -63,7 +63,7 @@ def test_every_module_can_be_imported_first() -> None:
     for name in (
         "mitt.errors",
         "mitt.signals",
-        "mitt.commands.options",
+        "mitt.cli.options",
         "mitt.cli",
         "mitt.catcher.catcher",
     ):

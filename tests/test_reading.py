@@ -9,16 +9,16 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from mitt.calibration.stages import header_of
+from mitt.arm.arm import Arm
+from mitt.arm.load import load_arm
 from mitt.cameras.cameras import read_image
+from mitt.cameras.filtering import read_positions
+from mitt.cameras.stages import header_of
 from mitt.errors import FileError
 from mitt.files.maps import read_map
 from mitt.files.rig import read_rig
-from mitt.generator.mapping import DirectMap
+from mitt.map.mapping import DirectMap
 from mitt.reading import MAX_JSON_BYTES, MAX_TOML_BYTES, read_bytes, read_json, read_toml
-from mitt.robot.arm import Arm
-from mitt.robot.load import load_arm
-from mitt.tracks.filtering import read_positions
 from mitt.trials.study_file import read_study
 from mitt.world.flights import read_flights
 from mitt.world.scene import read_scene

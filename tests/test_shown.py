@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 import mitt
+from mitt.arm.arm import Arm
+from mitt.arm.hands import HandModel
 from mitt.catcher.catcher import Catcher
+from mitt.eyes.camera import Head, fixed_rig
+from mitt.eyes.eyes import Eyes
 from mitt.fields import brief
-from mitt.generator.learn import Learned
-from mitt.robot.arm import Arm
-from mitt.robot.hands import HandModel
+from mitt.map.learn import Learned
 from mitt.signals import ArmState, BallState, Frame, Moments, Senses, Sighting
-from mitt.vision.camera import Head, fixed_rig
-from mitt.vision.eyes import Eyes
 from mitt.world.scene import Scene, read_scene
 
 MOST = 200

@@ -6,7 +6,7 @@ import pytest
 import mitt
 from mitt.ball.flight import acceleration
 from mitt.errors import InputError
-from mitt.generator.learn import Learned
+from mitt.map.learn import Learned
 
 _R, _DR = np.array([2.8, 0.1, 0.5]), np.array([-5.4, -0.1, 1.2])
 

@@ -7,10 +7,10 @@ import numpy as np
 
 from mitt.ball.flight import advance
 from mitt.cameras.video_writer import VideoWriter
+from mitt.eyes.camera import Camera, Rig, look_at
+from mitt.eyes.lens import Lens
 from mitt.files.rig import CalibratedRig, RigCamera
 from mitt.signals import Array, Image
-from mitt.vision.camera import Camera, Rig, look_at
-from mitt.vision.lens import Lens
 from mitt.world.imaging import Imager, ImageSensor
 
 RADIUS, DRAG, RATE = 0.04, 0.04, 1000.0

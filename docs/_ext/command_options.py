@@ -6,8 +6,8 @@ from typing import Any
 from docutils import nodes
 from docutils.parsers.rst import Directive
 
-from mitt.commands.line import options_of, paragraphs, text_of
-from mitt.commands.options import COMMANDS
+from mitt.cli.line import options_of, paragraphs, text_of
+from mitt.cli.options import COMMANDS
 
 _OPTION = re.compile(r"(--[a-z][a-z-]*|<[a-z]+>)")
 

@@ -8,7 +8,7 @@ from drawing import IMAGES
 from matplotlib.image import imsave
 
 import mitt
-from mitt.generator.generators import Direct
+from mitt.catcher.generators import Direct
 from mitt.report.pictures import body_faces, painted, placed
 from mitt.trials.runner import TrialRunner
 from mitt.trials.source import source_of

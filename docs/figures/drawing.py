@@ -12,9 +12,9 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 import mitt
+from mitt.arm.arm import Arm
 from mitt.report.scene_meshes import skeleton
 from mitt.report.style import INK, RC
-from mitt.robot.arm import Arm
 from mitt.signals import Array
 
 #: Where figures go if the command names no other folder.

@@ -38,10 +38,8 @@ DOES = {
     "reading": "files within bounds",
     "errors": "one line: wanted, given, what to do",
     "fields": "settings held to their annotations",
-    "views": "parts of arrays in another shape",
-    "structs": "arrays as one argument of compiled code",
     "interrupts": "Ctrl-C and its kind",
-    "jit": "compiling, and where it is kept",
+    "kernels": "compiling, views, handles",
     "version": "the version of mitt",
 }
 #: Height of a line, space about those of a floor, widths [inch].

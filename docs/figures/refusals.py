@@ -5,12 +5,12 @@ from drawing import ball_at, save
 from matplotlib.figure import Figure
 
 import mitt
-from mitt.generator.demand import Tolerance
-from mitt.generator.feasibility import Outcome, judge
-from mitt.generator.map_design import default_design
-from mitt.holding import CaughtBall
-from mitt.impact import examined
+from mitt.map.demand import Tolerance
+from mitt.map.map_design import default_design
 from mitt.report.style import BAND, BLUE, GREEN, GREY, INK, ORANGE, PURPLE, YELLOW
+from mitt.verdict.feasibility import Outcome, judge
+from mitt.verdict.holding import CaughtBall
+from mitt.verdict.impact import examined
 from mitt.world.build import restitution_of
 from mitt.world.scene import read_scene
 

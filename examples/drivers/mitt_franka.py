@@ -29,9 +29,9 @@ from typing import Any, final
 import numpy as np
 from robot_clock import RobotClock  # type: ignore[import-not-found]
 
+from mitt.arm.arm import Arm
 from mitt.errors import InputError
 from mitt.files.cell import Cell
-from mitt.robot.arm import Arm
 from mitt.signals import ArmState, Command, Sighting
 
 NAMES = tuple(f"panda_joint{k}" for k in range(1, 8))
@@ -54,7 +54,7 @@ def franka(cell: Cell, arm: Arm) -> "FrankaRobot":
 
 @final
 class FrankaRobot:
-    """One arm; see :class:`mitt.link.robot.Robot`.
+    """One arm; see :class:`mitt.cell.robot.Robot`.
 
     Attributes:
         brakes: Whether it holds the arm once the control has ended.

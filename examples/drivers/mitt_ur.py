@@ -29,10 +29,10 @@ from typing import Any, final
 import numpy as np
 from robot_clock import RobotClock, wait  # type: ignore[import-not-found]
 
+from mitt.arm.arm import Arm
+from mitt.clock import monotonic
 from mitt.errors import InputError
 from mitt.files.cell import Cell
-from mitt.link.clock import monotonic
-from mitt.robot.arm import Arm
 from mitt.signals import ArmState, Command, Sighting
 
 NAMES = ("shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint",
@@ -62,7 +62,7 @@ def ur(cell: Cell, arm: Arm) -> "UrRobot":
 
 @final
 class UrRobot:
-    """One arm; see :class:`mitt.link.robot.Robot`.
+    """One arm; see :class:`mitt.cell.robot.Robot`.
 
     Attributes:
         brakes: Whether its drives hold the arm once it has stopped.

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from math import inf
 from typing import final
 
-from mitt.link.clock import time_of_day
+from mitt.clock import time_of_day
 
 wait = time.sleep
 """Waits for a time [s]."""

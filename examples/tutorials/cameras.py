@@ -10,11 +10,11 @@ import mitt
 from mitt.ball.filter import THROWN_BALL, BallFilter
 from mitt.ball.flight import advance
 from mitt.cameras.video_writer import VideoWriter
-from mitt.cli import main
+from mitt.cli.main import main
+from mitt.eyes.camera import inverse, look_at
+from mitt.eyes.eyes import Eyes
+from mitt.eyes.lens import Lens
 from mitt.files.rig import CalibratedRig, RigCamera, read_rig, write_rig
-from mitt.vision.camera import inverse, look_at
-from mitt.vision.eyes import Eyes
-from mitt.vision.lens import Lens
 from mitt.world.imaging import Imager, ImageSensor
 
 RADIUS, RATE, rng = 0.04, 1000.0, np.random.default_rng(2)

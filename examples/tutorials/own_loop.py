@@ -8,7 +8,7 @@ import numpy as np
 import mitt
 from mitt.ball.filter import THROWN_BALL
 from mitt.control.setpoints import Setpoints
-from mitt.generator.demand import Tolerance
+from mitt.map.demand import Tolerance
 from mitt.signals import Array
 
 TICK, FALL = 0.001, np.array([0.0, 0.0, -9.81])  # s, m/s^2

@@ -12,17 +12,16 @@ from mitt.version import __version__
 if TYPE_CHECKING:
     from mitt.ball.filter import BallFilter as BallFilter
     from mitt.catcher.catcher import Catcher as Catcher
+    from mitt.catcher.generators import Direct as Direct
+    from mitt.catcher.generators import Generator as Generator
     from mitt.catcher.settings import CatcherSettings as CatcherSettings
     from mitt.control.stop import plan_brake as plan_brake
     from mitt.errors import MittError as MittError
+    from mitt.eyes.eyes import Eyes as Eyes
     from mitt.files.arm_file import load_arm as load_arm
     from mitt.files.maps import read_map as read_map
-    from mitt.generator.feasibility import Outcome as Outcome
-    from mitt.generator.feasibility import Verdict as Verdict
-    from mitt.generator.generators import Direct as Direct
-    from mitt.generator.generators import Generator as Generator
-    from mitt.generator.map_design import MapDesign as MapDesign
-    from mitt.generator.mapping import DirectMap as DirectMap
+    from mitt.map.map_design import MapDesign as MapDesign
+    from mitt.map.mapping import DirectMap as DirectMap
     from mitt.signals import ArmState as ArmState
     from mitt.signals import BallState as BallState
     from mitt.signals import Command as Command
@@ -32,7 +31,8 @@ if TYPE_CHECKING:
     from mitt.signals import Sighting as Sighting
     from mitt.trials.learning import learn as learn
     from mitt.trials.runs import simulate as simulate
-    from mitt.vision.eyes import Eyes as Eyes
+    from mitt.verdict.feasibility import Outcome as Outcome
+    from mitt.verdict.feasibility import Verdict as Verdict
     from mitt.world.scene import Scene as Scene
 
 _HOMES = {
@@ -42,19 +42,19 @@ _HOMES = {
     "Catcher": "mitt.catcher.catcher",
     "CatcherSettings": "mitt.catcher.settings",
     "Command": "mitt.signals",
-    "Direct": "mitt.generator.generators",
-    "DirectMap": "mitt.generator.mapping",
-    "Eyes": "mitt.vision.eyes",
+    "Direct": "mitt.catcher.generators",
+    "DirectMap": "mitt.map.mapping",
+    "Eyes": "mitt.eyes.eyes",
     "Frame": "mitt.signals",
-    "Generator": "mitt.generator.generators",
+    "Generator": "mitt.catcher.generators",
     "JointReference": "mitt.signals",
-    "MapDesign": "mitt.generator.map_design",
+    "MapDesign": "mitt.map.map_design",
     "MittError": "mitt.errors",
-    "Outcome": "mitt.generator.feasibility",
+    "Outcome": "mitt.verdict.feasibility",
     "Scene": "mitt.world.scene",
     "Senses": "mitt.signals",
     "Sighting": "mitt.signals",
-    "Verdict": "mitt.generator.feasibility",
+    "Verdict": "mitt.verdict.feasibility",
     "learn": "mitt.trials.learning",
     "load_arm": "mitt.files.arm_file",
     "plan_brake": "mitt.control.stop",

@@ -1,6 +1,6 @@
 """Run the command line: ``python -m mitt``."""
 
-from mitt.cli import main
+from mitt.cli.main import main
 
 if __name__ == "__main__":
     raise SystemExit(main())

@@ -34,17 +34,17 @@ try:
 except ImportError:
     raise MissingPackageError("mitt.gym", "gymnasium", "gym") from None
 
+from mitt.arm.arm import Arm
+from mitt.arm.hands import HandModel
+from mitt.arm.limits import saturate
+from mitt.catcher.generators import Direct, check_arm
 from mitt.catcher.settings import Phase
 from mitt.files.arm_file import is_arm_file, load_arm, read_arm_file
 from mitt.files.maps import read_map
-from mitt.generator.generators import Direct, check_arm
-from mitt.generator.learn import Learned
-from mitt.generator.map_design import default_design
-from mitt.generator.mapping import DirectMap, unlearned
+from mitt.map.learn import Learned
+from mitt.map.map_design import default_design
+from mitt.map.mapping import DirectMap, unlearned
 from mitt.report.pictures import Faces, body_faces, painted, placed
-from mitt.robot.arm import Arm
-from mitt.robot.hands import HandModel
-from mitt.robot.limits import saturate
 from mitt.signals import TICK, Array, Command, Frame, Senses
 from mitt.trials.learning import learn
 from mitt.trials.runner import LONGEST, TrialRunner

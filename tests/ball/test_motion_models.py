@@ -7,8 +7,8 @@ import pytest
 
 from mitt.ball.filter import fresh_filter, update
 from mitt.ball.flight import advance
+from mitt.cameras.filtering import UNKNOWN_BALL, follow
 from mitt.signals import Array
-from mitt.tracks.filtering import UNKNOWN_BALL, follow
 
 NOISE = 1.5e-3
 """Of each coordinate [m]."""

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from mitt.cameras import cameras as source
 from mitt.cameras.cameras import Camera, grey, open_cameras, optional, read_image
+from mitt.cameras.two_cameras import PairCounts, pairs
 from mitt.cameras.video_writer import VideoWriter
 from mitt.errors import FileError, InputError
 from mitt.signals import Frame, Image
-from mitt.tracks.two_cameras import PairCounts, pairs
 
 VIKY = Path(genicam.__file__).parent / "viky.cti"
 

@@ -9,30 +9,30 @@ import pytest
 from numba import typeof
 from support import arrays_in, ball_state
 
+from mitt.arm.arm import Arm
+from mitt.arm.description import Capsule
+from mitt.arm.load import load_arm
+from mitt.arm.shapes import Surroundings
 from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
+from mitt.catcher.generators import Direct, Unoptimised, refining
+from mitt.catcher.several import Several
 from mitt.catcher.state import arm_numbers
 from mitt.control.encoders import GOOD_TICKS, LOSSY_TICKS, SILENT_TICKS
 from mitt.control.health import Reason
 from mitt.errors import InputError
-from mitt.generator.feasibility import Outcome as Feasible
-from mitt.generator.feasibility import waiting_height
-from mitt.generator.generators import Direct, Unoptimised, refining
-from mitt.generator.learn import Learned
-from mitt.generator.map_design import default_design
-from mitt.generator.mapping import unlearned
-from mitt.generator.several import Several
-from mitt.robot.arm import Arm
-from mitt.robot.description import Capsule
-from mitt.robot.load import load_arm
-from mitt.robot.shapes import Surroundings
+from mitt.eyes.camera import fixed_rig
+from mitt.eyes.eyes import Eyes
+from mitt.map.learn import Learned
+from mitt.map.map_design import default_design
+from mitt.map.mapping import unlearned
 from mitt.signals import ArmState, Command, Senses, Sighting
 from mitt.trials.learning import learn
 from mitt.trials.registry import make_generator
 from mitt.trials.runner import LoggedTrial, TrialRunner
 from mitt.trials.score import held
 from mitt.trials.source import aim_of
-from mitt.vision.camera import fixed_rig
-from mitt.vision.eyes import Eyes
+from mitt.verdict.feasibility import Outcome as Feasible
+from mitt.verdict.feasibility import waiting_height
 from mitt.world.disturbances import Spring
 from mitt.world.flights import builtin_flights, place_flight
 from mitt.world.scene import TABLE_TENNIS, Scene

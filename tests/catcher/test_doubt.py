@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mitt.arm.arm import Arm
+from mitt.catcher.generators import Direct
 from mitt.control.health import State
-from mitt.generator.generators import Direct
-from mitt.generator.learn import Learned
-from mitt.robot.arm import Arm
+from mitt.map.learn import Learned
 from mitt.trials.runner import TrialRunner
 from mitt.trials.source import aim_of
 from mitt.world.scene import Scene

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mitt.arm.arm import Arm
 from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
 from mitt.catcher.settings import RANGES
-from mitt.generator.learn import Learned
-from mitt.robot.arm import Arm
+from mitt.map.learn import Learned
 from mitt.signals import GRAVITY, TICK, ArmState, Array, Senses, Sighting
 
 BALL = replace(CatcherSettings().flight, drag_mean=0.0, drag_sigma=0.002)

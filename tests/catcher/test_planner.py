@@ -7,19 +7,19 @@ from functools import partial
 import numpy as np
 import pytest
 
+from mitt.arm.arm import Arm
 from mitt.ball.filter import THROWN_BALL
 from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
+from mitt.catcher.generators import Direct
 from mitt.catcher.settings import PATIENCE
+from mitt.catcher.several import Several
 from mitt.control.envelope import speeds_of
-from mitt.generator.feasibility import Outcome, Verdict
-from mitt.generator.generators import Direct
-from mitt.generator.learn import Learned
-from mitt.generator.map_design import further_designs
-from mitt.generator.several import Several
-from mitt.impact import speed_caps, speed_jumps
-from mitt.robot.arm import Arm
+from mitt.map.learn import Learned
+from mitt.map.map_design import further_designs
 from mitt.signals import GRAVITY, TICK, ArmState, Array, Senses, Sighting
 from mitt.trials.learning import Neighbourhood, learn
+from mitt.verdict.feasibility import Outcome, Verdict
+from mitt.verdict.impact import speed_caps, speed_jumps
 
 FALL = np.array([0.0, 0.0, -GRAVITY])
 #: Height of the floor [m], share of its vertical speed that a ball has after the bounce there.

@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 
 import mitt
+from mitt.arm.arm import Arm
 from mitt.ball.filter import THROWN_BALL
 from mitt.catcher import planner
 from mitt.catcher.catcher import Catcher, Phase
+from mitt.catcher.generators import Direct
 from mitt.catcher.settings import GRASPS
 from mitt.control.health import FAILED_TICKS, Reason, State
 from mitt.errors import InputError
-from mitt.generator.feasibility import Approach, Verdict
-from mitt.generator.generators import Direct
-from mitt.generator.learn import Learned
-from mitt.generator.mapping import DirectMap
-from mitt.robot.arm import Arm
+from mitt.map.learn import Learned
+from mitt.map.mapping import DirectMap
 from mitt.signals import TICK, Array, BallState, Command, JointReference
+from mitt.verdict.feasibility import Approach, Verdict
 
 RELEASE, VELOCITY = np.array([3.6, 0.15, 0.2]), np.array([-5.9, -0.2, 2.2])
 FALL = np.array([0.0, 0.0, -9.81])

@@ -12,8 +12,10 @@ from numba.core.runtime import _nrt_python as nrt
 from numba.core.runtime import rtsys
 from stages import Tracker
 
+from mitt.arm.arm import Arm
 from mitt.ball.filter import BallFilter
 from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
+from mitt.catcher.generators import Direct, Generator, Unoptimised
 from mitt.catcher.tick import BESIDE, TOUCHED, tick
 from mitt.control.closing import LONGEST_INSIDE, close, fingers_of
 from mitt.control.encoders import (
@@ -26,10 +28,9 @@ from mitt.control.encoders import (
 from mitt.control.envelope import bounds_of
 from mitt.control.health import State
 from mitt.control.stop import Brake, mass_work, plan_brake
-from mitt.generator.feasibility import Verdict
-from mitt.generator.generators import Direct, Generator, Unoptimised
-from mitt.generator.mapping import DirectMap
-from mitt.robot.arm import Arm
+from mitt.eyes.camera import fixed_rig
+from mitt.eyes.eyes import Eyes, EyesConfig
+from mitt.map.mapping import DirectMap
 from mitt.signals import (
     TICK,
     ArmState,
@@ -44,8 +45,7 @@ from mitt.trials.catcher_settings import filter_settings
 from mitt.trials.learning import learn
 from mitt.trials.runner import TrialRunner
 from mitt.trials.source import aim_of
-from mitt.vision.camera import fixed_rig
-from mitt.vision.eyes import Eyes, EyesConfig
+from mitt.verdict.feasibility import Verdict
 from mitt.world.flights import BallPath, builtin_flights, place_flight
 from mitt.world.scene import TABLE_TENNIS, Ball, Scene
 from mitt.world.throws import Throw, default_throw

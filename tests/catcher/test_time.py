@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from exact_plant import SETTINGS, Change, Thrown, as_read, each, throw
 
+from mitt.arm.arm import Arm
 from mitt.catcher.catcher import Catcher, Phase
 from mitt.control.encoders import BRIDGED_TIME, IN_TIME, LOSSY_TICKS, SILENT_TICKS
 from mitt.control.envelope import bounds_of
 from mitt.control.health import OLD_READING, Reason
-from mitt.generator.learn import Learned
-from mitt.robot.arm import Arm
+from mitt.map.learn import Learned
 from mitt.signals import TICK, ArmState, Array
 from mitt.world.throws import Throw
 

@@ -9,15 +9,15 @@ import pytest
 from local_cell import LocalCell
 from support import BASKET_ARM
 
+from mitt.arm.arm import Arm
 from mitt.catcher.catcher import Catcher
+from mitt.catcher.generators import Direct
 from mitt.cell.drivers import LocalPort
+from mitt.cell.live import Mode
 from mitt.cell.prepare import PreparedCell, balls_of, map_of, prepare, scene_of_cell
+from mitt.cell.robot import ReceivedCommand
 from mitt.cell.simulated import SimulatedCell
 from mitt.files.cell import cell_of
-from mitt.generator.generators import Direct
-from mitt.link.live import Mode
-from mitt.link.robot import ReceivedCommand
-from mitt.robot.arm import Arm
 from mitt.signals import Array
 from mitt.trials.runner import TrialRunner
 from mitt.trials.score import continuous_shares, drive_loads, overheated, ticks_beyond

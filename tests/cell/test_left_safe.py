@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 from local_cell import LocalCell
 
+from mitt.cell.live import Mode
+from mitt.cell.robot import Robot
 from mitt.cell.session import Person, Session, news_of
-from mitt.link.live import Mode
-from mitt.link.robot import Robot
 from mitt.signals import ArmState, Command, Sighting
 
 #: Speed below which an arm rests [rad/s].

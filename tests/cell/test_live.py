@@ -10,22 +10,22 @@ import numpy as np
 import pytest
 from local_cell import LocalCell, Readings
 
-from mitt.calibration.hand_calibration import catches_in
+from mitt.cameras.hand_calibration import catches_in
 from mitt.catcher.catcher import Catcher
 from mitt.cell.drivers import LocalPort
+from mitt.cell.frames import FrameSet
+from mitt.cell.live import Mode
 from mitt.cell.prepare import prepare
 from mitt.cell.session import Person, Session
+from mitt.cell.ticks import Ticks
 from mitt.control.stop import plan_brake
 from mitt.errors import InputError
+from mitt.eyes.clock_offset import caught_offset
+from mitt.eyes.lens import Lens
 from mitt.files.cell import read_cell
 from mitt.files.recordings import Recorded
-from mitt.link.frames import FrameSet
-from mitt.link.live import Mode
-from mitt.link.ticks import Ticks
 from mitt.signals import ArmState, Command, Senses, Sighting
 from mitt.trials.replayed import replay
-from mitt.vision.clock_offset import caught_offset
-from mitt.vision.lens import Lens
 
 #: Speed of a joint in a catch at which faults begin [rad/s].
 FAST = 1.5
@@ -408,7 +408,7 @@ def test_balls_are_caught_in_images_of_bent_lenses(monkeypatch: pytest.MonkeyPat
     cell.begin()
     cell.until(lambda: cell.simulated.done)
     assert cell.simulated.statuses == ["caught"]
-    monkeypatch.setattr("mitt.link.frames.straightener", lambda _: lambda pixels: pixels)
+    monkeypatch.setattr("mitt.cell.frames.straightener", lambda _: lambda pixels: pixels)
     cell = bent_cell()
     cell.begin()
     cell.until(lambda: cell.simulated.done)

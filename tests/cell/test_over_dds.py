@@ -10,18 +10,18 @@ import pytest
 from local_cell import FaultyRobot
 
 from mitt.cell.drivers import Connection
+from mitt.cell.live import Mode
 from mitt.cell.prepare import balls_of, map_of, prepare, scene_of_cell
+from mitt.cell.robot import Robot
 from mitt.cell.session import loop_of
 from mitt.cell.simulated import SimulatedCell
 from mitt.errors import InputError
 from mitt.files.cell import Cell, read_cell
-from mitt.link.live import Mode
-from mitt.link.robot import Robot
 from mitt.signals import ArmState, Command
 
 try:
-    from mitt.link.robot import ReceivedCommand
-    from mitt.link.ros2 import Ros2Cell, Ros2Robot
+    from mitt.cell.robot import ReceivedCommand
+    from mitt.cell.ros2 import Ros2Cell, Ros2Robot
 except InputError:
     pytest.skip("no Cyclone DDS", allow_module_level=True)
 
@@ -88,8 +88,8 @@ def cell_that_takes(takes: str) -> Cell:
 def test_a_ball_is_caught_over_dds(takes: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Two throws, both caught, no limit exceeded; what came of them is told over DDS too."""
     monkeypatch.setenv("ROS_DOMAIN_ID", str(100 + os.getpid() % 60))
-    monkeypatch.setattr("mitt.link.ros2._LOOK", 0.0)
-    monkeypatch.setattr("mitt.link.ros2._ALONE", 0.3)
+    monkeypatch.setattr("mitt.cell.ros2._LOOK", 0.0)
+    monkeypatch.setattr("mitt.cell.ros2._ALONE", 0.3)
     prepared = prepare(cell_that_takes(takes))
     cell, arm, scene = prepared.cell, prepared.arm, scene_of_cell(prepared.cell, None)
     port, inner = Ros2Cell(cell, arm), Ros2Robot(cell, arm)

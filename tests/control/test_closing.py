@@ -4,10 +4,10 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mitt.arm.basket import Basket
+from mitt.arm.description import Hand
+from mitt.arm.hands import Closing, HandModel
 from mitt.control.closing import ENTERS, FOLLOW_ON, TOUCH_BEFORE, close, fingers_of, has_closed
-from mitt.robot.basket import Basket
-from mitt.robot.description import Hand
-from mitt.robot.hands import Closing, HandModel
 from mitt.signals import PASSED, TICK, Array
 
 RADIUS, FAR = 0.04, np.array([[0.0, 0.0, 10.0], [0.0, 0.0, 0.0]])

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from mitt.arm.arm import Arm
 from mitt.control import encoders
 from mitt.control.encoders import (
     BRIDGED,
@@ -24,7 +25,6 @@ from mitt.control.encoders import (
 )
 from mitt.control.envelope import bounds_of
 from mitt.errors import InputError
-from mitt.robot.arm import Arm
 from mitt.signals import TICK, Array
 
 #: Resolutions of encoders [rad], from fine to coarse.

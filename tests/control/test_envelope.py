@@ -8,6 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mitt.arm.arm import Arm
+from mitt.arm.load import load_arm
+from mitt.cell.live import slow_motion
 from mitt.control.envelope import (
     bound_acceleration,
     bounds_of,
@@ -18,11 +21,8 @@ from mitt.control.envelope import (
     slow_down,
 )
 from mitt.errors import InputError
-from mitt.link.live import slow_motion
-from mitt.robot.arm import Arm
-from mitt.robot.load import load_arm
+from mitt.kernels import Record
 from mitt.signals import TICK, Array
-from mitt.structs import Record
 
 #: A joint may pass the emitted range [rad] and speed [share] by so much in discrete time.
 OVERSHOOT, OVERSPEED = 0.02, 1e-9

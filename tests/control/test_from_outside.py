@@ -8,12 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from stages import SafetyFilter
 
+from mitt.arm.arm import Arm
+from mitt.arm.description import STOP_GAP, ArmModel
+from mitt.arm.shapes import Surroundings
 from mitt.catcher.catcher import Catcher
 from mitt.control.envelope import BOUNDS, bounds_of, clamp, clamp_joint, clamp_smooth
 from mitt.errors import ModelError
-from mitt.robot.arm import Arm
-from mitt.robot.description import STOP_GAP, ArmModel
-from mitt.robot.shapes import Surroundings
 from mitt.signals import TICK, Array
 
 ROUNDING = 1e-9

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import mitt
+from mitt.arm.arm import Arm
 from mitt.control.health import Reason, StoppedBy, hint_of
-from mitt.generator.learn import Learned
-from mitt.robot.arm import Arm
+from mitt.map.learn import Learned
 from mitt.signals import Array
 
 

@@ -13,6 +13,9 @@ import pinocchio as pin
 import pytest
 from stages import Tracker
 
+from mitt.arm.arm import Arm
+from mitt.arm.description import ArmModel, Link, rotation, transform
+from mitt.arm.limits import joint_level
 from mitt.bench.libraries import to_pinocchio
 from mitt.control.encoders import (
     BRIDGED,
@@ -23,9 +26,6 @@ from mitt.control.encoders import (
     predict_acceleration,
 )
 from mitt.control.stop import HARDEST, choose_stop, mass_work, stop_by
-from mitt.robot.arm import Arm
-from mitt.robot.description import ArmModel, Link, rotation, transform
-from mitt.robot.limits import joint_level
 from mitt.signals import TICK, ArmState, Array
 
 ARMS = int(os.environ.get("MITT_LAW", "3"))

@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mitt.arm.arm import Arm
 from mitt.control.envelope import bounds_of
 from mitt.control.setpoints import Setpoints
 from mitt.errors import MittError
-from mitt.robot.arm import Arm
 from mitt.signals import TICK, Command
 
 W, DELAY = 50.0, 0.004

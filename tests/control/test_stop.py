@@ -11,6 +11,10 @@ from hypothesis import strategies as st
 from ruckig import ControlInterface, InputParameter, Ruckig, Synchronization, Trajectory
 from stages import SafetyFilter
 
+from mitt.arm.arm import Arm
+from mitt.arm.hands import HandModel
+from mitt.arm.load import load_arm
+from mitt.arm.shapes import Surroundings
 from mitt.control.stop import (
     EASIEST,
     HARDEST,
@@ -30,10 +34,6 @@ from mitt.control.stop import (
 from mitt.control.stop import short_of_room as is_short
 from mitt.control.stop import torque_share as share_of
 from mitt.control.viability import BLOCKED, PASSED
-from mitt.robot.arm import Arm
-from mitt.robot.hands import HandModel
-from mitt.robot.load import load_arm
-from mitt.robot.shapes import Surroundings
 from mitt.signals import TICK, Array
 
 #: Agreement with Ruckig [rad, rad/s, rad/s^2].

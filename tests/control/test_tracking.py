@@ -8,12 +8,12 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from stages import Tracker
 
+from mitt.arm.arm import Arm
+from mitt.arm.limits import bound_of
+from mitt.arm.load import load_arm
 from mitt.control.encoders import Encoders, monitor_of, predict_acceleration
 from mitt.control.stop import mass_work
 from mitt.control.tracking import derate, tracking_of
-from mitt.robot.arm import Arm
-from mitt.robot.limits import bound_of
-from mitt.robot.load import load_arm
 from mitt.signals import TICK, ArmState, Array, Command
 
 BANDWIDTH = 80.0

@@ -8,11 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from stages import SafetyFilter
 
+from mitt.arm.arm import Arm
+from mitt.arm.description import Capsule
+from mitt.arm.shapes import Surroundings, clearance
 from mitt.control.envelope import slow_down
 from mitt.control.viability import BLOCKED, MARGIN, PASSED
-from mitt.robot.arm import Arm
-from mitt.robot.description import Capsule
-from mitt.robot.shapes import Surroundings, clearance
 from mitt.signals import TICK, Array
 
 ROUNDING = 1e-9

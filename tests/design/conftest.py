@@ -6,14 +6,14 @@ from collections.abc import Sequence
 
 import pytest
 
+from mitt.arm.arm import Arm
+from mitt.arm.hands import HandModel
 from mitt.design.arm_design import Design, design
 from mitt.design.driven_arm import whole_arm
 from mitt.design.evaluation import Evaluation
 from mitt.design.search import RATE, Effort, search_of
 from mitt.design.search_jobs import Answers, Evaluator, Job
 from mitt.design.task import Balls, Task
-from mitt.robot.arm import Arm
-from mitt.robot.hands import HandModel
 from mitt.world.scene import read_scene
 
 #: A search that is over in seconds.

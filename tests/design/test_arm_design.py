@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from design.conftest import TINY
 
+from mitt.arm.arm import Arm
 from mitt.design import arm_design as module
 from mitt.design.arm_design import Design, Region, region_of
 from mitt.design.task import Task
 from mitt.report.design_page import region_plot
-from mitt.robot.arm import Arm
 from mitt.world.throws import fly
 
 

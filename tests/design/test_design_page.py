@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mitt.commands import designing as command
-from mitt.commands.options import DesignOptions
+from mitt.arm.arm import Arm
+from mitt.cli import designing as command
+from mitt.cli.options import DesignOptions
 from mitt.design import interception as module
 from mitt.design.arm_design import AtSpeed, Design
 from mitt.design.candidate import Candidate
@@ -16,7 +17,6 @@ from mitt.design.interception import LONGER, QUICKER, faster_joints, longer_arm
 from mitt.design.poses import Touch
 from mitt.design.task import Balls
 from mitt.report.design_page import advice_of, write_design_page
-from mitt.robot.arm import Arm
 from mitt.world.scene import read_scene
 
 #: How far the gain of a quicker joint may be off when it is measured on a quicker arm [m/s].

@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mitt.arm.arm import Arm
 from mitt.catcher.settings import CatcherSettings
 from mitt.design.evaluation import balls_of as thrown
 from mitt.design.evaluation import verdicts
 from mitt.design.task import Balls, Task
-from mitt.generator.learn import Flight, Learned, learn
-from mitt.generator.map_design import MapDesign, catch_place
-from mitt.generator.mapping import unlearned
-from mitt.robot.arm import Arm
+from mitt.map.learn import Flight, Learned, learn
+from mitt.map.map_design import MapDesign, catch_place
+from mitt.map.mapping import unlearned
 from mitt.signals import GRAVITY, BallState
 from mitt.world.flights import Recording
 from mitt.world.scene import read_scene

@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mitt.arm.arm import Arm
+from mitt.arm.hands import HandModel
 from mitt.design import geometry
 from mitt.design.driven_arm import whole_arm
 from mitt.design.geometry import Rows, candidates_of, drawn, triples_of
 from mitt.design.interception import virtual
 from mitt.design.poses import Touch, poses_of
 from mitt.design.task import Balls
-from mitt.generator.mapping import unlearned
-from mitt.robot.arm import Arm
-from mitt.robot.hands import HandModel
+from mitt.map.mapping import unlearned
 from mitt.signals import Array, MapStatus
 from mitt.world.scene import read_scene
 

@@ -8,6 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
+from mitt.arm.arm import Arm
+from mitt.arm.hands import HandModel
 from mitt.design.candidate import Candidate, mutated
 from mitt.design.driven_arm import whole_arm
 from mitt.design.geometry import Rows, best_of, candidates_of, drawn, improved, spread, triples_of
@@ -22,10 +24,8 @@ from mitt.design.interception import (
 from mitt.design.poses import Touch, poses_of
 from mitt.design.task import Balls, Task
 from mitt.errors import MittError
-from mitt.generator.mapping import coordinates, unlearned
-from mitt.generator.tangent import to_go
-from mitt.robot.arm import Arm
-from mitt.robot.hands import HandModel
+from mitt.map.mapping import coordinates, unlearned
+from mitt.map.tangent import to_go
 from mitt.signals import Array
 from mitt.world.scene import read_scene
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from mitt.arm.arm import Arm
+from mitt.arm.hands import HandModel
 from mitt.design.driven_arm import whole_arm
 from mitt.design.poses import poses_of, touching
-from mitt.robot.arm import Arm
-from mitt.robot.hands import HandModel
 from mitt.world.scene import Scene
 
 #: Step of central differences [rad], and what they agree to.

@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 from design.conftest import TINY, silent
 
-from mitt.cli import main
-from mitt.commands import designing as command
+from mitt.arm.arm import Arm, difference, identity_of
+from mitt.arm.basket import Basket
+from mitt.cli import designing as command
+from mitt.cli.main import main
 from mitt.design import arm_design, evaluation, search_jobs
 from mitt.design.arm_design import (
     AtSpeed,
@@ -43,10 +45,8 @@ from mitt.design.search_jobs import Evaluator, Job
 from mitt.design.task import BOX, FAR, REPORTED, Balls, Task, shifted
 from mitt.errors import InputError
 from mitt.files.arm_file import ArmFile, open_arm, read_arm_file, write_arm_file
-from mitt.generator.mapping import unlearned
+from mitt.map.mapping import unlearned
 from mitt.report.design_page import advice_of
-from mitt.robot.arm import Arm, difference, identity_of
-from mitt.robot.basket import Basket
 from mitt.trials.learning import Neighbourhood
 from mitt.trials.workers import Processes
 from mitt.world.scene import read_scene

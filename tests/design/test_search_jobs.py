@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 from design.conftest import TINY, silent
 
-from mitt.cli import main
-from mitt.commands import designing as command
+from mitt.arm.arm import Arm
+from mitt.cli import designing as command
+from mitt.cli.main import main
 from mitt.design.arm_design import Design, best_so_far, design
 from mitt.design.evaluation import Evaluation
 from mitt.design.search import EFFORTS, RATE, SearchProgress, search_of
@@ -21,7 +22,6 @@ from mitt.design.task import Task
 from mitt.errors import FileError, InputError
 from mitt.files.arm_file import open_arm
 from mitt.interrupts import Interrupted
-from mitt.robot.arm import Arm
 from mitt.trials.workers import Processes
 
 #: Stages in which the search is broken off, one after the other.

@@ -6,9 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mitt.cli import main
-from mitt.commands.designing import _task
-from mitt.commands.options import DesignOptions
+from mitt.arm.arm import Arm
+from mitt.arm.load import load_arm
+from mitt.cli.designing import _task
+from mitt.cli.main import main
+from mitt.cli.options import DesignOptions
 from mitt.design.arm_design import Design, release_speed, task_at
 from mitt.design.task import (
     REPORTED,
@@ -24,9 +26,7 @@ from mitt.design.task import (
 from mitt.errors import FileError, InputError
 from mitt.files.arm_file import ArmFile, open_arm, write_arm_file
 from mitt.files.schema import to_plain
-from mitt.generator.mapping import unlearned
-from mitt.robot.arm import Arm
-from mitt.robot.load import load_arm
+from mitt.map.mapping import unlearned
 from mitt.trials.learning import Neighbourhood
 from mitt.trials.source import aim_of
 from mitt.world.flights import builtin_flights

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from mitt.arm.arm import Arm
 from mitt.cell.drivers import LocalRobot
-from mitt.robot.arm import Arm
 from mitt.signals import ArmState, Array, Command
 
 #: Places of the WAM's three joints among those of the vendor's arm.

@@ -12,13 +12,13 @@ from franka_design import panda_file
 from local_cell import LocalCell
 
 from mitt.cell.drivers import LocalRobot
+from mitt.cell.live import Mode
 from mitt.cell.prepare import PreparedCell, prepare
+from mitt.cell.readings import Lag
+from mitt.cell.robot import Robot
 from mitt.errors import InputError
 from mitt.files.arm_file import read_arm_file
 from mitt.files.cell import ArmPart, Cell, read_cell
-from mitt.link.live import Mode
-from mitt.link.readings import Lag
-from mitt.link.robot import Robot
 
 FOLDER = Path(__file__).parents[2] / "examples" / "drivers"
 STARTED = 1.7e9

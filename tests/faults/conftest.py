@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mitt.arm.arm import Arm
 from mitt.catcher.catcher import Phase
+from mitt.catcher.generators import Direct
 from mitt.catcher.state import REASONS, STATES, Result, copied, gathered
-from mitt.generator.generators import Direct
-from mitt.generator.learn import Learned
-from mitt.robot.arm import Arm
+from mitt.map.learn import Learned
 from mitt.signals import Senses
 from mitt.trials.learning import learn
 from mitt.trials.runner import TrialRunner

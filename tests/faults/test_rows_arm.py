@@ -8,10 +8,10 @@ import pytest
 from faults.conftest import Range, Thrown
 from support import ball_state
 
+from mitt.arm.arm import Arm
 from mitt.catcher.catcher import CatcherSettings
 from mitt.control.health import CLOCK, OVERRUN, fresh_health, pass_time
-from mitt.generator.mapping import DirectMap
-from mitt.robot.arm import Arm
+from mitt.map.mapping import DirectMap
 from mitt.signals import Command, MapStatus
 from mitt.world.scene import exact_scene
 from mitt.world.simulation import World

@@ -18,16 +18,16 @@ from faults.conftest import Range
 from small_study import TEXT, Here, quiet, ready, thrown_again, write_study
 
 import mitt
+from mitt.arm.arm import Arm
+from mitt.arm.load import load_arm
 from mitt.catcher.catcher import Catcher
+from mitt.catcher.generators import Direct
+from mitt.clock import uncollected
 from mitt.errors import FileError, InputError, MittError
 from mitt.files.maps import read_map, save_map
 from mitt.files.writing import locked, write_text
-from mitt.generator.generators import Direct
-from mitt.generator.learn import Learned
-from mitt.link.clock import uncollected
+from mitt.map.learn import Learned
 from mitt.report.replay_3d import served
-from mitt.robot.arm import Arm
-from mitt.robot.load import load_arm
 from mitt.trials.result import NAME
 from mitt.trials.runner import TrialRunner
 from mitt.trials.study_results import read_part

@@ -10,8 +10,8 @@ import pytest
 from faults.conftest import Range
 
 from mitt.ball.filter import THROWN_BALL, BallFilter
+from mitt.eyes.blobs import MOMENTS, is_merged
 from mitt.signals import Array, Sighting
-from mitt.vision.blobs import MOMENTS, is_merged
 
 
 def sightings(count: int, seed: int) -> list[Sighting]:

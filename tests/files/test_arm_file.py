@@ -8,6 +8,8 @@ import pytest
 from robot.test_load import urdf
 
 import mitt
+from mitt.arm.basket import Basket
+from mitt.arm.hands import HandModel
 from mitt.errors import FileError, InputError, MittError
 from mitt.files.arm_file import (
     ArmFile,
@@ -18,9 +20,7 @@ from mitt.files.arm_file import (
     read_arm_file,
     write_arm_file,
 )
-from mitt.generator.map_design import MapDesign, default_design
-from mitt.robot.basket import Basket
-from mitt.robot.hands import HandModel
+from mitt.map.map_design import MapDesign, default_design
 
 TEXT = """schema = "mitt.arm/1"
 [arm]

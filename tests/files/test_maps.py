@@ -12,12 +12,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from mitt.arm.arm import Arm
+from mitt.arm.load import load_arm
 from mitt.errors import FileError
 from mitt.files.maps import read_map, save_map
-from mitt.generator.learn import Learned
-from mitt.generator.map_design import MapDesign
-from mitt.robot.arm import Arm
-from mitt.robot.load import load_arm
+from mitt.map.learn import Learned
+from mitt.map.map_design import MapDesign
 from mitt.trials.learning import Neighbourhood, learn
 from mitt.version import __version__
 

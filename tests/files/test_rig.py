@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from throws_on_film import calibrated
 
 from mitt.errors import FileError
+from mitt.eyes.camera import turned
+from mitt.eyes.rig_calibration import HeadAxes
 from mitt.files.rig import CalibratedRig, read_rig, write_rig
-from mitt.vision.camera import turned
-from mitt.vision.rig_calibration import HeadAxes
 
 
 def full() -> CalibratedRig:

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from mitt.commands.catching import prepare
-from mitt.commands.options import CatchOptions
+from mitt.cli.catching import prepare
+from mitt.cli.options import CatchOptions
+from mitt.clock import Stopwatch
 from mitt.errors import InputError, MittError
 from mitt.files.maps import read_map, save_map
-from mitt.generator.learn import Learned
-from mitt.link.clock import Stopwatch
+from mitt.map.learn import Learned
 from mitt.report.outputs import keeping, write_outputs
 from mitt.trials.result import MAP, NAME, PAGE, RESULT, STATUSES, read_kept, result
 from mitt.trials.runs import FinishedRun, run

@@ -7,8 +7,8 @@ import mujoco
 import numpy as np
 import pytest
 
+from mitt.arm.arm import Arm
 from mitt.report.pictures import body_faces, drawn, placed
-from mitt.robot.arm import Arm
 from mitt.signals import Array
 from mitt.world.build import build_scene
 from mitt.world.scene import Scene

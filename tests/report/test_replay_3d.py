@@ -17,6 +17,7 @@ from trimesh import Trimesh
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
+from mitt.arm.arm import Arm
 from mitt.report.replay_3d import may_ask, replay_page, served
 from mitt.report.scene_meshes import (
     bones,
@@ -28,7 +29,6 @@ from mitt.report.scene_meshes import (
     skeleton,
     sphere,
 )
-from mitt.robot.arm import Arm
 from mitt.trials.runner import LoggedTrial
 from mitt.world.build import build_scene
 from mitt.world.scene import Scene

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from mitt.arm.arm import Arm
 from mitt.errors import ShapeError
-from mitt.generator.learn import Learned
+from mitt.map.learn import Learned
 from mitt.report.pictures import picture_strip
 from mitt.report.run_figures import (
     catching_trajectory,
@@ -24,7 +25,6 @@ from mitt.report.run_figures import (
     target_and_hand,
 )
 from mitt.report.style import LEARNED, Plot, plot
-from mitt.robot.arm import Arm
 from mitt.signals import Array
 from mitt.trials.log import TrialLog
 from mitt.trials.runner import LoggedTrial

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mitt.generator.learn import Learned
-from mitt.link.clock import Stopwatch
+from mitt.arm.arm import Arm
+from mitt.clock import Stopwatch
+from mitt.map.learn import Learned
 from mitt.report.run_page import ReportContent, report, result_summary, write_report
-from mitt.robot.arm import Arm
 from mitt.trials.result import result
 from mitt.trials.runner import LoggedTrial
 from mitt.trials.statistics import wilson

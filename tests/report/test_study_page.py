@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 from small_study import TEXT, Here, quiet, ready, write_study
 
-from mitt.cli import main
+from mitt.cli.main import main
 from mitt.errors import FileError
 from mitt.files.writing import write_json
-from mitt.generator.learn import Learned
+from mitt.map.learn import Learned
 from mitt.report.study_page import break_even, paired_tests, sweeps_of, write_study_report
 from mitt.trials.study_file import Study
 from mitt.trials.study_folder import Folder

@@ -14,12 +14,12 @@ from hypothesis import strategies as st
 from recorded_trials import CASES, recorded
 
 from mitt.ball.flight import forecast
-from mitt.cli import main
+from mitt.cell.recorder import Recorder
+from mitt.cli.main import main
+from mitt.clock import monotonic, pause
 from mitt.errors import FileError
 from mitt.files.messages import TRUTH
 from mitt.files.recordings import Recorded
-from mitt.link.clock import monotonic, pause
-from mitt.link.recorder import Recorder
 from mitt.report.replay_3d import NODE, served
 from mitt.report.viewer import Viewer, ellipsoid, newest, watch, way
 from mitt.signals import ArmState, BallState, Senses

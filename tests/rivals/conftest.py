@@ -5,10 +5,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from mitt.arm.arm import Arm
 from mitt.bench.libraries import ball_at
-from mitt.generator.learn import Learned
+from mitt.map.learn import Learned
 from mitt.rivals.intercept import Chooser
-from mitt.robot.arm import Arm
 from mitt.signals import BallState
 from mitt.trials.source import aim_of
 from mitt.world.throws import Throw, default_throw

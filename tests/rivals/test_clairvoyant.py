@@ -10,15 +10,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support import ball_state
 
+from mitt.arm.arm import Arm
+from mitt.arm.hands import HandModel
+from mitt.arm.wam import wam, wam_limits
 from mitt.errors import InputError
-from mitt.generator.demand import demand
-from mitt.generator.feasibility import Outcome
-from mitt.generator.learn import Learned
+from mitt.map.demand import demand
+from mitt.map.learn import Learned
 from mitt.rivals.clairvoyant import Clairvoyant, Symbolic, make_clairvoyant, symbolic
-from mitt.robot.arm import Arm
-from mitt.robot.hands import HandModel
-from mitt.robot.wam import wam, wam_limits
 from mitt.signals import Array, BallState
+from mitt.verdict.feasibility import Outcome
 from mitt.world.throws import Throw, fly
 
 pytest.importorskip("casadi")

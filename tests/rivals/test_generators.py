@@ -10,20 +10,20 @@ import numpy as np
 import pytest
 from support import ball_state
 
+from mitt.arm.arm import Arm
+from mitt.catcher.generators import Generator
 from mitt.errors import InputError, UnknownNameError
-from mitt.generator.feasibility import Outcome
-from mitt.generator.generators import Generator
-from mitt.generator.learn import Learned
-from mitt.generator.mapping import DirectMap
+from mitt.map.learn import Learned
+from mitt.map.mapping import DirectMap
 from mitt.rivals.intercept import Intercept
 from mitt.rivals.planned import Plan, Planned, Planner
 from mitt.rivals.pursuit import rival as rival_by
-from mitt.robot.arm import Arm
 from mitt.signals import Array, BallState, JointReference, MapStatus
 from mitt.trials import registry
 from mitt.trials.registry import available, factory_of, make_generator
 from mitt.trials.runner import TrialRunner
 from mitt.trials.source import source_of
+from mitt.verdict.feasibility import Outcome
 from mitt.world.scene import Scene
 from mitt.world.throws import Throw
 

@@ -7,8 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.generator.demand import demand
-from mitt.generator.prediction import flown, fly_on, state_of
+from mitt.arm.arm import Arm
+from mitt.arm.kinematics import ZERO
+from mitt.map.demand import demand
+from mitt.map.prediction import flown, fly_on, state_of
 from mitt.rivals.intercept import (
     APPROACH,
     FOLLOW,
@@ -31,8 +33,6 @@ from mitt.rivals.mpc import MpcPlanner, MpcSettings
 from mitt.rivals.paths import responses, sample
 from mitt.rivals.planned import QuinticPlan
 from mitt.rivals.pursuit import still
-from mitt.robot.arm import Arm
-from mitt.robot.kinematics import ZERO
 from mitt.signals import Array, BallState
 
 seeds = st.integers(0, 2**31)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.generator.demand import demand
+from mitt.map.demand import demand
 from mitt.rivals.intercept import Chooser, Intercept
 from mitt.rivals.mpc import MpcPlanner, MpcSettings, solve
 from mitt.rivals.paths import Motion, quintic, responses

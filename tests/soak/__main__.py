@@ -10,7 +10,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from mitt.robot.load import load_arm
+from mitt.arm.load import load_arm
 from mitt.trials.learning import learn
 from soak import arrays, commands, files, kills, runs, studies, ticks
 

@@ -19,9 +19,9 @@ from typing import Final
 import numpy as np
 from numba.core import event
 
+from mitt.arm.arm import Arm
 from mitt.errors import MittError
-from mitt.generator.mapping import DirectMap
-from mitt.robot.arm import Arm
+from mitt.map.mapping import DirectMap
 from soak.examples import Examples
 from soak.values import Value, absurd, nonsense, said, same, same_numbers, wrong_shapes
 

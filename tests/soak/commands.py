@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mitt.control.envelope import BOUNDS, clamp_joint, clamp_smooth
-from mitt.jit import kernel
+from mitt.kernels import kernel
 from mitt.signals import TICK, Array
 
 #: Excess beyond a limit that is rounding, and how far inside a wish must be to pass untouched.

@@ -10,20 +10,20 @@ from typing import final
 import numpy as np
 
 import mitt
+from mitt.arm.arm import Arm
+from mitt.arm.load import load_arm
 from mitt.ball.filter import BallFilter
 from mitt.ball.flight import forecast
 from mitt.catcher.catcher import Catcher, CatcherSettings
-from mitt.generator.generators import Direct, Unoptimised, refining
-from mitt.generator.learn import Flight
-from mitt.generator.map_design import default_design
-from mitt.generator.mapping import DirectMap, unlearned
-from mitt.generator.several import Several
+from mitt.catcher.generators import Direct, Unoptimised, refining
+from mitt.catcher.several import Several
+from mitt.eyes.camera import fixed_rig
+from mitt.eyes.eyes import Eyes
+from mitt.map.learn import Flight
+from mitt.map.map_design import default_design
+from mitt.map.mapping import DirectMap, unlearned
 from mitt.rivals.planned import make_quintic
-from mitt.robot.arm import Arm
-from mitt.robot.load import load_arm
 from mitt.signals import ArmState, Frame, Senses, Sighting
-from mitt.vision.camera import fixed_rig
-from mitt.vision.eyes import Eyes
 from mitt.world.scene import Scene
 from mitt.world.simulation import World
 from mitt.world.throws import Throw

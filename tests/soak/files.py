@@ -14,8 +14,8 @@ from unittest import mock
 
 import numpy as np
 
-from mitt.cli import main
-from mitt.commands import line
+from mitt.cli import line
+from mitt.cli.main import main
 from soak.mutants import mutant
 from soak.readers import SAMPLES
 from soak.samples import Sample

@@ -14,13 +14,13 @@ from pathlib import Path
 
 import numpy as np
 
+from mitt.arm.load import load_arm
 from mitt.files.maps import read_map, save_map
 from mitt.files.writing import write_json, write_text
-from mitt.generator.learn import Learned
-from mitt.generator.map_design import default_design
-from mitt.generator.mapping import unlearned
+from mitt.map.learn import Learned
+from mitt.map.map_design import default_design
+from mitt.map.mapping import unlearned
 from mitt.reading import read_json
-from mitt.robot.load import load_arm
 
 #: What is saved: a result, a page, a map.
 RESULT, PAGE, MAP = "result.json", "page.html", "map.json"

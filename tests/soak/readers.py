@@ -10,9 +10,9 @@ import numpy as np
 from small_study import TEXT, Here, quiet, ready, write_study
 from throws_on_film import calibrated, film, write_film
 
+from mitt.catcher.generators import Direct
 from mitt.files.recordings import write_recording
 from mitt.files.rig import write_rig
-from mitt.generator.generators import Direct
 from mitt.trials.log import recording_of
 from mitt.trials.runner import TrialRunner
 from mitt.trials.source import source_of

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
+from mitt.arm.load import load_arm
 from mitt.files.maps import save_map
-from mitt.generator.learn import Learned
-from mitt.generator.map_design import default_design
-from mitt.generator.mapping import unlearned
-from mitt.robot.load import load_arm
+from mitt.map.learn import Learned
+from mitt.map.map_design import default_design
+from mitt.map.mapping import unlearned
 
 #: Where the outputs would go; nothing is written by a check.
 _OUT = "never-written"

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mitt.arm.arm import Arm
 from mitt.catcher.catcher import Phase
 from mitt.control.envelope import bounds_of
-from mitt.generator.learn import Learned
-from mitt.robot.arm import Arm
+from mitt.map.learn import Learned
 from mitt.signals import TICK
 from soak import commands, files, judge, kills, ticks
 from soak.mutants import mutant

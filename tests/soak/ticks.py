@@ -13,18 +13,18 @@ from typing import final
 import numpy as np
 from exact_plant import ExactPlant
 
+from mitt.arm.arm import Arm
+from mitt.arm.load import load_arm
 from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
+from mitt.catcher.generators import Direct, Generator, Unoptimised
 from mitt.errors import InputError, ShapeError
-from mitt.generator.feasibility import Outcome, Verdict
-from mitt.generator.generators import Direct, Generator, Unoptimised
-from mitt.generator.mapping import DirectMap
-from mitt.robot.arm import Arm
-from mitt.robot.load import load_arm
+from mitt.eyes.camera import fixed_rig
+from mitt.eyes.eyes import Eyes
+from mitt.eyes.head import active_rig
+from mitt.map.mapping import DirectMap
 from mitt.signals import TICK, ArmState, Array, BallState, JointReference, Senses
 from mitt.trials.source import aim_of
-from mitt.vision.camera import fixed_rig
-from mitt.vision.eyes import Eyes
-from mitt.vision.head import active_rig
+from mitt.verdict.feasibility import Outcome, Verdict
 from mitt.world.throws import default_throw, fly
 from soak import garbage
 from soak.garbage import Cameras, Channel

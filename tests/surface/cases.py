@@ -14,20 +14,20 @@ import mitt
 import mitt.gym
 from mitt.ball.filter import BallFilter, FilterConfig
 from mitt.catcher.catcher import Catcher
+from mitt.catcher.generators import Direct
 from mitt.catcher.settings import CatcherSettings
+from mitt.cell.recorder import Recorder
 from mitt.control.stop import plan_brake
+from mitt.eyes.camera import fixed_rig
+from mitt.eyes.eyes import Eyes, EyesConfig
 from mitt.files.about import About
 from mitt.files.cell import read_cell
 from mitt.files.maps import save_map
-from mitt.generator.demand import Tolerance
-from mitt.generator.generators import Direct
-from mitt.generator.learn import Flight, Learned, LearnSettings
-from mitt.generator.mapping import unlearned
-from mitt.link.recorder import Recorder
+from mitt.map.demand import Tolerance
+from mitt.map.learn import Flight, Learned, LearnSettings
+from mitt.map.mapping import unlearned
 from mitt.signals import ArmState, Frame, Senses, Sighting
 from mitt.trials.learning import Neighbourhood
-from mitt.vision.camera import fixed_rig
-from mitt.vision.eyes import Eyes, EyesConfig
 from mitt.world.scene import Scene, read_scene
 from surface import names
 

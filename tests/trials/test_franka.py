@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from franka_design import panda_file
 
+from mitt.arm.arm import Arm
+from mitt.catcher.generators import Direct
 from mitt.files.arm_file import load_arm, read_arm_file
-from mitt.generator.generators import Direct
-from mitt.generator.map_design import default_design
-from mitt.robot.arm import Arm
+from mitt.map.map_design import default_design
 from mitt.signals import TICK
 from mitt.trials.learning import learn
 from mitt.trials.runner import TrialRunner

@@ -11,7 +11,7 @@ from small_study import TEXT, ready, write_study
 from soak.samples import URDF
 
 from mitt.errors import FileError, InputError
-from mitt.generator.learn import Learned
+from mitt.map.learn import Learned
 from mitt.reading import difference, noted, read_bytes
 from mitt.trials import registry
 from mitt.trials.study_file import Study

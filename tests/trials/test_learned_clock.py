@@ -7,19 +7,19 @@ import pytest
 from recorded_trials import replayed
 from throws_on_film import calibrated
 
-from mitt.calibration.hand_calibration import calibrate_by_catches, catches_in
+from mitt.cameras.hand_calibration import calibrate_by_catches, catches_in
 from mitt.catcher.catcher import Catcher
+from mitt.catcher.generators import Direct
 from mitt.catcher.settings import BRAKE
 from mitt.errors import InputError
+from mitt.eyes.clock_offset import LearnedClock, caught_offset
 from mitt.files.recordings import Recorded, write_recording
-from mitt.generator.generators import Direct
-from mitt.generator.learn import Learned
+from mitt.map.learn import Learned
 from mitt.trials.log import recording_of
 from mitt.trials.result import plain
 from mitt.trials.runner import TrialRunner
 from mitt.trials.runs import _thrown
 from mitt.trials.source import Source, source_of
-from mitt.vision.clock_offset import LearnedClock, caught_offset
 from mitt.world.faults import Clock
 from mitt.world.scene import Scene
 from mitt.world.throws import Throw

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mitt.arm.arm import Arm
 from mitt.ball.flight import advance
-from mitt.generator.learn import Flight, LearnSettings
-from mitt.generator.map_design import MapDesign
-from mitt.generator.mapping import DirectMap
-from mitt.robot.arm import Arm
+from mitt.map.learn import Flight, LearnSettings
+from mitt.map.map_design import MapDesign
+from mitt.map.mapping import DirectMap
 from mitt.signals import Array
 from mitt.trials.learning import (
     LEARNING_SEED,

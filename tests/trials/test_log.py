@@ -6,12 +6,12 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 
+from mitt.arm.arm import Arm
+from mitt.catcher.generators import Direct
 from mitt.catcher.settings import PHASES
 from mitt.files.about import About
 from mitt.files.messages import CATCH_POINT, EVENT, TRUTH
-from mitt.generator.generators import Direct
-from mitt.generator.learn import Learned
-from mitt.robot.arm import Arm
+from mitt.map.learn import Learned
 from mitt.trials.log import recording_of
 from mitt.trials.runner import LoggedTrial, TrialRunner
 from mitt.trials.source import source_of

@@ -5,13 +5,13 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
+from mitt.arm.arm import Arm
 from mitt.catcher.catcher import Catcher
+from mitt.catcher.generators import Direct, Generator
 from mitt.catcher.settings import BRAKE, FOLLOW, REFUSED, STOPPED, WATCH
-from mitt.generator.generators import Direct, Generator
-from mitt.generator.learn import Learned
-from mitt.generator.map_design import MapDesign
-from mitt.generator.several import Several
-from mitt.robot.arm import Arm
+from mitt.catcher.several import Several
+from mitt.map.learn import Learned
+from mitt.map.map_design import MapDesign
 from mitt.trials.learning import Neighbourhood, learn
 from mitt.trials.log import TrialLog
 from mitt.trials.runner import LoggedTrial, TrialRunner

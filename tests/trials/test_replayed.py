@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from recorded_trials import CASES, Case, map_for, recorded, replayed
 
+from mitt.catcher.generators import Direct
+from mitt.cell.recorder import Recorder
 from mitt.errors import FileError, InputError
 from mitt.files.maps import save_map
 from mitt.files.recordings import Recorded, write_recording
-from mitt.generator.generators import Direct
-from mitt.generator.learn import Learned
-from mitt.link.recorder import Recorder
+from mitt.map.learn import Learned
 from mitt.trials.explain import evidence_of, explain
 from mitt.trials.log import FIRST_CONTACT, recording_of
 from mitt.trials.replayed import changed, replay

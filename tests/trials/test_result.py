@@ -13,12 +13,12 @@ from pathlib import Path
 
 import pytest
 
-from mitt.cli import main
+from mitt.cli.main import main
+from mitt.clock import Stopwatch
 from mitt.errors import FileError, InputError
 from mitt.files.maps import save_map
 from mitt.files.writing import LOCK, locked
-from mitt.generator.learn import Learned
-from mitt.link.clock import Stopwatch
+from mitt.map.learn import Learned
 from mitt.trials.result import NAME, PAGE, RESULT, Journal, died, read_kept, result
 from mitt.trials.score import Trial
 

@@ -8,17 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mitt.arm.arm import Arm
+from mitt.arm.hands import HandModel
+from mitt.arm.load import load_arm
 from mitt.ball.filter import FilterConfig
+from mitt.catcher.generators import Direct, Unoptimised
 from mitt.errors import InputError, StoppedError
 from mitt.files.recordings import write_recording
-from mitt.generator.feasibility import Verdict
-from mitt.generator.generators import Direct, Unoptimised
-from mitt.generator.learn import Learned
-from mitt.generator.mapping import DirectMap
+from mitt.map.learn import Learned
+from mitt.map.mapping import DirectMap
 from mitt.rivals.planned import make_quintic
-from mitt.robot.arm import Arm
-from mitt.robot.hands import HandModel
-from mitt.robot.load import load_arm
 from mitt.signals import Array, BallState, JointReference
 from mitt.trials.catcher_settings import driven, filter_settings
 from mitt.trials.learning import learn
@@ -27,6 +26,7 @@ from mitt.trials.runner import LoggedTrial, TrialRunner
 from mitt.trials.runs import simulate
 from mitt.trials.score import HELD_AFTER
 from mitt.trials.source import aim_of
+from mitt.verdict.feasibility import Verdict
 from mitt.world.scene import Scene, Sensing, named_scene, scene_of
 from mitt.world.throws import Throw, default_throw
 

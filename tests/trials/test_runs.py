@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 from numba import typeof, types
 
-from mitt.commands.catching import prepare
-from mitt.commands.options import CatchOptions
+from mitt.arm.arm import Arm
+from mitt.catcher.generators import Direct, Unoptimised
+from mitt.cli.catching import prepare
+from mitt.cli.options import CatchOptions
 from mitt.errors import InputError, MittError
 from mitt.files.arm_file import ArmSpec
 from mitt.files.maps import save_map
-from mitt.generator.generators import Direct, Unoptimised
-from mitt.generator.learn import Learned
-from mitt.generator.map_design import default_design
-from mitt.generator.mapping import unlearned
 from mitt.interrupts import Interrupted
-from mitt.robot.arm import Arm
+from mitt.map.learn import Learned
+from mitt.map.map_design import default_design
+from mitt.map.mapping import unlearned
 from mitt.trials import play as loop
 from mitt.trials import runs
 from mitt.trials.registry import make_generator

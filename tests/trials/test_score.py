@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mitt.arm.arm import Arm
+from mitt.arm.basket import Basket
+from mitt.arm.hands import HandModel
+from mitt.arm.load import load_arm
 from mitt.catcher.settings import Phase
 from mitt.catcher.state import Result, fresh_result, room_for
-from mitt.robot.arm import Arm
-from mitt.robot.basket import Basket
-from mitt.robot.hands import HandModel
-from mitt.robot.load import load_arm
 from mitt.signals import Array, Command
 from mitt.trials.score import (
     HELD_GAP,

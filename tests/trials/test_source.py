@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mitt.arm.arm import Arm
 from mitt.ball.flight import advance
 from mitt.errors import FileError
 from mitt.files.arm_file import open_arm
-from mitt.generator.map_design import MapDesign
-from mitt.generator.mapping import DirectMap, unlearned
-from mitt.robot.arm import Arm
+from mitt.map.map_design import MapDesign
+from mitt.map.mapping import DirectMap, unlearned
 from mitt.signals import Array
 from mitt.trials.learning import Neighbourhood, neighbourhood
 from mitt.trials.source import Source, release_of, source_of

@@ -12,7 +12,7 @@ from small_study import TEXT, Here, quiet, ready, write_study
 
 from mitt.errors import FileError, InputError
 from mitt.files.writing import locked, write_json
-from mitt.generator.learn import Learned
+from mitt.map.learn import Learned
 from mitt.trials import registry
 from mitt.trials.study_file import Study
 from mitt.trials.study_folder import Folder

@@ -8,9 +8,9 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from mitt.commands.measuring import _rate
+from mitt.cli.measuring import _rate
+from mitt.clock import Stopwatch
 from mitt.control.health import Reason, State, StoppedBy
-from mitt.link.clock import Stopwatch
 from mitt.trials.result import force_words, summary
 from mitt.trials.score import Trial, reason_of, stop_as_json
 from mitt.trials.statistics import wilson

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from mitt.generator.learn import Learned
-from mitt.robot.load import load_arm
+from mitt.arm.load import load_arm
+from mitt.map.learn import Learned
 from mitt.trials.learning import learn
 from mitt.trials.registry import make_generator
 from mitt.trials.runner import TrialRunner

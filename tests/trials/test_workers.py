@@ -14,7 +14,7 @@ from dying_workers import aborts_at_three, raises_at_three, work
 from small_study import TEXT, quiet, ready, thrown_again, write_study
 
 from mitt.errors import InputError
-from mitt.generator.learn import Learned
+from mitt.map.learn import Learned
 from mitt.trials.study_run import run_study
 from mitt.trials.workers import Cluster, Processes, engine_of, run_tasks
 
@@ -164,7 +164,7 @@ def test_a_full_disk_is_one_line_and_what_is_done_is_kept(
     _, folder = thrown_again(thrown_study, tmp_path)
     folder.part(5).unlink()
     code = (
-        "import resource, sys; from mitt.cli import main; "
+        "import resource, sys; from mitt.cli.main import main; "
         "resource.setrlimit(resource.RLIMIT_FSIZE, (4000, 4000)); sys.exit(main(sys.argv[1:]))"
     )
     words = ["study", str(tmp_path / "study.toml"), "--out", str(folder.path), "--workers", "1",

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mitt.arm.arm import Arm
+from mitt.arm.description import Capsule
+from mitt.arm.load import load_arm
 from mitt.errors import ModelError
-from mitt.robot.arm import Arm
-from mitt.robot.description import Capsule
-from mitt.robot.load import load_arm
 from mitt.signals import Array
 from mitt.world.build import PlantDraw, build_scene, describe
 from mitt.world.scene import Mismatch, Scene, exact_scene

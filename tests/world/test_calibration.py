@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from mitt.errors import InputError
+from mitt.eyes.camera import Camera, Rig, fixed_rig
 from mitt.signals import Array
-from mitt.vision.camera import Camera, Rig, fixed_rig
 from mitt.world.calibration_errors import bends, drawn_rig, error_root, image_grid, pinhole_errors
 from mitt.world.scene import scene_of
 
@@ -70,7 +70,7 @@ def test_the_ball_in_the_hand_fits_the_placed_rig(rig: Rig) -> None:
 
 def test_a_lens_moves_image_points_as_its_derivatives_say(rig: Rig) -> None:
     """The table of derivatives is that of a lens whose numbers are changed a little."""
-    from mitt.vision.lens import Lens  # noqa: PLC0415 (beside its use)
+    from mitt.eyes.lens import Lens  # noqa: PLC0415 (beside its use)
 
     camera, step = rig.cameras[0], 1e-6
     xy = image_grid(camera)

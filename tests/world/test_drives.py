@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mitt.arm.arm import Arm
+from mitt.arm.load import load_arm
+from mitt.catcher.generators import Direct
 from mitt.control.setpoints import Setpoints
 from mitt.errors import InputError
-from mitt.generator.generators import Direct
-from mitt.generator.learn import Learned
-from mitt.robot.arm import Arm
-from mitt.robot.load import load_arm
+from mitt.map.learn import Learned
 from mitt.signals import TICK, Array, Command
 from mitt.trials.catcher_settings import bandwidth_of
 from mitt.trials.runner import TrialRunner

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 from numba import njit
 
-from mitt.robot.load import load_arm
+from mitt.arm.load import load_arm
 from mitt.world.build import build_scene
 from mitt.world.engine import MOST, Plant, contact_force, plant_of, step1, step2
 from mitt.world.scene import exact_scene

@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mitt.arm.arm import Arm
+from mitt.arm.hands import HandModel
+from mitt.arm.load import load_arm
 from mitt.errors import InputError
-from mitt.robot.arm import Arm
-from mitt.robot.hands import HandModel
-from mitt.robot.load import load_arm
+from mitt.eyes.camera import fixed_rig
 from mitt.signals import TICK, ArmState, Array, Command, Frame, Senses, Sighting
-from mitt.vision.camera import fixed_rig
 from mitt.world.disturbances import Push, Trial, Undisturbed
 from mitt.world.faults import ActiveFaults, AnyFault, begun, true_rig
 from mitt.world.scene import Scene, exact_scene, read_scene

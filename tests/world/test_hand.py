@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mitt.arm.description import steiner
+from mitt.arm.hands import HandModel, closing_angle
 from mitt.control.closing import LONGEST_INSIDE
 from mitt.errors import ModelError
-from mitt.robot.description import steiner
-from mitt.robot.hands import HandModel, closing_angle
 from mitt.signals import Array
 from mitt.world.build import STEP, contact_of, friction_of
 from mitt.world.drives import finger_servo, finger_torque

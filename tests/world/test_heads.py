@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.vision.head import active_rig
+from mitt.eyes.head import active_rig
 from mitt.world.imaging import Heads
 
 TICK = 0.001

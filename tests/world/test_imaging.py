@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mitt.errors import InputError
+from mitt.eyes.camera import Camera, Rig, fixed_rig
 from mitt.signals import Array
-from mitt.vision.camera import Camera, Rig, fixed_rig
 from mitt.world.imaging import Imager, ImageSensor, bank_of, sensor_of
 from mitt.world.scene import Ball, Scene, Sensing
 

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from mitt.robot.arm import Arm
+from mitt.arm.arm import Arm
 from mitt.world.build import (
     FRICTION_ON_PAD,
     RESTITUTION,

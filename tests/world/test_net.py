@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mitt.robot.arm import Arm
-from mitt.robot.basket import Basket
-from mitt.robot.load import load_arm
+from mitt.arm.arm import Arm
+from mitt.arm.basket import Basket
+from mitt.arm.load import load_arm
 from mitt.signals import Array
 from mitt.world.build import SceneModel, build_scene
 from mitt.world.capsules import body_of, lay_capsules

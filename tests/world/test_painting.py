@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from mitt.eyes.camera import Camera, Rig
 from mitt.signals import Array
-from mitt.vision.camera import Camera, Rig
 from mitt.world.imaging import Imager, ImageSensor
 
 CAMERA = Camera(width=48, height=40, f_px=60.0, cu=23.5, cv=19.5, T_world_cam=np.eye(4))

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from rendered_views import SIDE
 
+from mitt.eyes.camera import Camera, Rig, pack_cameras, sphere_centroid
 from mitt.signals import Array
-from mitt.vision.camera import Camera, Rig, pack_cameras, sphere_centroid
 from mitt.world.imaging import Imager, ImageSensor
 
 CLOSE = 0.1

@@ -4,8 +4,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from mitt.robot.arm import Arm
-from mitt.robot.load import load_arm
+from mitt.arm.arm import Arm
+from mitt.arm.load import load_arm
 from mitt.signals import TICK, Array, Command, Frame, Senses
 from mitt.world.engine import plant_of, survey
 from mitt.world.flights import builtin_flights, place_flight

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.robot.arm import Arm
-from mitt.robot.load import load_arm
+from mitt.arm.arm import Arm
+from mitt.arm.load import load_arm
 from mitt.signals import Command
 from mitt.world.motion import NEAR
 from mitt.world.scene import exact_scene

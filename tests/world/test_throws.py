@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mitt.arm.arm import Arm
 from mitt.errors import FileError, InputError, ShapeError
 from mitt.files.csv_table import MAX_BYTES
-from mitt.robot.arm import Arm
 from mitt.signals import GRAVITY
 from mitt.world.throws import Aim, ThrowRanges, default_throw, fly, read_throws, release_velocity
 

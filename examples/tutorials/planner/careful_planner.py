@@ -2,10 +2,10 @@
 
 from dataclasses import dataclass, replace
 
-from mitt.generator.feasibility import Outcome, Verdict
-from mitt.generator.generators import Direct, Generator
-from mitt.generator.mapping import DirectMap
+from mitt.catcher.generators import Direct, Generator
+from mitt.map.mapping import DirectMap
 from mitt.signals import Array, BallState, JointReference
+from mitt.verdict.feasibility import Outcome, Verdict
 
 SHARE = 0.6  # of the limit that is asked most
 

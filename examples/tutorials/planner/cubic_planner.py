@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mitt.generator.generators import Generator
-from mitt.generator.mapping import DirectMap
+from mitt.catcher.generators import Generator
+from mitt.map.mapping import DirectMap
 from mitt.rivals.intercept import Intercept
 from mitt.rivals.planned import Planned
 from mitt.rivals.pursuit import rival

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mitt.cell.drivers import LocalRobot
-from mitt.link.clock import monotonic, sleep_until
+from mitt.clock import monotonic, sleep_until
 from mitt.signals import Command
 
 

@@ -5,11 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 from acme_client import AcmeClient, State
 
+from mitt.arm.arm import Arm
 from mitt.cell.drivers import local_robot
 from mitt.cell.prepare import prepare
 from mitt.errors import InputError
 from mitt.files.cell import Cell
-from mitt.robot.arm import Arm
 from mitt.signals import ArmState, Command, Sighting
 
 #: The controller's joints in its own order, and which way each turns in the arm's description.
@@ -29,7 +29,7 @@ def acme(cell: Cell, arm: Arm) -> "AcmeRobot":
 
 
 class AcmeRobot:
-    """One arm; what each method owes is said in ``mitt.link.robot.Robot``."""
+    """One arm; what each method owes is said in ``mitt.cell.robot.Robot``."""
 
     brakes = True
 

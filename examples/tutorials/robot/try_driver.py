@@ -8,10 +8,10 @@ from acme_client import AcmeClient
 from acme_driver import AcmeRobot
 
 from mitt.cell.drivers import Connection, local_robot
+from mitt.cell.live import Mode
 from mitt.cell.prepare import map_of, prepare
 from mitt.cell.session import loop_of
 from mitt.files.cell import read_cell
-from mitt.link.live import Mode
 
 #: Controllers that are not as the driver believes.
 MISTAKES: dict[str, dict[str, Any]] = {

@@ -9,9 +9,9 @@ from contextlib import closing
 import numpy as np
 
 from mitt.cell.prepare import prepare
+from mitt.cell.robot import driver_named
+from mitt.clock import monotonic
 from mitt.files.cell import read_cell
-from mitt.link.clock import monotonic
-from mitt.link.robot import driver_named
 
 prepared = prepare(read_cell(sys.argv[1]))
 arm, end = prepared.arm, monotonic() + float(sys.argv[2] if sys.argv[2:] else 60.0)

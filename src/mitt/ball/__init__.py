@@ -1,1 +1,1 @@
-"""From positions of the ball to its motion: model of flight, filter, motion models, prediction."""
+"""From positions of the ball to its motion: flight, motion models, filter."""

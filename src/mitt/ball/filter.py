@@ -55,9 +55,8 @@ from mitt.ball.motion_models import (
 )
 from mitt.errors import InputError
 from mitt.fields import brief
-from mitt.jit import kernel
+from mitt.kernels import Record, kernel
 from mitt.signals import GRAVITY, Array, BallState, Sighting
-from mitt.structs import Record
 
 MAX_HORIZON = 2.0
 """Farthest that an estimate is carried [s]; no throw flies longer."""

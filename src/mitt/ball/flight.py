@@ -16,7 +16,7 @@ import numpy as np
 
 from mitt import checks
 from mitt.errors import InputError
-from mitt.jit import kernel
+from mitt.kernels import kernel
 from mitt.signals import GRAVITY, Array, BallState
 
 MAX_STEP = 0.02

@@ -11,9 +11,8 @@ from math import isfinite
 
 import numpy as np
 
-from mitt.jit import kernel
+from mitt.kernels import Record, kernel
 from mitt.signals import Array
-from mitt.structs import Record
 
 START = 1.5e-3
 """Standard deviation assumed at first [m], of a good pair of cameras at a few metres."""

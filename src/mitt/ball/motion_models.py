@@ -34,7 +34,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from mitt.ball.flight import STATES, MotionModel, advance_uncertain
-from mitt.jit import kernel
+from mitt.kernels import kernel
 from mitt.signals import Array
 
 Fields: TypeAlias = Any

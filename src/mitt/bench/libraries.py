@@ -10,14 +10,14 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from mitt.arm.arm import Arm
+from mitt.arm.description import ArmModel, transform
+from mitt.arm.plant import add_arm
 from mitt.ball.flight import acceleration, advance
-from mitt.generator.mapping import DirectMap
-from mitt.generator.prediction import flown, foresee
-from mitt.robot.arm import Arm
-from mitt.robot.description import ArmModel, transform
-from mitt.robot.plant import add_arm
+from mitt.eyes.camera import fixed_rig
+from mitt.map.mapping import DirectMap
+from mitt.map.prediction import flown, foresee
 from mitt.signals import GRAVITY, Array, BallState, Frame
-from mitt.vision.camera import fixed_rig
 from mitt.world.throws import Throw
 
 #: One tick of a rival.

@@ -15,6 +15,9 @@ from functools import partial
 import numpy as np
 
 import mitt
+from mitt.arm.arm import Arm
+from mitt.arm.hands import HandModel
+from mitt.arm.load import load_arm
 from mitt.bench import libraries as by
 from mitt.bench.problem import (
     SETUPS,
@@ -25,19 +28,16 @@ from mitt.bench.problem import (
     learning_problem,
 )
 from mitt.bench.problem import solve as solve_problem
+from mitt.catcher.generators import Direct
+from mitt.catcher.refine import refine
+from mitt.clock import Stopwatch, processor_time, settle
 from mitt.errors import InputError
-from mitt.generator.generators import Direct
-from mitt.generator.mapping import DirectMap
-from mitt.generator.refine import refine
-from mitt.link.clock import Stopwatch, processor_time, settle
-from mitt.robot.arm import Arm
-from mitt.robot.hands import HandModel
-from mitt.robot.load import load_arm
+from mitt.eyes.camera import fixed_rig
+from mitt.map.mapping import DirectMap
 from mitt.signals import Frame
 from mitt.trials.learning import learn
 from mitt.trials.runner import TrialRunner
 from mitt.trials.source import Source, source_of
-from mitt.vision.camera import fixed_rig
 from mitt.world.scene import Scene
 from mitt.world.throws import Throw
 

@@ -18,15 +18,15 @@ from types import ModuleType
 import daqp
 import numpy as np
 
-from mitt.generator.demand import Plant, plant_of
-from mitt.generator.learn import LearnSettings, lift_flight
-from mitt.generator.learn import learn as learn_from
-from mitt.generator.map_design import default_design
-from mitt.generator.mapping import initial_matrix, shift, unlearned
-from mitt.jit import kernel
+from mitt.arm.arm import Arm
+from mitt.arm.dynamics import slopes_work, torque_slopes
+from mitt.kernels import kernel
+from mitt.map.demand import Plant, plant_of
+from mitt.map.learn import LearnSettings, lift_flight
+from mitt.map.learn import learn as learn_from
+from mitt.map.map_design import default_design
+from mitt.map.mapping import initial_matrix, shift, unlearned
 from mitt.rivals.clairvoyant import Expression, casadi, symbolic
-from mitt.robot.arm import Arm
-from mitt.robot.dynamics import slopes_work, torque_slopes
 from mitt.signals import Array
 from mitt.trials.learning import Neighbourhood, neighbourhood
 

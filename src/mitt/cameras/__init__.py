@@ -1,1 +1,1 @@
-"""Where frames come from: videos, folders of images, GenICam and Basler cameras."""
+"""Where frames come from, calibration, and videos or recorded positions made into tracks."""

@@ -16,8 +16,8 @@ from typing import Any, final
 
 import numpy as np
 
+from mitt.clock import monotonic
 from mitt.errors import FileError, InputError, check_package, heard
-from mitt.link.clock import monotonic
 from mitt.reading import read_bytes
 from mitt.signals import Frame, Image
 

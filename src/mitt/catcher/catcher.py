@@ -19,7 +19,16 @@ from typing import final
 import numpy as np
 
 from mitt import checks
+from mitt.arm.arm import Arm
 from mitt.ball.motion_models import LOOSE
+from mitt.catcher.generators import (
+    Direct,
+    Generator,
+    GeneratorLike,
+    Unoptimised,
+    answering,
+    for_arm,
+)
 from mitt.catcher.planner import Planner
 from mitt.catcher.settings import (
     BRAKE,
@@ -31,6 +40,7 @@ from mitt.catcher.settings import (
     CatcherSettings,
     Phase,
 )
+from mitt.catcher.several import Several
 from mitt.catcher.state import (
     CatcherState,
     Memory,
@@ -48,19 +58,9 @@ from mitt.control.encoders import check_recovered
 from mitt.control.envelope import check_motion
 from mitt.control.health import Reason, StoppedBy
 from mitt.errors import InputError
-from mitt.generator.feasibility import Verdict
-from mitt.generator.generators import (
-    Direct,
-    Generator,
-    GeneratorLike,
-    Unoptimised,
-    answering,
-    for_arm,
-)
-from mitt.generator.several import Several
-from mitt.robot.arm import Arm
+from mitt.eyes.eyes import Eyes, closed_eyes
 from mitt.signals import TICK, Array, Command, Frame, Image, Senses, Sighting
-from mitt.vision.eyes import Eyes, closed_eyes
+from mitt.verdict.feasibility import Verdict
 
 __all__ = ["Catcher", "CatcherSettings", "Phase", "Tick"]
 

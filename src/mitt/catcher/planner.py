@@ -6,6 +6,8 @@ from typing import Any, final
 
 import numpy as np
 
+from mitt.arm.arm import Arm
+from mitt.catcher.generators import Direct, Generator, Unoptimised
 from mitt.catcher.settings import (
     BRAKE,
     DECIDE,
@@ -19,18 +21,16 @@ from mitt.catcher.settings import (
     WATCH,
     CatcherSettings,
 )
+from mitt.catcher.several import Several
 from mitt.catcher.state import CatcherState, Result, ball_in, exchange_arm, map_fields
-from mitt.contact_force import force_of
 from mitt.control.envelope import speeds_of
 from mitt.control.health import FAILED_TICKS, is_lost
 from mitt.control.stop import plan_brake
 from mitt.errors import MittError
-from mitt.generator.feasibility import Approach, Outcome, Verdict, is_far, waiting_height
-from mitt.generator.generators import Direct, Generator, Unoptimised
-from mitt.generator.several import Several
-from mitt.impact import examined, gap_at_catch, harms, speed_caps, speed_jumps
-from mitt.robot.arm import Arm
 from mitt.signals import TICK, Array, BallState, MapStatus
+from mitt.verdict.contact_force import force_of
+from mitt.verdict.feasibility import Approach, Outcome, Verdict, is_far, waiting_height
+from mitt.verdict.impact import examined, gap_at_catch, harms, speed_caps, speed_jumps
 
 #: Time after which a ball that is far, or not seen, is looked at again for a verdict [s].
 _LOOK_AGAIN = 0.02

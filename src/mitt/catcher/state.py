@@ -1,7 +1,7 @@
 """What a catcher knows and remembers, and what a tick brings about.
 
 Both are named tuples of arrays that Python and compiled code share: each reads and writes them in
-place, by the same names (:mod:`mitt.structs`). Single numbers are fields of one record,
+place, by the same names (:mod:`mitt.kernels`). Single numbers are fields of one record,
 ``scalars``; what a stage knows is a tuple of its own. No type holds the number of joints, heads or
 coefficients, so one compilation serves every arm.
 """
@@ -15,6 +15,9 @@ from typing import Any, NamedTuple, TypeAlias, final
 import numpy as np
 from numpy.typing import NDArray
 
+from mitt.arm.arm import Arm
+from mitt.arm.kinematics import packed_chain, tip_motion
+from mitt.arm.shapes import Surroundings
 from mitt.ball.filter import fresh_filter
 from mitt.catcher.settings import PHASES, WATCH, CatcherSettings, Phase
 from mitt.control.closing import fingers_of
@@ -32,17 +35,13 @@ from mitt.control.stop import MassWork, mass_work
 from mitt.control.tracking import Tracked, Tracking, tracking_of
 from mitt.control.viability import Safety, safety_of
 from mitt.errors import ShapeError
+from mitt.eyes.eyes import Eyes
+from mitt.eyes.localization import EyesMemory, eyes_handle
 from mitt.fields import brief, line
-from mitt.generator.feasibility import trusted, waiting_height
-from mitt.generator.mapping import DirectMap
-from mitt.jit import kernel
-from mitt.robot.arm import Arm
-from mitt.robot.kinematics import packed_chain, tip_motion
-from mitt.robot.shapes import Surroundings
+from mitt.kernels import Handle, Record, define, kernel, record_of
+from mitt.map.mapping import DirectMap
 from mitt.signals import TICK, ArmState, Array, BallState, Command, JointReference, MapStatus
-from mitt.structs import Handle, Record, define, record_of
-from mitt.vision.eyes import Eyes
-from mitt.vision.localization import EyesMemory, eyes_handle
+from mitt.verdict.feasibility import trusted, waiting_height
 
 Fields: TypeAlias = dict[str, Any]
 """Arrays by name."""
@@ -80,7 +79,7 @@ _STATE = {
     "t_ahead": np.inf,  # when a catch was ahead last, or a wait for one began [s]
     "heads": 0,
     "t_exposed": 0.0,  # instant of the newest image [s]
-    "waiting_height": 0.0,  # of :func:`mitt.generator.feasibility.level` [m]
+    "waiting_height": 0.0,  # of :func:`mitt.verdict.feasibility.level` [m]
     "flight_sigma": np.inf,  # 1-sigma of the ball's position if it flies on as it did [m]
     "sigma_ready": np.inf,  # of ``CatcherSettings``; infinite where the generator predicts it
     # As of ``CatcherSettings``:
@@ -141,13 +140,13 @@ class CatcherState(NamedTuple):
     bounce: Array  # scratch, shape (3,)
     gap: Array  # from the catch point to the ball, and its rate [m, m/s], shape (2, 3)
     pose: Array  # scratch, shape (n,)
-    chain: Array  # of :func:`mitt.robot.kinematics.packed_chain`
+    chain: Array  # of :func:`mitt.arm.kinematics.packed_chain`
     palm: Array  # the palm's normal in the last frame, shape (3,)
     palm_now: Array  # and in the base frame
     jump: Array  # change of the joint speeds by the ball, where it may come [rad/s], shape (n,)
     impact_dq: Array  # change of the joint speeds that it may cause now [rad/s], shape (n,)
     limits: Array  # for :func:`mitt.control.stop.short_of_room`, shape (3, n)
-    # The map, as the kernels of :mod:`mitt.generator.mapping` take it; empty without.
+    # The map, as the kernels of :mod:`mitt.map.mapping` take it; empty without.
     packed: Array
     powers: NDArray[np.int64]
     window: Array
@@ -315,7 +314,7 @@ def prepare_holding(arm: Arm, settings: CatcherSettings) -> None:
 
 
 def map_fields(f: DirectMap | None) -> Fields:
-    """Return a map as the kernels of :mod:`mitt.generator.mapping` take it; empty without."""
+    """Return a map as the kernels of :mod:`mitt.map.mapping` take it; empty without."""
     if f is None:
         empty = {name: np.zeros(0) for name in ("packed", "start", "map_work")}
         pairs = {name: np.zeros((0, 0)) for name in ("alpha", "window", "trusted")}

@@ -18,6 +18,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from mitt.arm.kinematics import rotate, tip_motion
 from mitt.ball.filter import doubt, predict, update
 from mitt.ball.flight import doubt_flight
 from mitt.ball.motion_models import LOOSE
@@ -60,29 +61,28 @@ from mitt.control.health import (
 from mitt.control.stop import HARDEST, choose_stop, short_of_room, stop_by
 from mitt.control.tracking import Tracking, derate, largest_gap, track
 from mitt.control.viability import BLOCKED, safety_filter
-from mitt.generator.feasibility import level
-from mitt.generator.mapping import reference, time_to_catch
-from mitt.generator.prediction import lay_state, sigma_at_catch
-from mitt.jit import kernel
-from mitt.robot.kinematics import rotate, tip_motion
+from mitt.eyes.head import aim, bearing, lead
+from mitt.eyes.held import find_held
+from mitt.eyes.localization import guide, localize
+from mitt.kernels import kernel
+from mitt.map.mapping import reference, time_to_catch
+from mitt.map.prediction import lay_state, sigma_at_catch
 from mitt.signals import TICK, Array, Image, Sighting
-from mitt.vision.head import aim, bearing, lead
-from mitt.vision.held import find_held
-from mitt.vision.localization import guide, localize
+from mitt.verdict.feasibility import level
 
 #: Time to the catch from which the hand comes so near the ball's images that its own light and the
 #: rim that it hides move their centroids [s], until ``SOON`` after it, and what that adds to a
 #: sighting's error [m].
 BESIDE, TOUCHED = 0.08, 0.002
 #: Time after the catch until which the ball may strike, once the fingers close [s], and multiple of
-#: the hardest impact by :mod:`mitt.impact` that is still no fault of an encoder: choices of this
-#: project.
+#: the hardest impact by :mod:`mitt.verdict.impact` that is still no fault of an encoder: choices
+#: of this project.
 STRIKES, NO_FAULT = 0.03, 1.5
 
 
 Seen: TypeAlias = tuple[tuple[Image, ...], tuple[Image, ...], int, float]
 """Images, one a camera, shape (height, width), empty where there is none; backgrounds as of
-:func:`mitt.vision.localization.localize`; images not exposed then, a bit each; instant of the
+:func:`mitt.eyes.localization.localize`; images not exposed then, a bit each; instant of the
 exposure [s]."""
 Read: TypeAlias = tuple[float, float, Array, Array]
 """Time of the tick [s], time of the reading of the encoders [s], q, dq [rad, rad/s], shape (n,)."""

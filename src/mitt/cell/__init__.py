@@ -1,1 +1,1 @@
-"""A cell as a whole: what its file says made into a catcher, its robot, and its simulation."""
+"""A robot at its cell: the live loop, robots, ROS 2, recorder, a session, the simulated cell."""

@@ -8,13 +8,13 @@ from typing import NamedTuple, final
 
 import numpy as np
 
+from mitt.arm.arm import Arm
+from mitt.cell.frames import FrameSet, FrameSource, SharedFrames
 from mitt.cell.prepare import PreparedCell, balls_of, endless, scene_of_cell
+from mitt.cell.robot import ReceivedCommand, Robot, driver_named
 from mitt.cell.simulated import SimulatedCell
+from mitt.clock import monotonic
 from mitt.files.cell import Cell
-from mitt.link.clock import monotonic
-from mitt.link.frames import FrameSet, FrameSource, SharedFrames
-from mitt.link.robot import ReceivedCommand, Robot, driver_named
-from mitt.robot.arm import Arm
 from mitt.signals import ArmState, Array, Command, Image, Sighting
 
 
@@ -77,7 +77,7 @@ class LocalPort:
 
 @final
 class LocalRobot:
-    """The robot of a simulated cell in this process; see :class:`mitt.link.robot.Robot`.
+    """The robot of a simulated cell in this process; see :class:`mitt.cell.robot.Robot`.
 
     Attributes:
         brakes: It has brakes.
@@ -179,7 +179,7 @@ def connect(prepared: PreparedCell) -> Connection:
     shapes = [(camera.height, camera.width) for camera in prepared.rig.cameras]
     frames = SharedFrames(cell.source.memory, shapes) if cell.source.kind == "images" else None
     if cell.robot.driver == "ros2":
-        from mitt.link.ros2 import Ros2Robot  # noqa: PLC0415 (needs the extra ros2)
+        from mitt.cell.ros2 import Ros2Robot  # noqa: PLC0415 (needs the extra ros2)
 
         return Connection(Ros2Robot(cell, arm), frames, monotonic)
     return Connection(driver_named(cell.robot.driver)(cell, arm), frames, monotonic)
@@ -188,8 +188,8 @@ def connect(prepared: PreparedCell) -> Connection:
 def check_driver(cell: Cell, arm: Arm) -> list[str]:
     """Return what the robot's controllers have to be, a line each; joins no network."""
     if cell.robot.driver == "ros2":
-        from mitt.link.orders import Orders  # noqa: PLC0415
-        from mitt.link.ros2 import options_of  # noqa: PLC0415 (needs the extra ros2)
+        from mitt.cell.orders import Orders  # noqa: PLC0415
+        from mitt.cell.ros2 import options_of  # noqa: PLC0415 (needs the extra ros2)
 
         return Orders(cell, arm, options_of(cell)).wanted()
     if cell.robot.driver != "sim":

@@ -10,30 +10,30 @@ from typing import final
 
 import numpy as np
 
+from mitt.arm.arm import Arm, identity_of
+from mitt.arm.shapes import Surroundings
 from mitt.catcher.catcher import Catcher, CatcherSettings
+from mitt.catcher.generators import Direct
 from mitt.control.encoders import Encoders
 from mitt.control.setpoints import Setpoints
 from mitt.errors import InputError, MittError
+from mitt.eyes.camera import Rig
+from mitt.eyes.eyes import Eyes, EyesConfig
+from mitt.eyes.lens import Lens
+from mitt.eyes.triangulation import TriangulatorConfig
 from mitt.files.about import About
 from mitt.files.arm_file import is_arm_file, read_arm_file
 from mitt.files.cell import Cell, arm_of, around_of, lenses_of, rig_of
 from mitt.files.maps import read_map, save_map
-from mitt.generator.generators import Direct
-from mitt.generator.learn import Learned
-from mitt.generator.map_design import MapDesign, default_design
-from mitt.generator.mapping import DirectMap, unlearned
-from mitt.jit import cache_folder
-from mitt.robot.arm import Arm, identity_of
-from mitt.robot.shapes import Surroundings
+from mitt.kernels import cache_folder
+from mitt.map.learn import Learned
+from mitt.map.map_design import MapDesign, default_design
+from mitt.map.mapping import DirectMap, unlearned
 from mitt.signals import TICK
 from mitt.trials.catcher_settings import bandwidth_of, filter_settings, reserved
 from mitt.trials.learning import learn, neighbourhood_of_ball
 from mitt.trials.source import Source, source_of, widened
 from mitt.version import __version__
-from mitt.vision.camera import Rig
-from mitt.vision.eyes import Eyes, EyesConfig
-from mitt.vision.lens import Lens
-from mitt.vision.triangulation import TriangulatorConfig
 from mitt.world.scene import Ball, Scene, named_scene, read_scene
 
 

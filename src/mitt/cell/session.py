@@ -15,17 +15,17 @@ from multiprocessing.sharedctypes import RawArray
 from types import FrameType
 from typing import Any, TypeAlias, final
 
+from mitt.catcher.generators import Direct
 from mitt.catcher.planner import load_decisions
 from mitt.cell.drivers import Connection, local_connection, local_robot
+from mitt.cell.live import LiveLoop, Mode
 from mitt.cell.prepare import PreparedCell, about_of, catchers, map_of, setpoints_of
+from mitt.cell.recorder import Recorder
+from mitt.cell.robot import Robot, RobotLink
 from mitt.cell.simulated import Port, SimulatedCell
-from mitt.generator.generators import Direct
-from mitt.generator.mapping import DirectMap
+from mitt.clock import hurried, monotonic, pinned, sleep_until, time_of_day, uncollected
 from mitt.interrupts import SIGNALS, notice
-from mitt.link.clock import hurried, monotonic, pinned, sleep_until, time_of_day, uncollected
-from mitt.link.live import LiveLoop, Mode
-from mitt.link.recorder import Recorder
-from mitt.link.robot import Robot, RobotLink
+from mitt.map.mapping import DirectMap
 from mitt.signals import TICK
 from mitt.trials.result import STATUSES, spread_of
 from mitt.trials.source import Source
@@ -419,6 +419,6 @@ def serve(
     prepared: PreparedCell, scene: Scene, source: Source, tell: Callable[[str], None]
 ) -> Server:
     """Return a simulated cell that is to be served over ROS 2."""
-    from mitt.link.ros2 import Ros2Cell  # noqa: PLC0415 (needs the extra ros2)
+    from mitt.cell.ros2 import Ros2Cell  # noqa: PLC0415 (needs the extra ros2)
 
     return Server(prepared, scene, source, tell, lambda: Ros2Cell(prepared.cell, prepared.arm))

@@ -12,13 +12,14 @@ from typing import Protocol, final
 
 import numpy as np
 
+from mitt.arm.arm import Arm
 from mitt.catcher.settings import Phase
 from mitt.cell.prepare import PreparedCell
+from mitt.cell.robot import ReceivedCommand
 from mitt.control.setpoints import ROWS
 from mitt.control.stop import plan_brake
+from mitt.eyes.lens import bender
 from mitt.files.cell import RobotPart
-from mitt.link.robot import ReceivedCommand
-from mitt.robot.arm import Arm
 from mitt.signals import TICK, Array, Command, Image
 from mitt.trials.runner import LONGEST, cameras_of
 from mitt.trials.score import (
@@ -31,7 +32,6 @@ from mitt.trials.score import (
     was_held,
 )
 from mitt.trials.source import Source
-from mitt.vision.lens import bender
 from mitt.world.drives import JointControl
 from mitt.world.flights import BallPath
 from mitt.world.scene import Scene

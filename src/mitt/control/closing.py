@@ -16,12 +16,11 @@ from functools import lru_cache
 
 import numpy as np
 
+from mitt.arm.description import Hand
+from mitt.arm.hands import HandModel, closing_angle
 from mitt.control.envelope import Fields
-from mitt.jit import kernel
-from mitt.robot.description import Hand
-from mitt.robot.hands import HandModel, closing_angle
+from mitt.kernels import Record, kernel
 from mitt.signals import PASSED, Array
-from mitt.structs import Record
 
 #: Following after the catch, while the fingers close on the ball [s]. Each millisecond costs
 #: 15 mrad of the room that joint 4 has for braking; by then the fingers have touched.
@@ -39,7 +38,7 @@ _ASIDE, _FREE = np.linspace(0.0, 0.04, 9), 0.004
 
 FINGERS = np.dtype(
     [
-        ("profile", float, (5,)),  # of :func:`mitt.robot.hands.closing_angle`
+        ("profile", float, (5,)),  # of :func:`mitt.arm.hands.closing_angle`
         ("inside", float),  # distance at which the ball is inside [m]
         ("early", float),  # before the catch the hand has closed by this at the latest [s]
         # How far before the catch point the ball passes between the fingertips, and how far it is

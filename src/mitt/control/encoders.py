@@ -37,15 +37,14 @@ from typing import NamedTuple
 import numpy as np
 
 from mitt import checks, fields
+from mitt.arm.arm import Arm, Tables
+from mitt.arm.dynamics import bias_and_mass
 from mitt.control.envelope import Fields, bounds_of
 from mitt.control.stop import MassWork
 from mitt.errors import InputError
 from mitt.fields import brief
-from mitt.jit import kernel
-from mitt.robot.arm import Arm, Tables
-from mitt.robot.dynamics import bias_and_mass
+from mitt.kernels import Record, kernel
 from mitt.signals import TICK, Array
-from mitt.structs import Record
 
 #: What is wrong with an encoder; the first two are not a fault yet.
 FINE, BRIDGED, SILENT, JUMPED, STUCK, REVERSED, FAST = range(7)

@@ -40,12 +40,11 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from mitt.arm.arm import Arm
+from mitt.arm.description import STOP_GAP
 from mitt.errors import InputError
-from mitt.jit import kernel
-from mitt.robot.arm import Arm
-from mitt.robot.description import STOP_GAP
+from mitt.kernels import Record, kernel
 from mitt.signals import TICK, Array
-from mitt.structs import Record
 
 Fields: TypeAlias = Any
 """A record in compiled code."""

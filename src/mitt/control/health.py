@@ -15,13 +15,12 @@ from typing import TypeAlias
 
 import numpy as np
 
+from mitt.arm.arm import Arm
 from mitt.control.encoders import BEYOND, BRIDGED, BRIDGED_TIME, FINE, IN_TIME
 from mitt.control.envelope import Fields
 from mitt.fields import brief
-from mitt.jit import kernel
-from mitt.robot.arm import Arm
+from mitt.kernels import Record, kernel
 from mitt.signals import TICK, Array
-from mitt.structs import Record
 
 Plain: TypeAlias = str | float | bool | list[float | None] | None
 """A value as JSON has it."""

@@ -27,8 +27,8 @@ from typing import final
 import numpy as np
 
 from mitt import checks
+from mitt.arm.arm import Arm
 from mitt.control.envelope import bounds_of
-from mitt.robot.arm import Arm
 from mitt.signals import TICK, Array, Command
 
 #: Row of a command that a robot follows.

@@ -33,6 +33,9 @@ import numpy as np
 from ruckig import ControlInterface, InputParameter, Result, Ruckig, Synchronization, Trajectory
 
 from mitt import checks
+from mitt.arm.arm import Arm, Tables, trusted_deceleration
+from mitt.arm.dynamics import bias_and_mass, dynamics_scratch, inverse_dynamics, slopes_work
+from mitt.arm.limits import largest_share
 from mitt.control.envelope import (
     LONGEST,
     bounds_of,
@@ -44,12 +47,8 @@ from mitt.control.envelope import (
 )
 from mitt.errors import InputError
 from mitt.fields import brief
-from mitt.jit import kernel
-from mitt.robot.arm import Arm, Tables, trusted_deceleration
-from mitt.robot.dynamics import bias_and_mass, dynamics_scratch, inverse_dynamics, slopes_work
-from mitt.robot.limits import largest_share
+from mitt.kernels import Record, kernel
 from mitt.signals import TICK, Array
-from mitt.structs import Record
 
 #: Share of the torque limits that a stop may use; feedback needs the rest.
 SHARE = 0.98

@@ -27,14 +27,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mitt.arm.arm import Arm, Tables
+from mitt.arm.dynamics import dynamics_scratch, inverse_dynamics
+from mitt.arm.limits import LEAST, bound_of, drive_asked, largest_share, saturate
 from mitt.control.encoders import FINE, Monitor
 from mitt.control.envelope import bound_acceleration, closing_speed, releasable
-from mitt.jit import kernel
-from mitt.robot.arm import Arm, Tables
-from mitt.robot.dynamics import dynamics_scratch, inverse_dynamics
-from mitt.robot.limits import LEAST, bound_of, drive_asked, largest_share, saturate
+from mitt.kernels import Record, kernel
 from mitt.signals import TICK, Array, Command
-from mitt.structs import Record
 
 #: Change of a torque that counts as meeting a limit [N m].
 _TOUCH = 1e-9
@@ -63,7 +62,7 @@ class Tracking(NamedTuple):
         before: Torques of the tick before [N m]; infinite before the first command, shape (n,).
         push, coast: Accelerations, shape (n,).
         tau_desired, speed, kept, given, level: Torques and speeds of all links, shape (N,).
-        dynamics: Of :func:`mitt.robot.dynamics.inverse_dynamics`.
+        dynamics: Of :func:`mitt.arm.dynamics.inverse_dynamics`.
     """
 
     drives: Array

@@ -13,13 +13,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mitt.arm.arm import Arm, Tables
+from mitt.arm.shapes import Shapes, Surroundings, clearance, shapes_of
 from mitt.control.envelope import LONGEST, bounds_of, braked, clamp, slow_down
 from mitt.control.stop import StopWork, clamp_to_reserve, gentle_rates, stop_work
-from mitt.jit import kernel
-from mitt.robot.arm import Arm, Tables
-from mitt.robot.shapes import Shapes, Surroundings, clearance, shapes_of
+from mitt.kernels import Record, kernel
 from mitt.signals import Array
-from mitt.structs import Record
 
 #: Gap that is kept [m], and what a look may leave open before the way counts as blocked [m].
 MARGIN, _SLIVER = 0.01, 0.0005

@@ -20,7 +20,10 @@ from pathlib import Path
 import numpy as np
 
 import mitt
+from mitt.arm.arm import Arm
+from mitt.arm.basket import Basket
 from mitt.ball.flight import advance
+from mitt.clock import monotonic
 from mitt.design.candidate import Candidate
 from mitt.design.evaluation import ENOUGH, FORCE, START, Evaluation, Verdicts, learned, verdicts
 from mitt.design.search import RATE, Effort, SearchProgress, ranked, reported, search
@@ -37,10 +40,7 @@ from mitt.design.task import (
     shifted,
 )
 from mitt.files.arm_file import ArmFile, ArrivalSettings, ThrowSettings, digest_of
-from mitt.generator.mapping import DirectMap
-from mitt.link.clock import monotonic
-from mitt.robot.arm import Arm
-from mitt.robot.basket import Basket
+from mitt.map.mapping import DirectMap
 from mitt.signals import Array, BallState
 from mitt.trials.catcher_settings import catcher_settings, driven
 from mitt.trials.learning import Neighbourhood

@@ -6,10 +6,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mitt.arm.arm import Arm
+from mitt.arm.description import mounting, rotation, transform
 from mitt.design.driven_arm import movable
-from mitt.generator.map_design import MapDesign
-from mitt.robot.arm import Arm
-from mitt.robot.description import mounting, rotation, transform
+from mitt.map.map_design import MapDesign
 from mitt.signals import Array
 
 
@@ -62,7 +62,7 @@ class Candidate:
     def arm(self, whole: Arm, arrivals: Array | None = None) -> Arm:
         """Return the arm with the other joints held.
 
-        How balls come is as in :class:`mitt.robot.description.ArmModel`.
+        How balls come is as in :class:`mitt.arm.description.ArmModel`.
         """
         held = {k: float(x) for k, x in enumerate(self.q) if k not in self.active}
         links = tuple(replace(x, held=held.get(k)) for k, x in enumerate(whole.model.links))

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from mitt.arm.arm import Arm
+from mitt.arm.description import Hand
+from mitt.arm.limits import LimitSet
+from mitt.arm.load import Mount, bounded, check_active, is_described, load_arm, read_described
+from mitt.arm.wam import LIMIT_SETS
 from mitt.errors import ModelError
 from mitt.files.arm_file import limits_of
-from mitt.robot.arm import Arm
-from mitt.robot.description import Hand
-from mitt.robot.limits import LimitSet
-from mitt.robot.load import Mount, bounded, check_active, is_described, load_arm, read_described
-from mitt.robot.wam import LIMIT_SETS
 
 #: Half of the range of a joint that is held where it is [rad].
 _HELD_RANGE = 5e-4

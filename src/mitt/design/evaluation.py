@@ -20,26 +20,26 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from mitt.arm.arm import Arm
+from mitt.arm.shapes import Surroundings, clearance, shapes_of
 from mitt.ball.flight import advance
+from mitt.catcher.generators import Direct
 from mitt.catcher.settings import CatcherSettings
 from mitt.design.candidate import Candidate
 from mitt.design.poses import touching
 from mitt.design.task import Task
 from mitt.errors import MittError
-from mitt.generator.demand import Tolerance
-from mitt.generator.feasibility import Approach, Verdict, judge
-from mitt.generator.generators import Direct
-from mitt.generator.learn import LearnSettings, lift_flight
-from mitt.generator.mapping import DirectMap, unlearned
-from mitt.holding import CaughtBall
-from mitt.impact import examined, relative_velocity, speed_caps
-from mitt.robot.arm import Arm
-from mitt.robot.shapes import Surroundings, clearance, shapes_of
+from mitt.map.demand import Tolerance
+from mitt.map.learn import LearnSettings, lift_flight
+from mitt.map.mapping import DirectMap, unlearned
 from mitt.signals import Array, BallState, MapStatus
 from mitt.trials.catcher_settings import catcher_settings, driven
 from mitt.trials.learning import FASTEST_SHARE, Neighbourhood, learn
 from mitt.trials.runner import TrialRunner
 from mitt.trials.score import Trial, reason_of
+from mitt.verdict.feasibility import Approach, Verdict, judge
+from mitt.verdict.holding import CaughtBall
+from mitt.verdict.impact import examined, relative_velocity, speed_caps
 from mitt.world.flights import CATCH_FRACTION, PlacedFlight
 from mitt.world.throws import Throw
 

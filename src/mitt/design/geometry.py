@@ -3,7 +3,7 @@
 Poses are drawn over all joints, the first turned so that the palm looks towards the thrower. For
 each, some choices of three joints meet a typical ball (:mod:`mitt.design.interception`). All are
 scored by balls from the corners of the box of throws, and by whether these are in the domain of
-l_c^-1 (:mod:`mitt.generator.tangent`) from where the arm starts.
+l_c^-1 (:mod:`mitt.map.tangent`) from where the arm starts.
 
 The hand meets a ball as the map's line says. Where learning weighs the match, b has terms of first
 order: they add c ds to the joint speeds, s the catch joint's way to go. c may differ from place to
@@ -23,6 +23,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mitt.arm.arm import Arm
 from mitt.ball.flight import advance
 from mitt.design.candidate import Candidate, within
 from mitt.design.driven_arm import movable
@@ -40,8 +41,7 @@ from mitt.design.interception import (
 )
 from mitt.design.poses import Poses, Touch, Which, clear, facing, led, off_line, poses_of
 from mitt.design.task import BOX, FAR, Balls
-from mitt.generator.tangent import Tangent, invert, scratch_of
-from mitt.robot.arm import Arm
+from mitt.map.tangent import Tangent, invert, scratch_of
 from mitt.signals import Array
 from mitt.trials.learning import FASTEST_SHARE
 

@@ -5,7 +5,7 @@ of the identity. Where all other rows are zero, three joints move and the rest i
 take part, each in proportion to the square of its speed limit: dq = W J' (J W J')^-1 v moves the
 hand at v with the least sum of squared shares of the limits, so A spans W J' of the nominal catch.
 The catch joint may stand otherwise where balls pass elsewhere: q_alpha goes with the two other free
-joints, and the catch joint's row of A holds that slope (:mod:`mitt.generator.tangent`).
+joints, and the catch joint's row of A holds that slope (:mod:`mitt.map.tangent`).
 
 So three virtual joints j, k and the catch joint i carry the hand at J x, x their speeds. The map's
 line is T = kappa J_i + inward (w_i x J_i), and v = x_j J_j + x_k J_k + x_i T. The ball comes to the
@@ -30,10 +30,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mitt.arm.arm import Arm
 from mitt.design.candidate import Candidate
 from mitt.design.poses import Poses, poses_of
 from mitt.design.task import Balls
-from mitt.robot.arm import Arm
 from mitt.signals import Array
 
 #: Least determinant of the free joints' part, as a share of the product of its rows' lengths, and

@@ -1,6 +1,6 @@
 """Many poses of one arm at once: forward kinematics, which pose is in the way, what touches.
 
-The kernels of :mod:`mitt.robot.kinematics` place one pose; a search looks at a hundred thousand.
+The kernels of :mod:`mitt.arm.kinematics` place one pose; a search looks at a hundred thousand.
 
 | here     | meaning                                                      | unit  | shape     |
 |----------|--------------------------------------------------------------|-------|-----------|
@@ -17,10 +17,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from mitt.arm.arm import Arm
+from mitt.arm.description import ArmModel
 from mitt.design.driven_arm import movable
 from mitt.design.task import Balls
-from mitt.robot.arm import Arm
-from mitt.robot.description import ArmModel
 from mitt.signals import Array
 from mitt.world.build import SceneModel, build_scene
 from mitt.world.scene import Scene

@@ -17,6 +17,7 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
+from mitt.arm.arm import Arm
 from mitt.design.candidate import Candidate, mutated
 from mitt.design.evaluation import Evaluation, How
 from mitt.design.geometry import (
@@ -34,7 +35,6 @@ from mitt.design.search_jobs import Evaluator, Progress, digest, plain_task
 from mitt.design.task import REPORTED, Task
 from mitt.errors import ModelError
 from mitt.files.schema import to_plain
-from mitt.robot.arm import Arm
 
 #: Seeds of the throws by which candidates are compared, and by which the best is chosen; all of
 #: a search lie below those of the throws that are reported (:data:`REPORTED`).

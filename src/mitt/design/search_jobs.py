@@ -19,13 +19,13 @@ from typing import Any, final
 import numpy as np
 
 import mitt
+from mitt.arm.arm import Arm
 from mitt.design.candidate import Candidate
 from mitt.design.evaluation import Evaluation, How, able_to_hold, judged, learned, thrown
 from mitt.design.task import Task
 from mitt.errors import FileError, InputError, MittError
 from mitt.files.schema import to_plain
 from mitt.reading import read_text
-from mitt.robot.arm import Arm
 from mitt.trials.workers import Engine, run_tasks
 
 #: Characters of a digest.

@@ -10,11 +10,11 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
+from mitt.arm.arm import Arm
 from mitt.errors import InputError
 from mitt.files.arm_file import ARRIVALS
-from mitt.generator.learn import Flight
-from mitt.generator.mapping import DirectMap
-from mitt.robot.arm import Arm
+from mitt.map.learn import Flight
+from mitt.map.mapping import DirectMap
 from mitt.signals import Array
 from mitt.trials.learning import Neighbourhood, neighbourhood
 from mitt.trials.source import Source, ranges_of, source_of

@@ -1,1 +1,1 @@
-"""Readers and writers of files: maps, rigs, recordings, whole or not at all."""
+"""Readers and writers of files: arms, maps, rigs, cells, recordings; whole or not at all."""

@@ -10,18 +10,18 @@ from typing import Any, final
 import numpy as np
 from pydantic import Field
 
+from mitt.arm.arm import Arm
+from mitt.arm.description import ArmModel
+from mitt.arm.limits import Limits
 from mitt.catcher.settings import CatcherSettings
 from mitt.errors import FileError, MittError
+from mitt.eyes.camera import Rig
+from mitt.eyes.eyes import EyesConfig
 from mitt.files.maps import map_content, map_of
 from mitt.files.schema import Part, from_plain, parsed, to_plain
-from mitt.generator.learn import Learned
-from mitt.generator.mapping import DirectMap
-from mitt.robot.arm import Arm
-from mitt.robot.description import ArmModel
-from mitt.robot.limits import Limits
+from mitt.map.learn import Learned
+from mitt.map.mapping import DirectMap
 from mitt.version import __version__
-from mitt.vision.camera import Rig
-from mitt.vision.eyes import EyesConfig
 
 SCHEMA = "mitt.recording/1"
 #: What stands for an end of a region that has none [rad].

@@ -16,20 +16,20 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from mitt import checks
+from mitt.arm import load
+from mitt.arm.arm import Arm
+from mitt.arm.basket import MOST_TILT, Basket, hand_named
+from mitt.arm.description import Hand
+from mitt.arm.description_files import MAX_BYTES
+from mitt.arm.hands import HandModel
+from mitt.arm.limits import KINDS, LimitSet
+from mitt.arm.load import Mount
+from mitt.arm.wam import LIMIT_SETS
 from mitt.errors import FileError, InputError, MittError, UnknownNameError, printable
 from mitt.files.schema import Finite, Part, Settings, parsed
 from mitt.files.writing import toml_text, write_text
-from mitt.generator.map_design import MapDesign, default_design, tangent_of
+from mitt.map.map_design import MapDesign, default_design, tangent_of
 from mitt.reading import difference, noted, read_bytes, read_toml, shipped, shipped_path
-from mitt.robot import load
-from mitt.robot.arm import Arm
-from mitt.robot.basket import MOST_TILT, Basket, hand_named
-from mitt.robot.description import Hand
-from mitt.robot.description_files import MAX_BYTES
-from mitt.robot.hands import HandModel
-from mitt.robot.limits import KINDS, LimitSet
-from mitt.robot.load import Mount
-from mitt.robot.wam import LIMIT_SETS
 from mitt.signals import Array
 
 SCHEMA, LIMITS_SCHEMA = "mitt.arm/1", "mitt.limits/1"
@@ -434,7 +434,7 @@ def load_arm(
             of a range that 0 is not in.
         limits: Limit set: a name of :func:`known_limits`, as ``paper``, ``wam-48v`` or ``wam-80v``
             for the WAM, ``model`` for what a file states, or a TOML file (docs/arms.md).
-        hand: A hand, or the name of one of ``mitt.robot.basket.HANDS``; with ``none`` nothing is
+        hand: A hand, or the name of one of ``mitt.arm.basket.HANDS``; with ``none`` nothing is
             mounted, and the tip is the catch point. If left out, the WAM has the three-finger hand,
             and a file is taken to contain what the arm carries, as with ``none``.
         hand_turn: How far the hand is turned about the z axis of the tip [rad].

@@ -7,19 +7,19 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from mitt import checks
+from mitt.arm.arm import Arm
+from mitt.arm.description import Capsule
+from mitt.arm.hands import HandModel
+from mitt.arm.limits import Limits
+from mitt.arm.shapes import Surroundings, shapes_of
 from mitt.errors import FileError, InputError, meant
+from mitt.eyes.camera import Rig, fixed_rig
+from mitt.eyes.lens import Lens, is_bent
 from mitt.files.arm_file import is_arm_file, load_arm
 from mitt.files.rig import read_rig
 from mitt.files.schema import Finite, Part, parsed
 from mitt.reading import read_toml, shipped, shipped_path
-from mitt.robot.arm import Arm
-from mitt.robot.description import Capsule
-from mitt.robot.hands import HandModel
-from mitt.robot.limits import Limits
-from mitt.robot.shapes import Surroundings, shapes_of
 from mitt.signals import TICK
-from mitt.vision.camera import Rig, fixed_rig
-from mitt.vision.lens import Lens, is_bent
 
 SCHEMA = "mitt.cell/1"
 

@@ -11,15 +11,15 @@ import numpy as np
 from pydantic import Field
 
 from mitt import checks
+from mitt.arm.arm import Arm, difference, identity_of
 from mitt.errors import FileError, InputError, MittError
 from mitt.files.schema import Finite, Part, parsed
 from mitt.files.writing import write_json
-from mitt.generator.learn import Learned, Step
-from mitt.generator.map_design import MapDesign, tangent_of
-from mitt.generator.mapping import DirectMap, basis_of
-from mitt.generator.polynomial import MOST_ORDER
+from mitt.map.learn import Learned, Step
+from mitt.map.map_design import MapDesign, tangent_of
+from mitt.map.mapping import DirectMap, basis_of
+from mitt.map.polynomial import MOST_ORDER
 from mitt.reading import read_json
-from mitt.robot.arm import Arm, difference, identity_of
 from mitt.version import __version__
 
 SCHEMA = "mitt.map/2"

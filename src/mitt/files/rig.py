@@ -10,13 +10,13 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from mitt.errors import FileError, MittError
+from mitt.eyes.camera import Rig
+from mitt.eyes.lens import Lens
+from mitt.eyes.rig_calibration import HeadAxes
 from mitt.files.schema import Part, parsed
 from mitt.files.writing import write_text
 from mitt.reading import read_toml
 from mitt.signals import Array
-from mitt.vision.camera import Rig
-from mitt.vision.lens import Lens
-from mitt.vision.rig_calibration import HeadAxes
 
 SCHEMA = "mitt.rig/1"
 

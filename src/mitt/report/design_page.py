@@ -11,6 +11,7 @@ from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
+from mitt.arm.arm import Arm
 from mitt.design.arm_design import AtSpeed, Design, Region, softer
 from mitt.design.evaluation import Evaluation
 from mitt.design.interception import FasterJoint, faster_joints, longer_arm
@@ -18,7 +19,6 @@ from mitt.files.writing import write_text
 from mitt.report.page import Section, number, page
 from mitt.report.pictures import FROM_THE_SIDE, Picture, body_faces, drawn, placed
 from mitt.report.style import BLUE, GREEN, GREY, INK, ORANGE, PALE, PURPLE, YELLOW, Plot, plot
-from mitt.robot.arm import Arm
 from mitt.signals import Array
 from mitt.trials.statistics import wilson
 from mitt.world.build import build_scene

@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
+from mitt.catcher.generators import Direct, Unoptimised
+from mitt.clock import Stopwatch
 from mitt.files.maps import save_map
 from mitt.files.recordings import write_recording
 from mitt.files.writing import claim_folder, write_json
-from mitt.generator.generators import Direct, Unoptimised
-from mitt.generator.learn import Learned
 from mitt.interrupts import finally_do
-from mitt.link.clock import Stopwatch
+from mitt.map.learn import Learned
 from mitt.report.run_figures import feedback_share
 from mitt.report.run_page import ReportContent, write_report
 from mitt.trials.log import recording_of

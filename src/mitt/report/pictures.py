@@ -16,8 +16,8 @@ from matplotlib.colors import LightSource
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
+from mitt.arm.arm import Arm
 from mitt.report.scene_meshes import BALL, body_meshes, sphere
-from mitt.robot.arm import Arm
 from mitt.signals import Array
 from mitt.trials.log import TrialLog
 from mitt.world.build import build_scene

@@ -25,9 +25,9 @@ import websockets.asyncio.server as websocket_server
 from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
 
+from mitt.arm.arm import Arm
 from mitt.catcher.settings import PHASES
 from mitt.report.scene_meshes import BALL, body_meshes
-from mitt.robot.arm import Arm
 from mitt.trials.log import TrialLog
 from mitt.world.build import build_scene
 from mitt.world.scene import Scene

@@ -13,8 +13,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, PercentFormatter
 from numpy.typing import NDArray
 
+from mitt.arm.arm import Arm
 from mitt.errors import ShapeError
-from mitt.generator.learn import Step
+from mitt.map.learn import Step
 from mitt.report.scene_meshes import skeleton
 from mitt.report.style import (
     ALPHA_0,
@@ -33,7 +34,6 @@ from mitt.report.style import (
     mark_time,
     plot,
 )
-from mitt.robot.arm import Arm
 from mitt.signals import Array
 from mitt.trials.log import TrialLog
 

@@ -7,8 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from mitt.arm.arm import Arm
+from mitt.arm.basket import Basket
+from mitt.arm.description import Hand
+from mitt.arm.hands import HandModel
+from mitt.eyes.camera import fixed_rig
 from mitt.files.writing import write_text
-from mitt.generator.learn import Step
+from mitt.map.learn import Step
 from mitt.report.page import NONE, Section, interval, number, page
 from mitt.report.pictures import picture_strip
 from mitt.report.replay_3d import replay_page
@@ -24,16 +29,11 @@ from mitt.report.run_figures import (
     target_and_hand,
 )
 from mitt.report.style import STATUS, Plot
-from mitt.robot.arm import Arm
-from mitt.robot.basket import Basket
-from mitt.robot.description import Hand
-from mitt.robot.hands import HandModel
 from mitt.signals import TICK, Array
 from mitt.trials.log import TrialLog
 from mitt.trials.result import STATUSES
 from mitt.trials.runner import LoggedTrial
 from mitt.trials.score import reason_of
-from mitt.vision.camera import fixed_rig
 from mitt.world.scene import Scene
 
 #: Width of the window over which the hand's acceleration is averaged [ticks].

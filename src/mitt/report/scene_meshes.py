@@ -13,8 +13,8 @@ import numpy as np
 import trimesh
 from trimesh import Trimesh
 
-from mitt.robot.arm import Arm
-from mitt.robot.description import ArmModel, joint_motion, mounting
+from mitt.arm.arm import Arm
+from mitt.arm.description import ArmModel, joint_motion, mounting
 from mitt.signals import Array
 from mitt.world.scene import Scene
 

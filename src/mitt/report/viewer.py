@@ -18,11 +18,11 @@ import numpy as np
 from mitt.ball.flight import advance, forecast
 from mitt.catcher.settings import PHASES
 from mitt.catcher.state import REASONS, STATES
+from mitt.clock import monotonic, pause
 from mitt.errors import FileError, InputError, MittError
 from mitt.files.about import About
 from mitt.files.messages import CATCH_POINT, TRUTH, Rows
 from mitt.files.recordings import Recorded
-from mitt.link.clock import monotonic, pause
 from mitt.report.replay_3d import NODE, furnish, served
 from mitt.signals import Array, BallState
 from mitt.trials.score import drive_loads

@@ -26,10 +26,11 @@ from typing import Any, TypeAlias, final
 import numpy as np
 
 from mitt import checks
+from mitt.arm.arm import Arm
+from mitt.arm.description import Link
 from mitt.errors import MissingPackageError
-from mitt.generator.demand import demand
-from mitt.generator.feasibility import Outcome, Verdict
-from mitt.generator.mapping import DirectMap
+from mitt.map.demand import demand
+from mitt.map.mapping import DirectMap
 from mitt.rivals.intercept import (
     APPROACH,
     FOLLOW,
@@ -42,9 +43,8 @@ from mitt.rivals.intercept import (
 )
 from mitt.rivals.paths import Motion, quintic
 from mitt.rivals.pursuit import resting, still
-from mitt.robot.arm import Arm
-from mitt.robot.description import Link
 from mitt.signals import GRAVITY, Array, BallState, JointReference, MapStatus
+from mitt.verdict.feasibility import Outcome, Verdict
 
 #: What CasADi makes, expressions and functions; CasADi is untyped.
 Expression: TypeAlias = Any

@@ -25,15 +25,8 @@ from typing import NamedTuple, final
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt.generator.demand import Demand, Plant, Work, plant_of, reckon, work_of
-from mitt.generator.feasibility import Outcome, Verdict
-from mitt.generator.mapping import DirectMap
-from mitt.generator.prediction import flown, fly_on, state_of
-from mitt.generator.tangent import unfold, unpack
-from mitt.jit import kernel
-from mitt.rivals.paths import sample
-from mitt.robot.arm import Arm
-from mitt.robot.kinematics import (
+from mitt.arm.arm import Arm
+from mitt.arm.kinematics import (
     IDENTITY,
     ZERO,
     Chain,
@@ -51,7 +44,14 @@ from mitt.robot.kinematics import (
     times,
     turn,
 )
+from mitt.kernels import kernel
+from mitt.map.demand import Demand, Plant, Work, plant_of, reckon, work_of
+from mitt.map.mapping import DirectMap
+from mitt.map.prediction import flown, fly_on, state_of
+from mitt.map.tangent import unfold, unpack
+from mitt.rivals.paths import sample
 from mitt.signals import Array, BallState
+from mitt.verdict.feasibility import Outcome, Verdict
 
 #: det(J J') below which steps are damped [m^6], and the damping at 0 [m^2].
 _POOR, _DAMPING = 1e-3, 1e-2

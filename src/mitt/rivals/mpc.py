@@ -28,17 +28,17 @@ import daqp
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt.generator.demand import Plant, Work, plant_of, work_of
-from mitt.generator.generators import Generator
-from mitt.generator.mapping import DirectMap
-from mitt.jit import kernel
+from mitt.arm.arm import Arm
+from mitt.arm.dynamics import torque_slopes
+from mitt.arm.limits import bound_of, drive_asked, drives_of
+from mitt.catcher.generators import Generator
+from mitt.kernels import kernel
+from mitt.map.demand import Plant, Work, plant_of, work_of
+from mitt.map.mapping import DirectMap
 from mitt.rivals.intercept import Intercept
 from mitt.rivals.paths import Motion, quintic, responses
 from mitt.rivals.planned import Plan, Planned
 from mitt.rivals.pursuit import rival
-from mitt.robot.arm import Arm
-from mitt.robot.dynamics import torque_slopes
-from mitt.robot.limits import bound_of, drive_asked, drives_of
 from mitt.signals import Array
 
 #: Kinds of DAQP's rows: an equality, an inequality that may give way.

@@ -11,7 +11,7 @@ from typing import final
 
 import numpy as np
 
-from mitt.jit import kernel
+from mitt.kernels import kernel
 from mitt.signals import Array
 
 

@@ -16,12 +16,12 @@ from typing import Protocol, final
 import numpy as np
 from ruckig import InputParameter, Result, Ruckig, RuckigError, Synchronization, Trajectory
 
-from mitt.generator.generators import Generator
-from mitt.generator.mapping import DirectMap
+from mitt.arm.arm import Arm
+from mitt.catcher.generators import Generator
+from mitt.map.mapping import DirectMap
 from mitt.rivals.intercept import Intercept
 from mitt.rivals.paths import quintic
 from mitt.rivals.pursuit import rival
-from mitt.robot.arm import Arm
 from mitt.signals import Array, BallState
 
 

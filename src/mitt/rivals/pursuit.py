@@ -16,13 +16,13 @@ from typing import Protocol, Self, final
 import numpy as np
 
 from mitt import checks
+from mitt.arm.arm import Arm
 from mitt.ball.flight import forecast
-from mitt.generator.feasibility import Outcome, Verdict, tempered
-from mitt.generator.mapping import DirectMap
-from mitt.generator.prediction import flown, state_of
+from mitt.map.mapping import DirectMap
+from mitt.map.prediction import flown, state_of
 from mitt.rivals.intercept import Chooser, Intercept, meet
-from mitt.robot.arm import Arm
 from mitt.signals import GRAVITY, Array, BallState, JointReference, MapStatus
+from mitt.verdict.feasibility import Outcome, Verdict, tempered
 
 #: A predicted catch point that has moved so far since it was chosen is chosen anew [m], if the
 #: catch is at least so far away [s].

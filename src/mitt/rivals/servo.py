@@ -21,17 +21,17 @@ from typing import NamedTuple, final
 
 import numpy as np
 
-from mitt.generator.generators import Generator
-from mitt.generator.mapping import DirectMap
-from mitt.generator.prediction import fly_on, state_of
-from mitt.generator.tangent import unfold, unpack
-from mitt.jit import kernel
+from mitt.arm.description import STOP_GAP
+from mitt.arm.kinematics import Vec
+from mitt.arm.kinematics import place as place_chain
+from mitt.catcher.generators import Generator
+from mitt.kernels import kernel
+from mitt.map.mapping import DirectMap
+from mitt.map.prediction import fly_on, state_of
+from mitt.map.tangent import unfold, unpack
 from mitt.rivals.intercept import Hand, Intercept, hand_of, lift
 from mitt.rivals.paths import quintic
 from mitt.rivals.pursuit import rival
-from mitt.robot.description import STOP_GAP
-from mitt.robot.kinematics import Vec
-from mitt.robot.kinematics import place as place_chain
 from mitt.signals import Array, BallState
 
 #: Share of the speed limits, and share of the torques on each joint's own inertia that bounds its

@@ -1,1 +1,1 @@
-"""One throw: the loop, its score, its log; and a run of throws."""
+"""Throws: one, its loop, score and log; many; studies."""

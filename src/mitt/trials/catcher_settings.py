@@ -5,15 +5,15 @@ from math import pi, sqrt
 
 import numpy as np
 
+from mitt.arm.arm import Arm
+from mitt.arm.basket import Basket
+from mitt.arm.shapes import Surroundings
 from mitt.ball.filter import FilterConfig
 from mitt.catcher.settings import CatcherSettings
 from mitt.control.encoders import Encoders
-from mitt.robot.arm import Arm
-from mitt.robot.basket import Basket
-from mitt.robot.shapes import Surroundings
+from mitt.eyes.eyes import EyesConfig
+from mitt.eyes.triangulation import TriangulatorConfig
 from mitt.signals import TICK
-from mitt.vision.eyes import EyesConfig
-from mitt.vision.triangulation import TriangulatorConfig
 from mitt.world.build import friction_of, restitution_of
 from mitt.world.scene import Actuation, Scene
 from mitt.world.sensors import encoder_steps

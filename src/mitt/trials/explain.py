@@ -8,16 +8,16 @@ from typing import Any
 
 import numpy as np
 
+from mitt.arm.arm import Arm
+from mitt.arm.hands import HandModel
 from mitt.catcher.settings import FOLLOW, PHASES, REFUSED, WATCH
 from mitt.control.health import State
 from mitt.files.messages import EVENT, TRUTH
-from mitt.generator.feasibility import Outcome
-from mitt.robot.arm import Arm
-from mitt.robot.hands import HandModel
 from mitt.signals import Array
 from mitt.trials.log import FIRST_CONTACT, catch_tick
 from mitt.trials.replayed import Judged, Replayed
 from mitt.trials.score import drive_loads
+from mitt.verdict.feasibility import Outcome
 
 #: What a hand needs: 1-sigma of the ball's place, and how far it may be off [m] (Baeuml and others,
 #: ICRA 2011, as of ``CatcherSettings.tolerance``).

@@ -17,17 +17,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mitt import checks, fields
+from mitt.arm.arm import Arm
+from mitt.arm.description import ArmModel
 from mitt.ball.flight import acceleration, advance
+from mitt.catcher.generators import Direct
+from mitt.catcher.several import Several
 from mitt.errors import InputError
-from mitt.generator.generators import Direct
-from mitt.generator.learn import Flight, Learned, LearnSettings
-from mitt.generator.learn import learn as learn_from
-from mitt.generator.map_design import MapDesign, catch_place, default_design, further_designs
-from mitt.generator.mapping import DirectMap, unlearned
-from mitt.generator.several import Several
-from mitt.generator.tangent import to_go
-from mitt.robot.arm import Arm
-from mitt.robot.description import ArmModel
+from mitt.map.learn import Flight, Learned, LearnSettings
+from mitt.map.learn import learn as learn_from
+from mitt.map.map_design import MapDesign, catch_place, default_design, further_designs
+from mitt.map.mapping import DirectMap, unlearned
+from mitt.map.tangent import to_go
 from mitt.signals import Array
 
 #: Least and largest number of each setting; choices of this project.

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mitt.arm.arm import Arm
 from mitt.catcher.settings import PHASES, Phase
 from mitt.catcher.state import Result
 from mitt.files.about import About
 from mitt.files.messages import CATCH_POINT, EVENT, TRUTH, clock_call, tick_rows
 from mitt.files.recordings import Notice, Recording, Track, heading_of
-from mitt.robot.arm import Arm
 from mitt.signals import Array, Frame, Senses
 from mitt.trials.result import finite, plain
 from mitt.trials.score import Trial, reason_of

@@ -26,15 +26,14 @@ from mitt.catcher.state import (
     store,
 )
 from mitt.catcher.tick import looks, tick, undecided
+from mitt.clock import Stopwatch, now_ns
 from mitt.errors import ShapeError
-from mitt.jit import kernel
-from mitt.link.clock import Stopwatch, now_ns
+from mitt.eyes.camera import CAMERA
+from mitt.eyes.head import HEAD
+from mitt.eyes.held import window_about
+from mitt.eyes.segmentation import WORK, region_of_interest, suffices, whole_image
+from mitt.kernels import Record, kernel
 from mitt.signals import TICK, Array, Image
-from mitt.structs import Record
-from mitt.vision.camera import CAMERA
-from mitt.vision.head import HEAD
-from mitt.vision.held import window_about
-from mitt.vision.segmentation import WORK, region_of_interest, suffices, whole_image
 from mitt.world.capsules import Body, lay_capsules
 from mitt.world.engine import Plant
 from mitt.world.imaging import BLOCK
@@ -80,7 +79,7 @@ class LookAhead(NamedTuple):
     Attributes:
         windows: Rows and columns, first and last, shape (2, 4).
         known: Whether they are less than the images, shape (2,).
-        work: Of :func:`mitt.vision.segmentation.suffices`, shape (1,).
+        work: Of :func:`mitt.eyes.segmentation.suffices`, shape (1,).
         hand: Where the hand is expected [m], shape (3,).
     """
 

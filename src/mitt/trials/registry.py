@@ -11,9 +11,9 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 
 from mitt import checks
+from mitt.catcher.generators import Direct, Generator, Unoptimised, added, map_of
 from mitt.errors import InputError, UnknownNameError, answered_by, check_package
-from mitt.generator.generators import Direct, Generator, Unoptimised, added, map_of
-from mitt.generator.mapping import DirectMap, unlearned
+from mitt.map.mapping import DirectMap, unlearned
 from mitt.rivals.clairvoyant import make_clairvoyant
 from mitt.rivals.mpc import make_mpc
 from mitt.rivals.planned import make_quintic, make_ruckig

@@ -18,21 +18,21 @@ import numpy as np
 from mitt import checks
 from mitt.ball.filter import update
 from mitt.catcher.catcher import Catcher
+from mitt.catcher.generators import Direct, Generator, refining
 from mitt.catcher.settings import CatcherSettings
+from mitt.catcher.several import Several
 from mitt.catcher.state import Result, copied, gathered, room_for
 from mitt.control.health import StoppedBy
 from mitt.errors import FileError, InputError, MittError
+from mitt.eyes.eyes import Eyes
 from mitt.files.about import About
 from mitt.files.maps import read_map
 from mitt.files.recordings import Recorded
 from mitt.files.schema import from_plain, merged, to_plain
-from mitt.generator.feasibility import Verdict
-from mitt.generator.generators import Direct, Generator, refining
-from mitt.generator.several import Several
 from mitt.reading import read_toml
 from mitt.signals import ArmState, Array, Command, Senses
 from mitt.trials.registry import make_generator
-from mitt.vision.eyes import Eyes
+from mitt.verdict.feasibility import Verdict
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,9 +19,9 @@ from typing import Any, final
 import numpy as np
 
 from mitt import checks
+from mitt.clock import Stopwatch
 from mitt.errors import FileError
 from mitt.files.writing import Leaves, write_json
-from mitt.link.clock import Stopwatch
 from mitt.reading import read_text
 from mitt.trials.score import Trial
 from mitt.trials.statistics import wilson

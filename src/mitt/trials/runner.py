@@ -6,15 +6,19 @@ from typing import final
 
 import numpy as np
 
+from mitt.arm.arm import Arm
 from mitt.catcher.catcher import Catcher, CatcherSettings
+from mitt.catcher.generators import Direct, Generator
+from mitt.catcher.several import Several
 from mitt.catcher.state import Result, copied, gathered, room_for
+from mitt.clock import Stopwatch
+from mitt.eyes.camera import Rig, fixed_rig
+from mitt.eyes.clock_offset import Catch
+from mitt.eyes.eyes import Eyes
+from mitt.eyes.head import active_rig
 from mitt.files.about import About
-from mitt.generator.generators import Direct, Generator
-from mitt.generator.mapping import DirectMap
-from mitt.generator.several import Several
-from mitt.link.clock import Stopwatch
+from mitt.map.mapping import DirectMap
 from mitt.rivals.clairvoyant import Clairvoyant
-from mitt.robot.arm import Arm
 from mitt.signals import ArmState, Frame, Senses, Sighting
 from mitt.trials.catcher_settings import catcher_settings, driven, eyes_settings
 from mitt.trials.log import TrialLog, catch_time, log_of
@@ -30,10 +34,6 @@ from mitt.trials.score import (
     was_held,
 )
 from mitt.trials.source import Source
-from mitt.vision.camera import Rig, fixed_rig
-from mitt.vision.clock_offset import Catch
-from mitt.vision.eyes import Eyes
-from mitt.vision.head import active_rig
 from mitt.world.calibration_errors import drawn_rig, error_root
 from mitt.world.faults import true_rig
 from mitt.world.flights import BallPath

@@ -17,14 +17,9 @@ from numba import typeof
 
 import mitt
 from mitt import checks
+from mitt.arm.arm import Arm
 from mitt.catcher.catcher import Catcher
-from mitt.catcher.planner import load_decisions
-from mitt.catcher.settings import CatcherSettings
-from mitt.catcher.tick import act, perceive, refer, undecided
-from mitt.errors import InputError, StoppedError
-from mitt.files.about import About
-from mitt.files.recordings import write_recording
-from mitt.generator.generators import (
+from mitt.catcher.generators import (
     Direct,
     Generator,
     Unoptimised,
@@ -33,14 +28,20 @@ from mitt.generator.generators import (
     map_of,
     refining,
 )
-from mitt.generator.learn import Learned
-from mitt.generator.map_design import MapDesign
-from mitt.generator.mapping import DirectMap, unlearned
-from mitt.generator.several import Several
+from mitt.catcher.planner import load_decisions
+from mitt.catcher.settings import CatcherSettings
+from mitt.catcher.several import Several
+from mitt.catcher.tick import act, perceive, refer, undecided
+from mitt.clock import Stopwatch, settled
+from mitt.errors import InputError, StoppedError
+from mitt.eyes.clock_offset import ClockOffset, LearnedClock, caught_offset
+from mitt.files.about import About
+from mitt.files.recordings import write_recording
 from mitt.interrupts import end_with_parent, notice, status_of
-from mitt.jit import cache_folder, compiled_count, is_cold
-from mitt.link.clock import Stopwatch, settled
-from mitt.robot.arm import Arm
+from mitt.kernels import cache_folder, compiled_count, is_cold
+from mitt.map.learn import Learned
+from mitt.map.map_design import MapDesign
+from mitt.map.mapping import DirectMap, unlearned
 from mitt.signals import TICK, ArmState, Senses, Sighting
 from mitt.trials.learning import learn, neighbourhood_of_ball
 from mitt.trials.log import recording_of
@@ -50,7 +51,6 @@ from mitt.trials.result import result
 from mitt.trials.runner import LOOKS, TrialRunner
 from mitt.trials.score import Trial, reason_of
 from mitt.trials.source import Source, source_of
-from mitt.vision.clock_offset import ClockOffset, LearnedClock, caught_offset
 from mitt.world.flights import BallPath
 from mitt.world.motion import move
 from mitt.world.scene import Scene, changed, scene_from

@@ -11,16 +11,16 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from mitt.arm.arm import Arm, Tables
+from mitt.arm.basket import Basket
+from mitt.arm.dynamics import bias_and_mass, slopes_work, solve_positive
 from mitt.catcher.settings import Phase
 from mitt.catcher.state import Result
 from mitt.control.health import Plain, StoppedBy
-from mitt.generator.demand import demand
-from mitt.generator.feasibility import Verdict
-from mitt.jit import kernel
-from mitt.robot.arm import Arm, Tables
-from mitt.robot.basket import Basket
-from mitt.robot.dynamics import bias_and_mass, slopes_work, solve_positive
+from mitt.kernels import kernel
+from mitt.map.demand import demand
 from mitt.signals import TICK, Array
+from mitt.verdict.feasibility import Verdict
 from mitt.world.engine import ARM_FLOOR, BALL_HAND, SELF
 from mitt.world.simulation import World
 from mitt.world.truth import Trace, Truth
@@ -36,7 +36,7 @@ class DriveLoads:
     Attributes:
         torque: Torque of each drive [N m].
         bound: Largest torque of the drive in that direction at its speed [N m].
-        share: How much of the drive is asked for (:mod:`mitt.robot.limits`); 1 is the limit.
+        share: How much of the drive is asked for (:mod:`mitt.arm.limits`); 1 is the limit.
     """
 
     torque: Array

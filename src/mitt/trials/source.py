@@ -6,9 +6,9 @@ from typing import final
 
 import numpy as np
 
+from mitt.arm.arm import Arm
 from mitt.files.arm_file import ThrowSettings
-from mitt.generator.map_design import catch_place, nominal_catch
-from mitt.robot.arm import Arm
+from mitt.map.map_design import catch_place, nominal_catch
 from mitt.signals import Array
 from mitt.world.flights import BallPath, PlacedFlight, Recording, place_flight, read_flights
 from mitt.world.throws import Aim, Throw, ThrowRanges, default_throw, read_throws

@@ -16,17 +16,17 @@ from typing import final
 
 import numpy as np
 
+from mitt.arm.arm import Arm
+from mitt.catcher.generators import Generator
+from mitt.clock import Stopwatch
 from mitt.errors import FileError, InputError, MittError
 from mitt.files.arm_file import ArmSpec, ThrowSettings
 from mitt.files.maps import map_of, save_map
 from mitt.files.recordings import write_recording
 from mitt.files.writing import write_atomically, write_json
-from mitt.generator.generators import Generator
-from mitt.generator.learn import Learned
 from mitt.interrupts import notice, status_of
-from mitt.link.clock import Stopwatch
+from mitt.map.learn import Learned
 from mitt.reading import read_json
-from mitt.robot.arm import Arm
 from mitt.trials.learning import learn
 from mitt.trials.log import recording_of
 from mitt.trials.registry import make_generator, origin_of

@@ -23,9 +23,9 @@ from multiprocessing.process import BaseProcess
 from threading import Event
 from typing import Protocol, TypeVar, final
 
+from mitt.clock import settle
 from mitt.errors import InputError, MissingPackageError, MittError
 from mitt.interrupts import end_with_parent
-from mitt.link.clock import settle
 
 _Task = TypeVar("_Task")
 

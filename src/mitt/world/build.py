@@ -15,11 +15,11 @@ from math import sqrt
 import mujoco
 import numpy as np
 
+from mitt.arm.basket import Basket
+from mitt.arm.description import ArmModel
+from mitt.arm.hands import HandModel
+from mitt.arm.plant import add_arm
 from mitt.errors import ModelError
-from mitt.robot.basket import Basket
-from mitt.robot.description import ArmModel
-from mitt.robot.hands import HandModel
-from mitt.robot.plant import add_arm
 from mitt.signals import Array
 from mitt.world.engine import stop_clocks
 from mitt.world.hand_bodies import (

@@ -1,7 +1,7 @@
 """How far a calibrated rig is from the true one: the errors that ``mitt calibrate`` leaves.
 
-The bundle adjustment of :mod:`mitt.vision.rig_calibration` reaches the Cramer-Rao bound
-(``tests/calibration/test_boards.py``), so its errors are drawn from it and need no images.
+The bundle adjustment of :mod:`mitt.eyes.rig_calibration` reaches the Cramer-Rao bound
+(``tests/cameras/test_boards.py``), so its errors are drawn from it and need no images.
 Corners of a board in so many views give lenses and the pose of each camera to the first one; a ball
 in the hand, in as many places, then gives the pose of the rig before the robot, with the errors of
 the first step in it. All is linear about the true rig.
@@ -17,10 +17,10 @@ from functools import lru_cache
 
 import numpy as np
 
-from mitt.robot.description import rotation
+from mitt.arm.description import rotation
+from mitt.eyes.camera import Camera, Rig
+from mitt.eyes.lens import distort
 from mitt.signals import Array
-from mitt.vision.camera import Camera, Rig
-from mitt.vision.lens import distort
 
 #: The board: inner corners across and down, side of a square [m]; as large as one carries about.
 _CORNERS, _SQUARE = (8, 5), 0.10

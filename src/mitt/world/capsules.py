@@ -9,7 +9,7 @@ matters is what it hides and where it is dark or bright beside the ball.
 | capsules | both ends of the axis in the world, the radius, 1 for the hand's   | m      | (k, 8) |
 | seen     | ends and radius of one of them in the optical frame                | m      | 7      |
 | camera   | rotation by rows, centre, f_px, cu, cv, as in                      | m      | 15     |
-|          | :mod:`mitt.vision.triangulation`                                   | px     |        |
+|          | :mod:`mitt.eyes.triangulation`                                   | px     |        |
 | lens     | f_px, cu, cv                                                       | px     | 3      |
 | window   | first and last row, first and last column that are drawn           | px     | 4      |
 
@@ -23,7 +23,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt.jit import kernel
+from mitt.kernels import kernel
 from mitt.signals import Array
 from mitt.world.engine import owned
 from mitt.world.hand_bodies import ARM, HAND

@@ -14,9 +14,9 @@ from typing import Annotated, Literal, NamedTuple, Self, final
 import numpy as np
 from pydantic import Field
 
+from mitt.arm.limits import Limits
 from mitt.ball.flight import advance
 from mitt.files.schema import Settings
-from mitt.robot.limits import Limits
 from mitt.signals import TICK, Array
 from mitt.world.flights import BallPath
 from mitt.world.throws import Throw, fly

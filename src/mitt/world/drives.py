@@ -21,15 +21,14 @@ from typing import NamedTuple, final
 
 import numpy as np
 
+from mitt.arm.arm import Arm
+from mitt.arm.description import ArmModel
+from mitt.arm.hands import FingerDrive
+from mitt.arm.limits import Limits, joint_level
 from mitt.control.setpoints import Setpoints
 from mitt.errors import InputError
-from mitt.jit import kernel
-from mitt.robot.arm import Arm
-from mitt.robot.description import ArmModel
-from mitt.robot.hands import FingerDrive
-from mitt.robot.limits import Limits, joint_level
+from mitt.kernels import Record, kernel
 from mitt.signals import TICK, Array, Command
-from mitt.structs import Record
 from mitt.world.scene import Actuation, Scene
 
 #: Length of the longest simulation step [s], and the parts of its limit of stability that springs
@@ -60,7 +59,7 @@ class Drives(NamedTuple):
 
 
 class FingerServo(NamedTuple):
-    """The servo of a finger: the numbers of :class:`mitt.robot.hands.FingerDrive`."""
+    """The servo of a finger: the numbers of :class:`mitt.arm.hands.FingerDrive`."""
 
     tau_max: float
     braking: float

@@ -25,9 +25,8 @@ from numba import types
 from numpy.typing import NDArray
 
 from mitt.errors import ModelError
-from mitt.jit import kernel
+from mitt.kernels import Record, kernel, record_of
 from mitt.signals import Array
-from mitt.structs import Record, record_of
 from mitt.world.drives import Drives, FingerServo, fresh_brakes, fresh_drives
 from mitt.world.hand_bodies import ARM, BALL, FLOOR, HAND
 from mitt.world.scene import Actuation

@@ -17,10 +17,10 @@ from typing import Annotated, Literal, Protocol, assert_never, final
 import numpy as np
 from pydantic import Field, model_validator
 
+from mitt.arm.description import rotation
 from mitt.errors import InputError
-from mitt.robot.description import rotation
+from mitt.eyes.camera import Rig
 from mitt.signals import TICK, Array, Command, Frame, Senses, Sighting
-from mitt.vision.camera import Rig
 from mitt.world.disturbances import (
     Bounce,
     Carried,

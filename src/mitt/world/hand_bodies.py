@@ -12,10 +12,10 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
+from mitt.arm.basket import Basket
+from mitt.arm.description import checked_inertia, rotation, steiner
+from mitt.arm.hands import Finger, HandModel
 from mitt.errors import ModelError
-from mitt.robot.basket import Basket
-from mitt.robot.description import checked_inertia, rotation, steiner
-from mitt.robot.hands import Finger, HandModel
 from mitt.signals import Array
 
 #: Who may touch whom: a bit for each kind of geom. Two geoms meet if the one's kind is among

@@ -16,11 +16,10 @@ from numpy.typing import NDArray
 
 from mitt import checks
 from mitt.errors import InputError
-from mitt.jit import kernel
+from mitt.eyes.camera import Rig, pack_cameras
+from mitt.eyes.head import pack_heads
+from mitt.kernels import Record, kernel
 from mitt.signals import Array, Frame, Image
-from mitt.structs import Record
-from mitt.vision.camera import Rig, pack_cameras
-from mitt.vision.head import pack_heads
 from mitt.world.outline import scratch_for
 from mitt.world.painting import PERIOD, Balls, Exposure, Film, Light, render_images
 from mitt.world.scene import Scene
@@ -173,7 +172,7 @@ def _follow(heads: Record, angles: Array, desired: Array, duration: float) -> No
     A long way is driven no faster than can be braked away, so that it does not overshoot.
 
     Args:
-        heads: As in :mod:`mitt.vision.head`.
+        heads: As in :mod:`mitt.eyes.head`.
         angles: Pan, tilt and their rates [rad, rad/s], shape (n, 4); overwritten.
         desired: The same at the end of the time, by the catcher's command.
         duration: Time to pass [s].

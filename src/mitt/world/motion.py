@@ -12,9 +12,8 @@ A tick in which the ball follows a path or its flight is disturbed is made step 
 import numpy as np
 
 from mitt.ball.flight import advance
-from mitt.jit import kernel
+from mitt.kernels import Record, kernel
 from mitt.signals import GRAVITY, TICK, Array
-from mitt.structs import Record
 from mitt.world.build import STEP
 from mitt.world.drives import command, finger_torque, follow, hold
 from mitt.world.engine import (

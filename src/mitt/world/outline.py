@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mitt.jit import kernel
+from mitt.kernels import kernel
 from mitt.signals import Array
 from mitt.world.capsules import Canvas, Edges, Point, Seen
 

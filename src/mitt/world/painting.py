@@ -18,11 +18,9 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt.jit import kernel
+from mitt.eyes.head import aim_one
+from mitt.kernels import Record, kernel, view
 from mitt.signals import Array, Image
-from mitt.structs import Record
-from mitt.views import view
-from mitt.vision.head import aim_one
 from mitt.world.capsules import (
     Camera,
     Canvas,
@@ -103,10 +101,10 @@ class Film(NamedTuple):
 
     Attributes:
         half: Half the exposure [s].
-        heads: The heads, as in :mod:`mitt.vision.head`; no rows for cameras that stand still.
+        heads: The heads, as in :mod:`mitt.eyes.head`; no rows for cameras that stand still.
         angles: Pan, tilt [rad] and their rates [rad/s] in the middle of the exposure, shape (n, 4).
         optics: Cameras as the shutter opens and closes, records of
-            :data:`mitt.vision.camera.CAMERA`, shape (n, 2); those on heads are overwritten.
+            :data:`mitt.eyes.camera.CAMERA`, shape (n, 2); those on heads are overwritten.
         balls: The balls.
         light: Light, noise and lens.
         wall: The background as it would look without noise, two periods a side.

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mitt.jit import kernel
-from mitt.robot.description import ArmModel
+from mitt.arm.description import ArmModel
+from mitt.kernels import kernel
 from mitt.signals import ArmState, Array, Frame, Senses, Sighting
 from mitt.world.capsules import Body, lay_capsules
 from mitt.world.imaging import Imager

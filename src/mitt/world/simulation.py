@@ -8,10 +8,10 @@ import mujoco
 import numpy as np
 
 from mitt import checks
+from mitt.arm.description import ArmModel
+from mitt.arm.hands import FingerDrive, HandModel
+from mitt.arm.limits import Limits
 from mitt.errors import InputError
-from mitt.robot.description import ArmModel
-from mitt.robot.hands import FingerDrive, HandModel
-from mitt.robot.limits import Limits
 from mitt.signals import TICK, Array, Command, Frame, Senses
 from mitt.world.build import Drawn, PlantDraw, build_scene
 from mitt.world.capsules import Body, body_of, lay_capsules

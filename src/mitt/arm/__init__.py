@@ -1,0 +1,1 @@
+"""The arm: its description, import, kinematics, dynamics, limits, shapes and hands."""

@@ -1,0 +1,202 @@
+"""The basket as data: a rigid ring with a net below it, the catcher without moving parts.
+
+Robots that catch with a net or a cup are common (a hoop with a fish net on a Franka Panda:
+K. Jyothi Swaroop and others, project page "Franka Ball Catcher", 2026); few state its sizes. So
+all numbers here are choices of this project: an opening of 0.1 m radius lets a ball of 40 mm radius
+in that is 60 mm off its middle, and 0.3 kg is what ring, struts and flange weigh in aluminium.
+
+Heights are above the tool plate, along the opening's normal:
+
+| part   | where                                                                   |
+|--------|-------------------------------------------------------------------------|
+| flange | on the plate; struts lead from it, outside the net, to the ring         |
+| bottom | of the net, ``floor`` above the plate: room for the net to give way     |
+| ring   | ``depth`` above the bottom; its inner edge is the opening               |
+"""
+
+from dataclasses import dataclass
+from math import inf
+from typing import ClassVar, Final
+
+import numpy as np
+
+from mitt import checks
+from mitt.arm.description import Capsule, Hand
+from mitt.arm.hands import HandModel
+from mitt.errors import InputError, UnknownNameError
+from mitt.fields import brief
+from mitt.signals import Array
+
+#: Shares of the mass: ring, struts with net, flange. A ring of aluminium tube, 10 mm thick outside,
+#: and three struts of 8 mm weigh 0.1 kg each.
+_RING, _STRUTS, _FLANGE = 0.35, 0.45, 0.20
+#: Gap between a basket that lies across the plate and the plate [m].
+_GAP = 0.01
+#: Largest tilt [rad].
+MOST_TILT = 2.0
+#: Lengths that a basket cannot be without.
+_LENGTHS = ("ring_radius", "ring_thickness", "depth", "cord", "strut", "flange")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Basket(Hand):
+    """A ring with a net on the tool plate, the opening's normal along the plate's z axis.
+
+    Attributes:
+        mass: Mass [kg].
+        ring_radius: Radius of the opening, inside the ring [m].
+        ring_thickness: Radius of the ring's tube [m].
+        depth: From the ring's middle plane to the bottom of the net [m].
+        floor: Height of the bottom of the net above the tool plate [m].
+        catch_depth: How far below the ring's plane the catch point is [m].
+        cords: Number of cords from the ring to the bottom, even.
+        cord: Radius of a cord [m].
+        struts: Number of struts that carry the ring.
+        strut: Radius of a strut [m].
+        clear: Distance of the struts' axes from the opening's edge [m].
+        flange: Radius of the flange [m]; its thickness is a quarter of that.
+        tilt: Angle by which the opening is turned off the plate's normal, about the plate's y axis,
+            towards its x axis [rad]. A tilted basket stands farther off, clear of the plate.
+        restitution: Share of its speed with which a ball comes back from the net, measured by
+            ``tests/world/test_net.py``: 0.04 to 0.08.
+        force: Largest force of a single contact with a ball that it takes [N]; infinite where
+            nobody knows. That at which its struts yield, bent by a force across their ends: three
+            of pi r^3 / 4 times 240 MPa (aluminium 6061-T6) over 0.2 m.
+    """
+
+    mass: float = 0.3
+    ring_radius: float = 0.10
+    ring_thickness: float = 0.005
+    depth: float = 0.20
+    floor: float = 0.04
+    catch_depth: float = 0.10
+    cords: int = 20
+    cord: float = 0.002
+    struts: int = 3
+    strut: float = 0.004
+    clear: float = 0.03
+    flange: float = 0.04
+    tilt: float = 0.0
+    restitution: float = 0.06
+    force: float = 180.0
+    closes: ClassVar[bool] = False
+
+    __repr__ = brief
+
+    def __post_init__(self) -> None:
+        """Refuse a basket that nobody can build."""
+        bounds = dict.fromkeys(_LENGTHS, (1e-4, 2.0)) | {
+            "mass": (1e-3, 50.0), "floor": (0.0, 2.0), "clear": (0.0, 2.0),
+            "catch_depth": (0.0, self.depth), "tilt": (-MOST_TILT, MOST_TILT),
+            "restitution": (0.0, 1.0), "force": (1e-3, inf),
+        }  # fmt: skip
+        for name, (least, most) in bounds.items():
+            if not least <= checks.number(f"basket.{name}", getattr(self, name)) <= most:
+                raise InputError(f"basket.{name}", f"a number in {least:g}..{most:g}",
+                                 getattr(self, name))  # fmt: skip
+        checks.whole("basket.struts", self.struts, least=2, most=100)
+        if checks.whole("basket.cords", self.cords, least=6, most=200) % 2:
+            raise InputError("basket.cords", "an even number", self.cords)
+
+    @property
+    def ring_height(self) -> float:
+        """Height of the ring above the tool plate [m]."""
+        return self.floor + self.depth
+
+    @property
+    def net_radius(self) -> float:
+        """Distance of the cords from the axis [m]: the ring's inner edge stands before them."""
+        return self.ring_radius + self.ring_thickness
+
+    @property
+    def catch_offset(self) -> float:
+        """Distance of the catch point beyond the tool plate [m]."""
+        return self.ring_height - self.catch_depth
+
+    @property
+    def outside(self) -> float:
+        """Radius of all of it [m]."""
+        return self.ring_radius + self.clear + self.strut
+
+    @property
+    def stand(self) -> float:
+        """Distance of the catch point from the plate that the basket is mounted on [m]."""
+        across = abs(np.sin(self.tilt)) * (self.outside + _GAP)
+        return float(self.catch_offset * np.cos(self.tilt) + across)
+
+    @property
+    def mount(self) -> Array:
+        """Frame of the basket's own plate, seen from the plate it is mounted on, shape (4, 4)."""
+        sin, cos, back = float(np.sin(self.tilt)), float(np.cos(self.tilt)), self.catch_offset
+        return np.array([
+            [cos, 0.0, sin, -back * sin],
+            [0.0, 1.0, 0.0, 0.0],
+            [-sin, 0.0, cos, self.stand - back * cos],
+            [0.0, 0.0, 0.0, 1.0],
+        ])  # fmt: skip
+
+    @property
+    def com(self) -> float:
+        """Height of the centre of mass above the tool plate [m]."""
+        return sum(share * height for share, height, _, _ in self._parts)
+
+    @property
+    def inertia(self) -> Array:
+        """Inertia about the centre of mass, axes of the tool plate [kg m^2], shape (3, 3)."""
+        across = along = 0.0
+        for share, height, spin, length in self._parts:
+            own = 0.5 * spin + length**2 / 12.0
+            across += share * (own + (height - self.com) ** 2)
+            along += share * spin
+        return self.mass * np.diag([across, across, along])
+
+    @property
+    def _parts(self) -> tuple[tuple[float, float, float, float], ...]:
+        """Share of the mass, height [m], squared radius of gyration about z [m^2], length [m]."""
+        top, disc = self.ring_height, 0.5 * self.flange**2
+        return (
+            (_RING, top, self.net_radius**2, 0.0),
+            (_STRUTS, 0.5 * top, (self.ring_radius + self.clear) ** 2, top),
+            (_FLANGE, 0.125 * self.flange, disc, 0.25 * self.flange),
+        )
+
+    def capsules(self) -> tuple[Capsule, ...]:
+        """Return capsules on the plate that hold the flange, and net, struts and ring."""
+        ring = self.net_radius + self.ring_thickness
+        wide = max(self.outside, ring)
+        top = self.ring_height + self.ring_thickness - float(np.sqrt(wide**2 - ring**2))
+        low = min(self.floor + float(np.sqrt(wide**2 - (wide - self.strut) ** 2)), top)
+        return (
+            Capsule(
+                start=(0.0, 0.0, 0.0),
+                end=(0.0, 0.0, 0.25 * self.flange),
+                radius=self.flange + self.strut,
+            ),
+            Capsule(start=(0.0, 0.0, low), end=(0.0, 0.0, top), radius=wide),
+        )
+
+    def contains(self, place: Array) -> bool:
+        """Say whether a ball is in the basket: its centre between ring and bottom, inside the net.
+
+        Args:
+            place: Its centre from the catch point, axes of the tool plate [m], shape (3,).
+        """
+        below = self.catch_depth - float(place[2])
+        return 0.0 <= below <= self.depth and float(np.hypot(*place[:2])) <= self.net_radius
+
+
+HANDS: Final[dict[str, HandModel | Basket]] = {"three-finger": HandModel(), "basket": Basket()}
+"""Hands by name."""
+
+
+def hand_named(name: str) -> HandModel | Basket | None:
+    """Return a hand by name; none for ``none``.
+
+    Raises:
+        UnknownNameError: There is no such hand.
+    """
+    if name == "none":
+        return None
+    if name not in HANDS:
+        raise UnknownNameError("hand", name, (*HANDS, "none"))
+    return HANDS[name]

@@ -1,0 +1,518 @@
+"""The hand as data: what it weighs, where it catches, how its fingers are shaped and close.
+
+The paper gives three fingers of 0.1 m that close 90 degrees in 20 ms (Table 1). Mass, centre of
+mass and catch point are choices of this project where the paper is silent, and so
+are the shapes: they were chosen by throwing balls at a hand on a turning arm. A bent finger of
+one joint reaches over a 40 mm ball and closes on a 20 mm one; its plane stands off the axis,
+so that the fingers pass one another instead of meeting tip to tip over a small ball.
+"""
+
+from dataclasses import dataclass, field
+from math import inf
+from typing import ClassVar
+
+import numpy as np
+
+from mitt import checks, fields
+from mitt.arm.description import Capsule, Hand, checked_inertia
+from mitt.errors import InputError
+from mitt.fields import brief
+from mitt.kernels import kernel
+from mitt.signals import Array
+
+#: Angles from open to closed at which fingers are looked at for a ball in their way.
+_LOOKS = 91
+#: Places of a ball, from the catch point to one radius in front of it, at which they are.
+_PLACES = 21
+#: Angles of the fingers at which capsules are laid about them: between two of these the tip of a
+#: finger of 0.1 m strays by less than 0.1 um. Every thirtieth tells how high they reach.
+_ANGLES, _ROUGH = 901, 30
+#: Radius of the palm and how far its rim stands above it [m], and radius of its capsule [m].
+_PALM, _RIM, _PALM_CAPSULE = 0.041, 0.012, 0.045
+# Least and largest number of each field, far beyond what hands are like; choices of this project.
+# Those that stand in a denominator are above 0.
+_FINGER = {
+    "base_radius": (0.0, 1.0), "base_height": (-1.0, 1.0), "offset": (-1.0, 1.0),
+    "lean": (-np.pi, np.pi), "proximal": (1e-3, 1.0), "distal": (1e-3, 1.0),
+    "bend": (-np.pi, np.pi), "thickness": (1e-4, 0.1), "mass": (1e-6, 10.0),
+    "armature": (0.0, 1.0),
+}  # fmt: skip
+_DRIVE = {
+    "tau_max": (1e-6, 1e4), "braking": (1.0, 1e7), "settling": (1e-5, 1.0), "gain": (0.0, 1e4),
+    "closed": (1e-3, np.pi),
+}  # fmt: skip
+_CLOSING = {
+    "acceleration": (1.0, 1e7), "fastest": (1e-2, 1e3), "touch_speed": (1e-3, 1e3),
+    "margin": (0.0, np.pi), "firm": (0.0, 1.0), "passed": (0.0, 1.0), "near": (0.0, 1.0),
+    "squeeze": (0.0, np.pi),
+    "soft": (0.0, 1.0), "hard": (0.0, 1.0), "early": (0.0, 1.0),
+}  # fmt: skip
+_HAND = {
+    "mass": (1e-12, 100.0), "com": (-1.0, 1.0), "catch_offset": (-1.0, 2.0),
+    "palm_height": (0.0, 1.0), "fingers": (1, 12), "yaw": (-10.0, 10.0), "force": (1e-3, inf),
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finger:
+    """A one-joint finger: two rods with a fixed bend, turning in a plane along the palm normal.
+
+    Angles are measured in that plane from the palm normal, inward positive.
+
+    Attributes:
+        base_radius: Distance of the joint from the palm's axis, in the finger's plane [m].
+        base_height: Height of the joint above the tool plate [m].
+        offset: Distance of the finger's plane from the palm's axis [m].
+        lean: Outward lean of the first rod when open [rad].
+        proximal: Length of the first rod [m].
+        distal: Length of the second rod [m]; both make the paper's 0.1 m.
+        bend: Fixed inward bend of the second rod [rad].
+        thickness: Radius of the rods [m].
+        mass: Mass of a finger [kg].
+        armature: Rotor inertia of its drive at the joint [kg m^2].
+    """
+
+    base_radius: float = 0.06
+    base_height: float = 0.07
+    offset: float = 0.0125
+    lean: float = np.deg2rad(65.0)
+    proximal: float = 0.055
+    distal: float = 0.045
+    bend: float = np.deg2rad(80.0)
+    thickness: float = 0.006
+    mass: float = 0.025
+    armature: float = 5e-5
+
+    __repr__ = brief
+
+    def __post_init__(self) -> None:
+        """Refuse what no finger can be; InputError names the field."""
+        fields.check(self, _FINGER)
+
+    def points(self, angle: float | Array) -> tuple[Array, Array, Array]:
+        """Return joint, bend and tip [m], each shape (..., 2): outward and along the palm normal.
+
+        Args:
+            angle: Closing angles [rad], shape (...); 0 is open.
+        """
+        first = np.asarray(angle) - self.lean
+        second = first + self.bend
+        base = np.array([self.base_radius, self.base_height])
+        knuckle = base + self.proximal * np.stack((-np.sin(first), np.cos(first)), axis=-1)
+        tip = knuckle + self.distal * np.stack((-np.sin(second), np.cos(second)), axis=-1)
+        return base, knuckle, tip
+
+    def touches(self, angle: float, ball_height: float) -> tuple[Array, Array]:
+        """Return where the finger comes nearest to the palm's axis at a height, and its joint [m].
+
+        Args:
+            angle: Closing angle [rad].
+            ball_height: Height above the tool plate [m].
+
+        Returns:
+            Two points in the finger's plane, outward and along the palm normal, shape (2,) each.
+        """
+        base, knuckle, tip = self.points(angle)
+        ball = np.array([0.0, ball_height])
+        near = [_nearest(ball, *rod) for rod in ((base, knuckle), (knuckle, tip))]
+        return min(near, key=lambda point: float(np.linalg.norm(point - ball))), base
+
+    def gap(self, angle: float | Array, ball_radius: float, ball_height: float | Array) -> Array:
+        """Return the free way between the finger and balls on the palm's axis [m], shape (...).
+
+        Args:
+            angle: Closing angles [rad], shape (...).
+            ball_radius: Radius of the balls [m].
+            ball_height: Heights of their centres above the tool plate [m], shape (...).
+        """
+        base, knuckle, tip = self.points(angle)
+        height = np.asarray(ball_height)
+        ball = np.stack((np.zeros_like(height), height), axis=-1)
+        away = [np.linalg.norm(_nearest(ball, *rod) - ball, axis=-1)
+                for rod in ((base, knuckle), (knuckle, tip))]  # fmt: skip
+        free: Array = np.hypot(np.minimum(*away), self.offset) - ball_radius - self.thickness
+        return free
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FingerDrive:
+    """Servo inside the hand: full torque far from the commanded angle, PD near it.
+
+    Attributes:
+        tau_max: Torque limit [N m]; with the finger's inertia it gives the paper's 90 degrees in
+            20 ms, and it bounds the grip.
+        braking: Deceleration that the servo counts on when it nears the angle [rad/s^2].
+        settling: Time constant of the last part [s].
+        gain: Torque per error of speed [N m s/rad].
+        closed: Largest closing angle [rad].
+    """
+
+    tau_max: float = 1.75
+    braking: float = 11_000.0
+    settling: float = 0.0025
+    gain: float = 0.12
+    closed: float = np.pi / 2
+
+    __repr__ = brief
+
+    def __post_init__(self) -> None:
+        """Refuse what no drive can be; InputError names the field."""
+        fields.check(self, _DRIVE)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Closing:
+    """How the fingers are led: fast until just before they touch, slow and firm from there.
+
+    The ring of the fingertips is widest for a ball whose middle passes them, 26 mm before the catch
+    point for the default fingers and ball. They begin so early that they have closed when the ball
+    has passed by ``passed``: so they meet a fast ball as it passes, slow it down, and are behind it
+    before it has come back from the palm.
+
+    They end a little beyond the angle at which they touch a ball that lies on the palm: a cage
+    whose fingers each push back what comes towards them. Fingers that press on at full torque
+    push a ball that lies off the middle out of the hand, the sooner the more slippery it is.
+
+    Attributes:
+        acceleration: Acceleration and braking of the fast part [rad/s^2].
+        fastest: Largest speed of the fast part [rad/s].
+        touch_speed: Speed at which the ball is met [rad/s]; it sets the force of the impact.
+        margin: Angle before touching at which the fast part ends [rad].
+        firm: Time from the first touch until the fingers hold [s].
+        passed: How far the ball's middle has passed the fingertips when they have closed [m].
+        near: How far the ball's middle is at most from passing the fingertips when they first are
+            as narrow as it [m]: fingers that are so sooner keep a fast ball out.
+        squeeze: Angle beyond the touch of a ball on the palm at which the closing ends [rad]; it
+            asks the default drives for their full torque.
+        soft: Restitution up to which ``passed`` and ``near`` hold. A harder ball springs off the
+            fingers, too: it is met farther inside, the harder the farther, but before the catch.
+        hard: Restitution from which the fingers have closed ``early`` before the catch, wherever
+            the ball is then.
+        early: That time [s].
+    """
+
+    acceleration: float = 11_000.0
+    fastest: float = 200.0
+    touch_speed: float = 11.0
+    margin: float = 0.07
+    firm: float = 0.005
+    passed: float = 0.015
+    near: float = 0.0105
+    squeeze: float = 0.04
+    soft: float = 0.5
+    hard: float = 0.85
+    early: float = 0.0035
+
+    __repr__ = brief
+
+    def __post_init__(self) -> None:
+        """Refuse what no closing can be; InputError names the field."""
+        fields.check(self, _CLOSING)
+        if not self.soft < self.hard:
+            raise InputError("Closing.soft", f"a number below hard, {self.hard:g}", self.soft)
+
+    def hardness(self, restitution: float) -> float:
+        """Return where a ball's restitution is between ``soft``, 0, and ``hard``, 1."""
+        return min(max((restitution - self.soft) / (self.hard - self.soft), 0.0), 1.0)
+
+    def profile(self, touch: float, hold: float) -> Array:
+        """Return the numbers that :func:`closing_angle` takes, shape (5,).
+
+        Args:
+            touch: Angle at which the fingers touch a ball at the catch point [rad].
+            hold: Angle at which the closing ends [rad].
+        """
+        slow, fast_part = min(self.touch_speed, self.fastest), max(0.0, touch - self.margin)
+        peak = max(float(np.sqrt(self.acceleration * fast_part + 0.5 * slow**2)), slow)
+        peak = min(peak, self.fastest)
+        return np.array([self.acceleration, peak, slow, fast_part, hold])
+
+
+def _cylinder(mass: float, radius: float, length: float) -> Array:
+    """Return the inertia of a solid cylinder along z [kg m^2], shape (3, 3)."""
+    across = mass * (3.0 * radius**2 + length**2) / 12.0
+    return np.diag([across, across, 0.5 * mass * radius**2])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class HandModel(Hand):
+    """A hand mounted on the tool plate, palm normal along the plate's z axis.
+
+    Attributes:
+        mass: Mass, fingers included [kg].
+        com: Centre of mass beyond the tool plate, fingers open [m].
+        inertia: Inertia about it, axes of the tool plate [kg m^2], shape (3, 3).
+        catch_offset: Distance of the catch point beyond the tool plate [m].
+        palm_height: Height of the palm's surface above the tool plate [m].
+        fingers: Number of fingers, evenly around the palm.
+        yaw: Direction of the first finger about the palm normal, from the plate's x axis [rad].
+        finger: Shape of each finger.
+        drive: Servo of each finger.
+        closing: How they are led.
+        force: Largest force of a single contact with a ball that it takes [N]; infinite where
+            nobody knows. A choice of this project where no maker says one: 300 m/s^2 of its mass,
+            the shock that devices with motors and gears are commonly tested with (30 g, 11 ms, one
+            of the severities of IEC 60068-2-27).
+    """
+
+    mass: float = 0.8
+    com: float = 0.05
+    inertia: Array = field(default_factory=lambda: _cylinder(0.8, 0.06, 0.10))
+    catch_offset: float = 0.12
+    palm_height: float = 0.08
+    fingers: int = 3
+    yaw: float = 0.0
+    finger: Finger = field(default_factory=Finger)
+    drive: FingerDrive = field(default_factory=FingerDrive)
+    closing: Closing = field(default_factory=Closing)
+    force: float = 240.0
+    closes: ClassVar[bool] = True
+
+    __repr__ = brief
+
+    def __post_init__(self) -> None:
+        """Refuse what no hand can be.
+
+        Raises:
+            ShapeError: The inertia has another shape.
+            InputError: A field is not what it may be; the message names it.
+            ModelError: No body has such an inertia.
+        """
+        fields.check(self, _HAND)
+        inertia = checks.array("HandModel.inertia", self.inertia, (3, 3), finite=True)
+        if np.abs(inertia - inertia.T).max() > 1e-6 * np.abs(inertia).max():
+            raise InputError("HandModel.inertia", "a symmetric matrix", inertia.tolist())
+        inertia = checked_inertia("HandModel.inertia", inertia, do="check the hand's inertia")
+        object.__setattr__(self, "inertia", inertia)
+
+    def reaches(self, ball_radius: float) -> bool:
+        """Say whether the fingers, open, let a ball to the catch point, and then close on it.
+
+        Args:
+            ball_radius: Radius of the ball [m].
+        """
+        at_catch = np.array([self.catch_offset])
+        let_in = self.finger.gap(0.0, ball_radius, at_catch) > 0.0
+        return bool(np.all(let_in & (self._meets(ball_radius, at_catch) < inf)))
+
+    def touch_angle(self, ball_radius: float) -> float:
+        """Return the closing angle at which the fingers touch a ball at the catch point [rad].
+
+        Args:
+            ball_radius: Radius of the ball [m]; where the fingers never touch it, the closed
+                angle is returned.
+        """
+        return float(self._touch(ball_radius, np.array([self.catch_offset]))[0])
+
+    def hold_angle(self, ball_radius: float) -> float:
+        """Return the closing angle at which the closing ends [rad]: see :class:`Closing`.
+
+        Args:
+            ball_radius: Radius of the ball [m].
+        """
+        heights = np.array([self.palm_height + ball_radius, self.catch_offset])
+        touch = float(self._touch(ball_radius, heights).max())
+        return min(touch + self.closing.squeeze, self.drive.closed)
+
+    def ring(self, ball_radius: float) -> tuple[float, float]:
+        """Return where the ring of the fingertips is widest for a ball.
+
+        Args:
+            ball_radius: Radius of the ball [m].
+
+        Returns:
+            How far before the catch point the ball's middle passes it [m], and the closing angle at
+            which it just does [rad].
+        """
+        before = np.linspace(0.0, ball_radius, _PLACES)
+        angles = self._touch(ball_radius, self.catch_offset + before)
+        k = int(np.argmin(angles))
+        return float(before[k]), float(angles[k])
+
+    def _touch(self, ball_radius: float, heights: Array) -> Array:
+        """Return the angles at which the fingers touch balls on the axis at heights [rad], (m,)."""
+        low, high = np.zeros(len(heights)), self._meets(ball_radius, heights)
+        met, high = high < inf, np.minimum(high, self.drive.closed)
+        for _ in range(40):
+            middle = 0.5 * (low + high)
+            free = self.finger.gap(middle, ball_radius, heights) > 0.0
+            low, high = np.where(free, middle, low), np.where(free, high, middle)
+        return np.where(met, high, self.drive.closed)
+
+    def _meets(self, ball_radius: float, heights: Array) -> Array:
+        """Return angles at which balls on the axis are in the way, or infinity [rad], (m,).
+
+        That is the closed angle, unless fingers that close farther pass a small ball by then.
+        """
+        closed = self.drive.closed
+        angles = np.array([closed, *np.linspace(0.0, closed, _LOOKS)])
+        met = self.finger.gap(angles[:, None], ball_radius, heights) <= 0.0
+        return np.where(met.any(axis=0), angles[met.argmax(axis=0)], inf)
+
+    def capsules(self) -> tuple[Capsule, ...]:
+        """Return capsules on the plate that hold the palm, and the fingers at any angle."""
+        finger = self.finger
+        points = np.array([finger.points(x) for x in np.linspace(0.0, self.drive.closed, _ANGLES)])
+        off, height = np.hypot(points[..., 0], finger.offset), points[..., 1]
+        width = float(off.max()) + finger.thickness
+        low, high = height.min() - finger.thickness, height[::_ROUGH].max() + finger.thickness
+        # The tops of the swept fingers are narrow: the round end of the capsule covers them where
+        # it reaches. A capsule that holds the ends of a rod holds the rod.
+        round_ = np.sqrt(np.maximum((width - finger.thickness) ** 2 - off**2, 0.0))
+        end = max(float(high - 0.5 * width), float(low), float((height - round_).max()))
+        palm = _palm_end(self.palm_height, width, float(low), end)
+        return (
+            Capsule(start=(0.0, 0.0, 0.0), end=(0.0, 0.0, palm), radius=_PALM_CAPSULE),
+            Capsule(start=(0.0, 0.0, float(low)), end=(0.0, 0.0, end), radius=width),
+        )  # fmt: skip
+
+    def holding_force(self, ball_radius: float, friction: float) -> float:
+        """Return how hard a ball at the catch point can be pulled out of the closed hand [N].
+
+        Each finger presses on the ball where it touches it, as hard as its drive can; what holds
+        the ball along the palm's normal is that force's own part and its friction. A ball that is
+        too large for the open fingers, or that they do not reach, is held by nothing.
+
+        Args:
+            ball_radius: Radius of the ball [m].
+            friction: Coefficient of friction of ball and fingers.
+        """
+        if not self.reaches(ball_radius):
+            return 0.0
+        inward, press = self._pressing(ball_radius)
+        held = -inward[2] + friction * float(np.hypot(inward[0], inward[1]))
+        return self.fingers * press * max(float(held), 0.0)
+
+    def press(self, ball_radius: float) -> float:
+        """Return how hard the drive of a finger presses it on a ball at the catch point [N].
+
+        Args:
+            ball_radius: Radius of the ball [m]; 0 N where the fingers do not reach it.
+        """
+        return self._pressing(ball_radius)[1] if self.reaches(ball_radius) else 0.0
+
+    def _pressing(self, ball_radius: float) -> tuple[Array, float]:
+        """Return where to a finger presses on a ball at the catch point, (3,), and its force."""
+        point, base = self.finger.touches(self.touch_angle(ball_radius), self.catch_offset)
+        inward = np.array([-point[0], -self.finger.offset, self.catch_offset - point[1]])
+        inward = inward / np.linalg.norm(inward)
+        arm = point - base
+        lever = abs(float(arm[0] * inward[2] - arm[1] * inward[0]))
+        # A lever shorter than a finger is thick is none: there the rod bends, not the joint.
+        return inward, self.drive.tau_max / max(lever, self.finger.thickness)
+
+    @property
+    def finger_mass(self) -> float:
+        """Mass that the fingers together oppose to a ball which meets them beyond their bend [kg].
+
+        Their inertia about their joints, a rod's for each of the two, over the lever of the outer
+        one.
+        """
+        f = self.finger
+        inertia = f.armature + f.mass * (f.proximal**2 + f.distal**2) / 3.0
+        return self.fingers * inertia / f.distal**2
+
+    def profile(self, ball_radius: float) -> Array:
+        """Return the numbers of the closing on a ball, for :func:`closing_angle`, shape (5,)."""
+        touch, hold = self.touch_angle(ball_radius), self.hold_angle(ball_radius)
+        return self.closing.profile(touch, hold)
+
+    def closing_time(self, ball_radius: float, aside: float = 0.0) -> float:
+        """Return the time from the start of the closing until the fingers hold a ball [s].
+
+        A ball that passes between the fingertips off the palm's axis needs room as a larger one:
+        the fingers have to be as far open as for that one when it does.
+
+        Args:
+            ball_radius: Radius of the ball [m].
+            aside: How far from the axis it passes between the fingertips [m].
+        """
+        _, ring = self.ring(ball_radius + aside)
+        reached = closing_time(self.profile(ball_radius), ring)
+        return reached + self.drive.settling + self.closing.firm
+
+    def inside(self, ball_radius: float) -> float:
+        """Return how far from the catch point a ball is when the fingers have closed [m].
+
+        Args:
+            ball_radius: Radius of the ball [m].
+        """
+        return max(self.ring(ball_radius)[0] - self.closing.passed, 0.0)
+
+    def closing_angle(self, elapsed: float, ball_radius: float) -> float:
+        """Return the angle to be commanded so long after the start of the closing [rad].
+
+        Args:
+            elapsed: Time since the start [s]; 0 or less is open.
+            ball_radius: Radius of the ball [m].
+        """
+        return float(closing_angle(elapsed, self.profile(ball_radius)))
+
+
+@kernel
+def closing_angle(elapsed: float, profile: Array) -> float:
+    """Return the commanded angle [rad] so long after the start of the closing.
+
+    Args:
+        elapsed: Time since the start [s]; 0 or less is open.
+        profile: Acceleration, largest speed, speed at the touch, angle at which the fast part ends,
+            and at which the closing ends [rad ...], shape (5,); more behind them is not read.
+    """
+    a, peak, slow, fast_part = profile[0], profile[1], profile[2], profile[3]
+    rise, fall = peak / a, (peak - slow) / a
+    risen = 0.5 * a * rise * rise
+    even = max(fast_part - risen - 0.5 * (peak + slow) * fall, 0.0) / peak
+    if elapsed <= 0.0:
+        angle = 0.0
+    elif elapsed < rise:
+        angle = 0.5 * a * elapsed * elapsed
+    elif elapsed < rise + even:
+        angle = risen + peak * (elapsed - rise)
+    elif elapsed < rise + even + fall:
+        left = rise + even + fall - elapsed
+        angle = fast_part - slow * left - 0.5 * a * left * left
+    else:
+        angle = fast_part + slow * (elapsed - rise - even - fall)
+    return float(min(angle, profile[4]))
+
+
+def closing_time(profile: Array, angle: float) -> float:
+    """Return the time from the start of the closing until an angle is commanded [s].
+
+    Args:
+        profile: As of :func:`closing_angle`.
+        angle: The angle, up to that at which the closing ends [rad].
+    """
+    low, high = 0.0, 1.0
+    while closing_angle(high, profile) < min(angle, float(profile[4])):
+        high *= 2.0
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        if closing_angle(middle, profile) < angle:
+            low = middle
+        else:
+            high = middle
+    return high
+
+
+def _nearest(point: Array, start: Array, end: Array) -> Array:
+    """Return the points of segments nearest to points [m], shape (..., 2)."""
+    along = end - start
+    share = np.sum((point - start) * along, axis=-1) / np.sum(along * along, axis=-1)
+    out: Array = start + np.clip(share, 0.0, 1.0)[..., None] * along
+    return out
+
+
+def _palm_end(height: float, width: float, low: float, end: float) -> float:
+    """Return where the palm's capsule ends, so that with that of the fingers it holds the palm [m].
+
+    Args:
+        height: Of the palm above the plate [m].
+        width: Radius of the fingers' capsule [m].
+        low: Where that begins [m].
+        end: Where that ends [m].
+    """
+    own, theirs = (np.sqrt(max(x**2 - _PALM**2, 0.0)) for x in (_PALM_CAPSULE, width))
+    top, half = height + _RIM, 0.5 * height
+    covered = width > _PALM and low - theirs <= half + own and end + theirs >= top
+    return half if covered else max(half, float(top - own))

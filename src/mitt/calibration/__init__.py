@@ -1,1 +1,0 @@
-"""Calibration of a rig: boards, heads, the hand, the clock."""

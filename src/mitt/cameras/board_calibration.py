@@ -1,0 +1,355 @@
+"""Cameras from images of a ChArUco board: lenses, stereo pose, and axes of pan-tilt heads.
+
+All cameras see the board at once; a head's camera sees one that stands still, at known angles.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mitt import checks
+from mitt.cameras.cameras import Camera, read_image
+from mitt.cameras.charuco import Board, Seen, Sight, between, plain, shown_instead
+from mitt.cameras.least_squares import Fit, fit
+from mitt.cameras.stages import Stage, weak
+from mitt.errors import FileError, InputError
+from mitt.eyes.camera import inverse
+from mitt.eyes.lens import NUMBERS, Lens
+from mitt.eyes.rig_calibration import BoardProblem, Corners, HeadProblem, first_head
+from mitt.files.csv_table import number, read_rows
+from mitt.files.rig import CalibratedRig, RigCamera
+from mitt.signals import Array, Image
+
+#: Most views used; most frames looked at in a video; fewest views of one camera.
+MOST_VIEWS, MOST_FRAMES, FEWEST = 60, 20_000, 3
+#: Cells across and down the image in which coverage is counted, and share of them that is wanted.
+CELLS, COVERED = (6, 4), 0.6
+#: Least mean motion of the board between two views that are kept, share of the image's width.
+_APART = 0.02
+#: Most images without a board that are looked at for what they show, of each camera; share of all
+#: from which they are told of; and difference of two stamps that is one instant [s].
+_BARE, _MANY, _AT_ONCE = 8, 0.2, 2e-3
+#: The board seen from below its back: z up out of its face.
+FACE_UP = np.diag((1.0, -1.0, -1.0, 1.0))
+
+View = tuple[Seen | None, ...]
+"""What each camera saw of the board at one instant; None where it saw no board."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class BoardViews:
+    """What the cameras saw of the board.
+
+    Attributes:
+        names: Names of the cameras.
+        sizes: Width and height of their images [px].
+        views: What was seen at each instant that is used.
+        numbers: Number of each view's frame in its source.
+        frames: Frames looked at.
+        without: How many frames of each camera showed no board.
+        instead: What some of these showed, in words, for each camera; empty where few did.
+        apart: Largest difference of the stamps of live cameras in one view [s].
+        pattern: What to say of the pattern of the board; empty where it is that of today.
+    """
+
+    names: tuple[str, ...]
+    sizes: tuple[tuple[int, int], ...]
+    views: tuple[View, ...]
+    numbers: tuple[int, ...]
+    frames: int
+    without: tuple[int, ...] = ()
+    instead: tuple[str, ...] = ()
+    apart: float = 0.0
+    pattern: str = ""
+
+
+def look_for_board(
+    board: Board, sources: Sequence[Camera], names: tuple[str, ...], *,
+    progress: Callable[[str, int, int], None],
+) -> BoardViews:  # fmt: skip
+    """Find the board in the k-th frames of all sources, k = 0, 1, ..."""
+    kept: list[tuple[int, tuple[Sight, ...]]] = []
+    sizes: tuple[tuple[int, int], ...] | None = None
+    count, apart = 0, 0.0
+    bare: list[list[Image]] = [[] for _ in sources]
+    without = [0] * len(sources)
+    while count < MOST_FRAMES:
+        frames = [source.read() for source in sources]
+        got = [f for f in frames if f is not None]
+        if not got:
+            break
+        if len(got) < len(frames):
+            ended = ", ".join(s.name for s, f in zip(sources, frames, strict=True) if f is None)
+            raise InputError("images", "as many from each camera", f"{count} only from {ended}")
+        now = tuple((f.pixels.shape[1], f.pixels.shape[0]) for f in got)
+        sizes = sizes or now
+        if now != sizes:
+            raise InputError("images", f"one size throughout, {sizes}", f"{now} at frame {count}")
+        sights = tuple(board.sight(f.pixels) for f in got)
+        view = _either(sights)
+        for k, seen in enumerate(view):
+            if seen is None:
+                without[k] += 1
+                bare[k] = (bare[k] + [got[k].pixels])[-_BARE:]
+        if any(view) and all(_apart(view, _either(old), sizes[0][0]) for _, old in kept):
+            kept.append((count, sights))
+            stamps = [source.stamp for source in sources if source.timed]
+            apart = max(apart, max(stamps) - min(stamps)) if stamps else apart
+        count += 1
+        progress("board", count, count + 1)
+        if any(source.live for source in sources) and len(kept) == MOST_VIEWS:
+            break
+    if sizes is None:
+        raise InputError("images", "at least one", "none")
+    shown = board.settle([sight for _, sights in kept for sight in sights])
+    views = [(n, tuple(sight[board.legacy] for sight in sights)) for n, sights in kept]
+    views = [(n, view) for n, view in views if any(view)]
+    chosen = np.unique(np.linspace(0, len(views) - 1, min(len(views), MOST_VIEWS)).astype(int))
+    return BoardViews(
+        names=names, sizes=sizes, views=tuple(views[k][1] for k in chosen),
+        numbers=tuple(views[k][0] for k in chosen), frames=count, without=tuple(without),
+        instead=tuple(shown_instead(board.spec, x) if n > _MANY * count else ""
+                      for x, n in zip(bare, without, strict=True)), apart=apart,
+        pattern=_pattern(legacy=board.legacy, shown=shown and bool(kept)),
+    )  # fmt: skip
+
+
+def _either(sights: tuple[Sight, ...]) -> View:
+    """Return what each camera saw by either pattern."""
+    return tuple(a or b for a, b in sights)
+
+
+def _pattern(*, legacy: bool, shown: bool) -> str:
+    """Return what to say of the pattern of a board; nothing where it is that of today."""
+    if legacy:
+        return "the board has the pattern of boards drawn before OpenCV 4.6, and is read so"
+    return "" if shown else ("no view shows the board's outer columns: if it was drawn before"
+                             " OpenCV 4.6, the place of the board is a square off; add a view of"
+                             " the whole board")  # fmt: skip
+
+
+def _apart(a: View, b: View, width: int) -> bool:
+    """Say whether two views differ: the board moved, or other cameras see it."""
+    for one, two in zip(a, b, strict=True):
+        if (one is None) != (two is None):
+            return True
+        if one is not None and two is not None:
+            _, i, j = np.intersect1d(one.ids, two.ids, return_indices=True)
+            motion = np.abs(one.uv[i] - two.uv[j]).mean() if len(i) else np.inf
+            if motion > _APART * width:
+                return True
+    return False
+
+
+def free_numbers(coefficients: int) -> NDArray[np.bool_]:
+    """Return which numbers of a lens are found with 0, 1, 2, 4 or 5 distortion coefficients."""
+    if coefficients not in (0, 1, 2, 4, 5):
+        raise InputError("--coefficients", "0, 1, 2, 4 or 5", coefficients)
+    return np.arange(9) < 4 + coefficients
+
+
+def board_problem(board: Board, seen: BoardViews, free: NDArray[np.bool_]) -> BoardProblem:
+    """Return the problem at a first guess: OpenCV's, or plain lenses where those fit better.
+
+    OpenCV's lens is none where the views leave it open, as when all boards face the camera.
+    """
+    guesses = []
+    for k, (name, size) in enumerate(zip(seen.names, seen.sizes, strict=True)):
+        mine = [v for view in seen.views if (v := view[k]) is not None]
+        if len(mine) < FEWEST:
+            raise InputError(
+                f"camera {name}", f"the board in {FEWEST} different views or more",
+                f"{len(mine)} of {seen.frames} images{_shown(seen, k)}",
+                do="check --board, --square, --dictionary, light and focus",
+            )  # fmt: skip
+        guesses.append((board.lens(mine, size, free), plain(size)))
+    starts = [_started(board, seen, free, lenses) for lenses in zip(*guesses, strict=True)]
+    return min(starts, key=lambda problem: float(np.abs(problem.residuals()).max()))
+
+
+def _shown(seen: BoardViews, k: int) -> str:
+    """Return what a camera's images without a board show."""
+    instead = seen.instead[k] if seen.instead else ""
+    return f", and the others show {instead}" if instead else ""
+
+
+def _left_out(seen: BoardViews) -> list[str]:
+    """Return what to say of images that were left out."""
+    said = [
+        f"{name}: no board in {n} of {seen.frames} images{_shown(seen, k)}: they are left out"
+        for k, (name, n) in enumerate(zip(seen.names, seen.without, strict=False))
+        if n > _MANY * seen.frames
+    ]
+    if seen.apart > _AT_ONCE:
+        said.append(f"images of one view were taken up to {1e3 * seen.apart:.0f} ms apart: start"
+                    " the cameras by one trigger, set their clocks alike, or hold the board"
+                    " still")  # fmt: skip
+    return [*said, seen.pattern] if seen.pattern else said
+
+
+def _started(
+    board: Board, seen: BoardViews, free: NDArray[np.bool_], lenses: Sequence[Lens]
+) -> BoardProblem:
+    """Return the problem with the poses that follow from lenses."""
+    poses = [
+        [None if v is None else board.pose(v, lens) for v, lens in zip(view, lenses, strict=True)]
+        for view in seen.views
+    ]
+    T_cam_rig: list[Array] = [np.eye(4)]
+    for k, name in enumerate(seen.names[1:], 1):
+        both = [(a, b) for p in poses if (a := p[0]) is not None and (b := p[k]) is not None]
+        if not both:
+            raise InputError(f"cameras {seen.names[0]} and {name}",
+                             "a view in which both see the board", "none")  # fmt: skip
+        T_cam_rig.append(between([a for a, _ in both], [b for _, b in both]))
+    boards = []
+    for view in poses:
+        k, pose = next((k, p) for k, p in enumerate(view) if p is not None)
+        boards.append(inverse(T_cam_rig[k]) @ pose)
+    parts = [(k, n, v) for n, view in enumerate(seen.views) for k, v in enumerate(view) if v]
+    corners = Corners(
+        camera=np.concatenate([np.full(len(v.ids), k) for k, _, v in parts]),
+        view=np.concatenate([np.full(len(v.ids), n) for _, n, v in parts]),
+        on_board=np.concatenate([board.corners[v.ids] for _, _, v in parts]),
+        uv=np.concatenate([v.uv for _, _, v in parts]),
+    )
+    return BoardProblem(
+        corners=corners, lenses=np.array([lens.numbers for lens in lenses]),
+        T_cam_rig=np.array(T_cam_rig), T_rig_board=np.array(boards), free=free, cameras=seen.names,
+    )  # fmt: skip
+
+
+def calibrate_boards(
+    board: Board, seen: BoardViews, *, coefficients: int
+) -> tuple[CalibratedRig, Fit[BoardProblem], Stage]:
+    """Return the rig in the frame of its first camera, the solution, and what to say about it."""
+    solved = fit(board_problem(board, seen, free_numbers(coefficients)))
+    problem, cameras, few = solved.problem, [], []
+    numbers: dict[str, float] = {
+        "views": len(seen.views), "frames": seen.frames, "rms_px": solved.rms,
+        **{f"{name}_without_board": n for name, n in zip(seen.names, seen.without, strict=False)},
+    }  # fmt: skip
+    r = problem.residuals().reshape(-1, 2)
+    for k, (name, size) in enumerate(zip(seen.names, seen.sizes, strict=True)):
+        mine, lens = problem.corners.camera == k, problem.lenses[k]
+        rms = float(np.sqrt(np.mean(r[mine] ** 2)))
+        covered = _coverage(problem.corners.uv[mine], size)
+        cameras.append(RigCamera(
+            name=name, lens=Lens(width=size[0], height=size[1], numbers=lens),
+            T_world_cam=inverse(problem.T_cam_rig[k]), rms_px=rms,
+        ))  # fmt: skip
+        numbers |= {f"{name}_rms_px": rms, f"{name}_coverage": covered,
+                    f"{name}_f_px": float(np.sqrt(np.prod(lens[:2]))),
+                    f"{name}_f_sigma_px": solved.sigma_of(f"{name}.fu")}  # fmt: skip
+        if covered < COVERED:
+            few.append(f"{name}: corners in {100 * covered:.0f} % of the image only: "
+                       "add views with the board near the edges and corners")  # fmt: skip
+    rig = CalibratedRig(frame="camera", cameras=tuple(cameras))
+    if len(cameras) > 1:
+        numbers |= _base_line(solved)
+    warnings = [*weak(solved, _limits(rig, problem))]
+    if solved.status != "converged":
+        warnings.append("the fit did not settle: the views are too much alike")
+    warnings += [*few, *_left_out(seen)]
+    return rig, solved, Stage("boards", solved.status, numbers, tuple(warnings))
+
+
+def _coverage(uv: Array, size: tuple[int, int]) -> float:
+    """Return the share of the image's cells in which a corner, shape (n, 2), lies."""
+    bins = [np.linspace(-0.5, n - 0.5, cells + 1) for n, cells in zip(size, CELLS, strict=True)]
+    return float(np.mean(np.histogram2d(uv[:, 0], uv[:, 1], bins=bins)[0] > 0))
+
+
+def _base_line(solved: Fit[BoardProblem]) -> dict[str, float]:
+    """Return length and standard deviation of the base line [m]."""
+    t, name = solved.problem.T_cam_rig[1][:3, 3], solved.problem.cameras[1]
+    at = [solved.problem.names.index(f"{name}.{x}") for x in "xyz"]
+    along = t / np.linalg.norm(t)
+    variance = float(along @ solved.covariance[np.ix_(at, at)] @ along)
+    return {"baseline_m": float(np.linalg.norm(t)), "baseline_sigma_m": float(np.sqrt(variance))}
+
+
+def _limits(rig: CalibratedRig, problem: BoardProblem) -> dict[str, tuple[float, str]]:
+    """Return how well each parameter should be known, and what helps."""
+    tilted = "add views of the board tilted by 20 to 40 degrees to different sides"
+    rolled = "add tilted views with the board turned by 90 degrees in its plane"
+    edges = "add views with the board near the corners of the image"
+    shared = "add views in which both cameras see the whole board, near and far"
+    limits: dict[str, tuple[float, str]] = {}
+    for camera in rig.cameras:
+        lens = camera.lens
+        f = float(np.sqrt(np.prod(lens.numbers[:2])))
+        reach = float(np.hypot(lens.width, lens.height)) / (2.0 * f)
+        wanted = dict.fromkeys(NUMBERS[:2], (0.01 * f, tilted))
+        wanted |= dict.fromkeys(NUMBERS[2:4], (0.01 * lens.width, rolled))
+        wanted |= {name: (2.0 / (f * reach**power), edges)
+                   for name, power in zip(NUMBERS[4:], (3, 5, 2, 2, 7), strict=True)}  # fmt: skip
+        limits |= {f"{camera.name}.{name}": wanted[name]
+                   for name, free in zip(NUMBERS, problem.free, strict=True) if free}  # fmt: skip
+    for k, camera in enumerate(rig.cameras[1:], 1):
+        base = float(np.linalg.norm(problem.T_cam_rig[k][:3, 3]))
+        for axis in "xyz":
+            limits[f"{camera.name}.turn_{axis}"] = (3e-3, shared)
+            limits[f"{camera.name}.{axis}"] = (0.01 * base, shared)
+    return limits
+
+
+def read_head_views(
+    path: Path, board: Board, size: tuple[int, int]
+) -> tuple[Array, list[Seen], int]:
+    """Return angles [rad], shape (k, 2), and corners of the views that a table lists.
+
+    The table has columns image,pan_rad,tilt_rad, images of one size [px] relative to its folder.
+    The last of what is returned is how many of its images show no board, and are left out.
+    """
+    path = checks.path("table of views", path)
+    angles, sights = [], []
+    for line, cells in read_rows(path, ("image", "pan_rad", "tilt_rad")):
+        at = path.parent / cells["image"]
+        pixels = read_image(at)
+        if pixels.shape != (size[1], size[0]):
+            given = f"{pixels.shape[1]} x {pixels.shape[0]}"
+            raise FileError(str(at), f"an image of {size[0]} x {size[1]} pixels", given)
+        sights.append(board.sight(pixels))
+        angles.append([number(path, line, name, cells[name], limit=7.0)
+                       for name in ("pan_rad", "tilt_rad")])  # fmt: skip
+    board.settle(sights)
+    views = [sight[board.legacy] for sight in sights]
+    kept = [k for k, view in enumerate(views) if view is not None]
+    found = [view for view in views if view is not None]
+    return np.array(angles).reshape(-1, 2)[kept], found, len(views) - len(kept)
+
+
+def head_problem(camera: RigCamera, board: Board, angles: Array, views: list[Seen]) -> HeadProblem:
+    """Return the problem of a camera's head at its first guess."""
+    poses = np.array([inverse(board.pose(v, camera.lens)) for v in views]).reshape(-1, 4, 4)
+    numbers = [np.full(len(v.ids), k) for k, v in enumerate(views)]
+    return HeadProblem(
+        lens=camera.lens, angles=angles, head=first_head(angles, poses),
+        view=np.concatenate([np.zeros(0, dtype=np.int64), *numbers]),
+        on_board=np.concatenate([np.zeros((0, 3)), *(board.corners[v.ids] for v in views)]),
+        uv=np.concatenate([np.zeros((0, 2)), *(v.uv for v in views)]),
+    )  # fmt: skip
+
+
+def calibrate_head(
+    camera: RigCamera, board: Board, angles: Array, views: list[Seen]
+) -> tuple[RigCamera, Fit[HeadProblem], Stage]:
+    """Return the camera with its head, the world being the board, z up out of its face."""
+    solved = fit(head_problem(camera, board, angles, views))
+    wider = (2e-3, "add views at angles farther apart, pan and tilt in turn")
+    limits = {f"{axis}_{what}_{k}": wider for axis in ("pan", "tilt")
+              for what in ("direction", "place") for k in (1, 2)}  # fmt: skip
+    warnings = tuple(f"{camera.name}: {text}" for text in weak(solved, limits))
+    head = solved.problem.head
+    apart = abs(float(head.pan_axis @ head.tilt_axis))
+    numbers: dict[str, float] = {
+        "views": len(views), "rms_px": solved.rms,
+        "axes_deg": float(np.rad2deg(np.arccos(min(apart, 1.0)))),
+    }  # fmt: skip
+    turned = head.seen_from(FACE_UP)
+    moved = replace(camera, T_world_cam=turned.T_world_cam, head=turned, rms_px=solved.rms)
+    return moved, solved, Stage(f"head {camera.name}", solved.status, numbers, warnings)

@@ -1,0 +1,179 @@
+"""The ball filter on recorded positions, and the tables of both.
+
+Each row of a track uses only rows up to itself.
+"""
+
+import csv
+import io
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from mitt.ball.filter import FilterConfig, doubt, fresh_filter, predict, update
+from mitt.ball.measurement_noise import fresh_noise, learn
+from mitt.errors import FileError
+from mitt.files.csv_table import number, read_rows
+from mitt.files.writing import write_text
+from mitt.kernels import Record, kernel
+from mitt.signals import Array
+
+POINTS = ("t_s", "x_m", "y_m", "z_m")
+"""Time and position."""
+ADDED = ("vx_m_s", "vy_m_s", "vz_m_s", "ax_m_s2", "ay_m_s2", "az_m_s2", "sx_m", "sy_m", "sz_m")
+"""Velocity, acceleration, standard deviation of the position."""
+STATE = (*POINTS, *ADDED)
+AHEAD = ("x_ahead_m", "y_ahead_m", "z_ahead_m")
+
+MAX_ROWS = 1_000_000
+#: Largest time [s] and coordinate [m] that is read.
+_LIMITS = dict(zip(POINTS, (1e10, 500.0, 500.0, 500.0), strict=True))
+
+UNKNOWN_BALL = FilterConfig(
+    drag_mean=0.08, drag_sigma=0.05, accel_density=0.005, push_sigma=1.0, push_time=1.0,
+    other_motion=0.3, watchful=True, speaks_after=1,
+)  # fmt: skip
+"""Any ball, and whatever else moves: the other laws of motion count from the first position."""
+
+
+class Track(NamedTuple):
+    """Estimates at the times of the positions, shape (n, 3) each.
+
+    Attributes:
+        r: Position [m].
+        dr: Velocity [m/s].
+        ddr: Acceleration [m/s^2].
+        sigma: Standard deviation of the position [m].
+        ahead: Predicted position, a while later [m].
+    """
+
+    r: Array
+    dr: Array
+    ddr: Array
+    sigma: Array
+    ahead: Array
+
+
+def follow(
+    t: Array,
+    points: Array,
+    *,
+    ahead: float = 0.0,
+    sigma: float | None = None,
+    config: FilterConfig = UNKNOWN_BALL,
+) -> Track:
+    """Filter one flight.
+
+    Args:
+        t: Times, rising [s], shape (n,).
+        points: Positions [m], shape (n, 3).
+        ahead: How far to look ahead [s].
+        sigma: Standard deviation of each coordinate [m]; learned from the positions if None.
+        config: What is assumed of the ball.
+    """
+    rows = np.zeros((len(t), 5, 3))
+    _follow(t, points, ahead, sigma or 0.0, fresh_filter(config), fresh_noise(), rows)
+    return Track(*rows.transpose(1, 0, 2))
+
+
+def follow_all(
+    samples: Array, flights: Iterable[list[int]], *, ahead: float = 0.0, sigma: float | None = None
+) -> Track:
+    """Filter several flights, each on its own; see :func:`follow`.
+
+    Samples are times and positions [s, m], shape (n, 4); flights the indices of their rows. The
+    rows of the track are in the order of the samples.
+    """
+    rows = np.zeros((5, len(samples), 3))
+    for flight in flights:
+        t, points = samples[flight, 0], samples[flight, 1:]
+        rows[:, flight] = follow(t - t[0], points, ahead=ahead, sigma=sigma)
+    return Track(*rows)
+
+
+@kernel
+def _follow(
+    t: Array, points: Array, ahead: float, sigma: float, ball: Record, noise: Record, rows: Array
+) -> None:
+    """Fill the rows of a track, shape (n, 5, 3); the noise is learned if ``sigma`` is 0."""
+    R, motion, covariance = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((6, 6))
+    for n in range(len(t)):
+        learn(noise, t[n], points[n])
+        for i in range(3):
+            R[i, i] = sigma * sigma if sigma > 0.0 else noise[0].variance[i]
+        update(ball, t[n], points[n], R)
+        predict(ball, t[n] + ahead, motion, covariance)
+        rows[n, 4] = motion[0]
+        if predict(ball, t[n], motion, covariance):
+            doubt(ball, t[n], covariance)
+        rows[n, 0:3] = motion
+        for i in range(3):
+            rows[n, 3, i] = np.sqrt(covariance[i, i])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Positions:
+    """Recorded positions, flight by flight.
+
+    Attributes:
+        columns: Columns of the file, in its order.
+        cells: Its rows as they were written.
+        rows: Indices of the rows of each flight, by name, shape (k,) each.
+        samples: Time and position of all rows [s, m], shape (n, 4).
+    """
+
+    columns: tuple[str, ...]
+    cells: list[tuple[str, ...]]
+    rows: dict[str, list[int]]
+    samples: Array
+
+    def flight(self, name: str) -> Array:
+        """Return time and position of one flight [s, m], shape (k, 4)."""
+        return np.asarray(self.samples[self.rows[name]])
+
+
+def read_positions(path: Path) -> Positions:
+    """Read recorded positions; flights may be interleaved.
+
+    Raises:
+        FileError: Other columns than ``t_s,x_m,y_m,z_m`` and perhaps ``flight``, a cell that is
+            no finite number, a time that does not rise within its flight, or no row at all.
+    """
+    cells: list[tuple[str, ...]] = []
+    samples: list[list[float]] = []
+    flights: dict[str, list[int]] = {}
+    columns: tuple[str, ...] = POINTS
+    for line, row in read_rows(path, POINTS, optional="flight", max_rows=MAX_ROWS):
+        columns = tuple(row)
+        sample = [number(path, line, c, row[c], limit=limit) for c, limit in _LIMITS.items()]
+        flight = flights.setdefault(row.get("flight", "").strip(), [])
+        if flight and sample[0] <= samples[flight[-1]][0]:
+            where = f"{path} line {line} column t_s"
+            before = cells[flight[-1]][columns.index("t_s")].strip()
+            raise FileError(where, f"a time after {before} in this flight", row["t_s"].strip())
+        flight.append(len(samples))
+        samples.append(sample)
+        cells.append(tuple(row.values()))
+    if not samples:
+        raise FileError(str(path), "at least one row", "none")
+    return Positions(columns=columns, cells=cells, rows=flights, samples=np.array(samples))
+
+
+def write_track(path: Path, positions: Positions, track: Track, *, ahead: bool) -> None:
+    """Write the rows of the input with velocity, acceleration and standard deviations added."""
+    values = np.hstack((track.dr, track.ddr, track.sigma, *((track.ahead,) if ahead else ())))
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow((*positions.columns, *ADDED, *(AHEAD if ahead else ())))
+    for cells, row in zip(positions.cells, values.tolist(), strict=True):
+        writer.writerow((*cells, *(f"{value:.9g}" for value in row)))
+    write_text(path, text.getvalue())
+
+
+def write_table(path: Path, columns: tuple[str, ...], rows: Iterable[Array]) -> None:
+    """Write rows of numbers as CSV, atomically; times to the microsecond, lengths to 10 nm."""
+    lines = [",".join(columns)]
+    lines += [f"{row[0]:.6f}," + ",".join(f"{x:.8g}" for x in row[1:]) for row in rows]
+    write_text(path, "\n".join(lines) + "\n")

@@ -1,0 +1,352 @@
+"""``mitt see``: two cameras to a track, with what went wrong on the way, and a picture of both."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from math import pi, sqrt
+
+import numpy as np
+
+from mitt.ball.filter import TABLE_TENNIS_BALL, THROWN_BALL, BallFilter, FilterConfig
+from mitt.cameras.cameras import Camera, open_cameras, optional, share_zero
+from mitt.cameras.video_writer import VideoWriter
+from mitt.errors import InputError
+from mitt.eyes.segmentation import Segmenter
+from mitt.eyes.triangulation import Triangulator, TriangulatorConfig
+from mitt.files.rig import CalibratedRig
+from mitt.signals import GRAVITY, Array, BallState, Frame, Image, Moments, Sighting
+
+BALLS = {"any": FilterConfig(), "thrown": THROWN_BALL, "table-tennis": TABLE_TENNIS_BALL}
+#: Frames taken from live cameras; frames a second at which people watch [Hz].
+LIVE_FRAMES, WATCHED = 1000, 30.0
+#: A real camera's error of centroid, besides what its calibration left [px].
+_FLOOR = 0.05
+#: Distance of centroid and projected ball at which the cameras disagree, in calibration errors
+#: and at least [px].
+_RESIDUAL, _LEAST = 6.0, 2.0
+#: Share of the instants with two targets below which the cameras disagree.
+_AGREE = 0.5
+#: Length of the pieces whose fall is looked at [s], fewest sightings in one, and the error beyond
+#: which it is no fall [m/s^2]; drag makes 2 at 7 m/s.
+_PIECE, _FEWEST, _FALL = 0.15, 8, 5.0
+#: Colours (red, green, blue): both cameras agree, one sees something alone, text, ground.
+_AGREED, _ALONE, _TEXT, _GROUND = (80, 220, 120), (250, 170, 50), (225, 230, 235), (24, 30, 36)
+#: Least height of a picture, its strip of text, the gap between the pictures [px].
+_HEIGHT, _STRIP, _GAP = 384, 52, 8
+
+
+@dataclass(slots=True)
+class PairCounts:
+    """What became of the frames.
+
+    Attributes:
+        frames: Frames of the left and of the right camera.
+        paired: Instants at which both gave a frame.
+        ended: Name of the camera that ended while the other went on; empty if none did.
+        left_over: Frames of the other after that.
+        backward: Frames dropped because their time did not rise.
+        first_gap: Time of the first left frame less that of the first right one [s].
+    """
+
+    frames: list[int] = field(default_factory=lambda: [0, 0])
+    paired: int = 0
+    ended: str = ""
+    left_over: int = 0
+    backward: int = 0
+    first_gap: float = 0.0
+
+
+def pairs(
+    cameras: tuple[Camera, Camera], counts: PairCounts, *, max_skew: float, most: int | None
+) -> Iterator[tuple[Frame, ...]]:
+    """Yield the frames of each instant, left before right; one where the other camera has none.
+
+    Two times that differ by up to ``max_skew`` [s] are one instant; ``counts`` are kept up to date.
+    """
+    share_zero(cameras)
+    sources = [_rising(camera, k, counts, most) for k, camera in enumerate(cameras)]
+    left, right = (next(source, None) for source in sources)
+    if left is not None and right is not None:
+        counts.first_gap = left.t - right.t
+    while left is not None and right is not None:
+        gap = left.t - right.t
+        if abs(gap) <= max_skew:
+            counts.paired += 1
+            yield left, right
+            left, right = (next(source, None) for source in sources)
+        elif gap < 0.0:
+            yield (left,)
+            left = next(sources[0], None)
+        else:
+            yield (right,)
+            right = next(sources[1], None)
+    if left is not None or right is not None:
+        ended = 0 if left is None else 1
+        counts.ended, counts.left_over = cameras[ended].name, 1
+        if not cameras[1 - ended].live:
+            counts.left_over += sum(1 for _ in sources[1 - ended])
+
+
+def _rising(camera: Camera, k: int, counts: PairCounts, most: int | None) -> Iterator[Frame]:
+    """Yield the frames of camera k whose time rises."""
+    last = -float("inf")
+    while most is None or counts.frames[k] < most:
+        frame = camera.read()
+        if frame is None:
+            return
+        counts.frames[k] += 1
+        if frame.t > last:
+            last = frame.t
+            yield frame
+        else:
+            counts.backward += 1
+
+
+@dataclass(slots=True, kw_only=True)
+class Seen:
+    """What was seen so far.
+
+    Attributes:
+        states: Time, position, velocity, acceleration, standard deviation, shape (13,) each.
+        points: Time and position of each sighting, shape (4,).
+        targets: Frames of each camera with a target in them.
+        both: Instants at which both cameras had one.
+        agreed: Instants at which they agreed on a ball.
+        exchanged: Time and position of the sightings with left and right exchanged.
+        counts: What became of the frames.
+    """
+
+    states: list[Array] = field(default_factory=list)
+    points: list[Array] = field(default_factory=list)
+    targets: list[int] = field(default_factory=lambda: [0, 0])
+    both: int = 0
+    agreed: int = 0
+    exchanged: list[Array] = field(default_factory=list)
+    counts: PairCounts = field(default_factory=PairCounts)
+
+
+class Watcher:
+    """Segmentation and triangulation of the catcher, on images of calibrated cameras.
+
+    Centroids are straightened by the lens, images are left as they are.
+    """
+
+    def __init__(self, rig: CalibratedRig, *, radius: float, max_skew: float) -> None:
+        """Take two cameras in a frame with z up, and a ball's radius [m]."""
+        worst = max(c.rms_px for c in rig.cameras)
+        config = TriangulatorConfig(
+            sigma_floor=float(np.hypot(_FLOOR, worst)), max_skew=max_skew,
+            max_residual=max(_LEAST, _RESIDUAL * worst),
+        )  # fmt: skip
+        self._cameras = rig.cameras
+        self._segmenters = [Segmenter() for _ in rig.cameras]
+        self._triangulator = Triangulator(rig.rig(), radius, config)
+
+    def step(self, frames: tuple[Frame, ...], seen: Seen) -> tuple[tuple[Moments, ...], Sighting]:
+        """Return what each camera sees [px] and the ball in the world; count it in ``seen``."""
+        moments = tuple(self._moments(frame) for frame in frames)
+        sighting = self._triangulator.step(tuple(self._straight(m) for m in moments))
+        other = tuple(self._straight(replace(m, camera=1 - m.camera)) for m in moments)
+        exchanged = self._triangulator.step(other)
+        for m in moments:
+            seen.targets[m.camera] += m.found
+        seen.both += len(moments) == 2 and all(m.found for m in moments)
+        seen.agreed += sighting.found
+        for found, rows in ((sighting, seen.points), (exchanged, seen.exchanged)):
+            if found.found:
+                rows.append(np.array((found.t, *found.r_o)))
+        return moments, sighting
+
+    def _moments(self, frame: Frame) -> Moments:
+        """Return what a camera sees in one image."""
+        camera = self._cameras[frame.camera]
+        width, height = camera.lens.width, camera.lens.height
+        if frame.pixels.shape != (height, width):
+            raise InputError(f"images of camera {camera.name}",
+                             f"{width} x {height} pixels as the rig says",
+                             f"{frame.pixels.shape[1]} x {frame.pixels.shape[0]}")  # fmt: skip
+        return self._segmenters[frame.camera].step(frame)
+
+    def _straight(self, m: Moments) -> Moments:
+        """Return moments in the image of the camera without distortion."""
+        if not m.found:
+            return m
+        ((u, v),) = self._cameras[m.camera].lens.straighten(np.array(((m.u, m.v),)))
+        return replace(m, u=float(u), v=float(v), found=bool(np.isfinite(u + v)))
+
+
+def see(
+    left: str, right: str, rig: CalibratedRig, seen: Seen, writer: VideoWriter | None, *,
+    ball: str, radius: float, max_skew: float, fps: float | None, frames: int | None,
+    progress: Callable[[str, int, int], None],
+) -> None:  # fmt: skip
+    """Follow the ball to the end of the frames; what is found stands in ``seen`` as it comes.
+
+    ``ball`` is what is assumed of the flight, a key of ``BALLS``, ``radius`` its radius [m]. Frames
+    whose times differ by up to ``max_skew`` [s] are taken as one instant; ``fps`` says the rate
+    where files and cameras do not tell the time, ``frames`` the most to take from each camera.
+    ``progress`` is told how far it is.
+    """
+    watcher = Watcher(rig, radius=radius, max_skew=max_skew)
+    track = BallFilter(BALLS[ball])
+    sizes = tuple((c.lens.width, c.lens.height) for c in rig.cameras)
+    overlay = None if writer is None else Overlay(sizes, tuple(c.name for c in rig.cameras))
+    with open_cameras((left, right), fps=fps) as (a, b):
+        most = frames or (LIVE_FRAMES if a.live or b.live else None)
+        instants = pairs((a, b), seen.counts, max_skew=max_skew, most=most)
+        for n, images in enumerate(instants):
+            moments, sighting = watcher.step(images, seen)
+            if sighting.found:
+                track.update(sighting)
+            state = track.state(images[0].t)
+            if sighting.found and state.tracked:
+                sigma = np.sqrt(np.diag(state.covariance)[:3])
+                row = ((state.t,), state.r_o, state.dr_o, state.ddr_o, sigma)
+                seen.states.append(np.concatenate(row))
+            if writer is not None and overlay is not None:
+                writer.write(overlay.draw(images[0].t, images, moments, sighting, state))
+            progress("frames", n + 1, n + 2)
+
+
+def complaints(seen: Seen, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Return what went wrong, each with its likely cause."""
+    said, counts = [], seen.counts
+    a, b = counts.frames
+    if counts.ended:
+        said.append(f"{counts.ended} ended early: {a} frames left, {b} right; "
+                    f"{counts.left_over} without a partner are left out")  # fmt: skip
+    alone = min(a, b) - counts.paired
+    if alone > 0.05 * max(min(a, b), 1):
+        early = "left" if counts.first_gap < 0.0 else "right"
+        said.append(f"{alone} of {min(a, b)} frames have no partner in time, and the first {early}"
+                    f" one is {abs(counts.first_gap):.4g} s early: start both by one trigger, set"
+                    " their clocks alike, say --fps, or a larger --max-skew")  # fmt: skip
+    if counts.backward:
+        said.append(f"{counts.backward} frames dropped, as their time did not rise")
+    for name, count in zip(names, seen.targets, strict=True):
+        if count == 0:
+            said.append(f"camera {name} saw no ball in any frame: is it dark or covered?")
+    if _exchanged(seen):
+        said.append(f"left and right seem exchanged: {len(seen.exchanged)} sightings the other way "
+                    f"round, {seen.agreed} as given, which do not fall as a ball does")  # fmt: skip
+    elif seen.agreed < _AGREE * seen.both:
+        said.append(f"the cameras agree on a ball in {seen.agreed} of {seen.both} instants only: "
+                    "the rig is another's, a camera was moved, or something else is "
+                    "bright")  # fmt: skip
+    elif (error := fall_error(seen.points)) is not None and error > _FALL:
+        said.append(f"what was seen does not fly: its acceleration is {error:.0f} m/s^2 off "
+                    "gravity; a hand that carries the ball, or a rig that is "
+                    "another's")  # fmt: skip
+    return tuple(said)
+
+
+def _exchanged(seen: Seen) -> bool:
+    """Say whether left and right seem exchanged: more sightings that way, or a truer fall."""
+    if len(seen.exchanged) > 2 * seen.agreed:
+        return True
+    as_given, other = fall_error(seen.points), fall_error(seen.exchanged)
+    if as_given is None or other is None or 2 * len(seen.exchanged) < seen.agreed:
+        return False
+    return as_given > _FALL and other < 0.5 * as_given
+
+
+def fall_error(points: Sequence[Array]) -> float | None:
+    """Return how far from gravity the acceleration of the points is [m/s^2].
+
+    The median over pieces of 0.15 s of |a - g|, a from a parabola; drag makes it 1 to 2 m/s^2 at
+    the speeds of a throw. None where no piece has enough points. It tells a wrong rig, or left and
+    right exchanged.
+    """
+    errors, start = [], 0
+    for n in range(len(points)):
+        if points[n][0] - points[start][0] < _PIECE:
+            continue
+        piece = np.array(points[start : n + 1])
+        start = n + 1 if n + 1 < len(points) else n
+        if len(piece) < _FEWEST:
+            continue
+        t = piece[:, 0] - piece[:, 0].mean()
+        a = 2.0 * np.polyfit(t, piece[:, 1:], 2)[0]
+        errors.append(float(np.linalg.norm(a - np.array((0.0, 0.0, -GRAVITY)))))
+    return float(np.median(errors)) if errors else None
+
+
+def status_of(seen: Seen) -> str:
+    """Return ok, or what is wrong: no_frames, no_ball, exchanged, disagree, short."""
+    if seen.counts.paired == 0:
+        return "no_frames"
+    if seen.both == 0:
+        return "no_ball"
+    if _exchanged(seen):
+        return "exchanged"
+    if seen.agreed < _AGREE * seen.both:
+        return "disagree"
+    return "ok" if seen.states else "short"
+
+
+def rate_of(points: list[Array]) -> float | None:
+    """Return the median rate of the sightings [Hz]; None without two."""
+    gaps = [b[0] - a[0] for a, b in pairwise(points)]
+    return 1.0 / float(np.median(gaps)) if gaps else None
+
+
+class Overlay:
+    """Draws pictures of one size."""
+
+    def __init__(self, sizes: tuple[tuple[int, int], ...], names: tuple[str, ...]) -> None:
+        """Lay the pictures out."""
+        self._cv2 = optional("cv2")
+        self._names, self._sizes = names, sizes
+        self._scale = max(1, -(-_HEIGHT // max(height for _, height in sizes)))
+        self._shapes = [(self._scale * h, self._scale * w) for w, h in sizes]
+        total = sum(w for _, w in self._shapes) + _GAP * (len(sizes) - 1)
+        self._size = (max(h for h, _ in self._shapes) + _STRIP, max(total, 760))
+
+    def draw(
+        self, t: float, frames: tuple[Frame, ...], moments: tuple[Moments, ...],
+        sighting: Sighting, ball: BallState,
+    ) -> Image:  # fmt: skip
+        """Return a picture in red, green, blue, shape (height, width, 3); both sizes even."""
+        height, width = (n + n % 2 for n in self._size)
+        canvas = np.full((height, width, 3), _GROUND, dtype=np.uint8)
+        seen = {m.camera: m for m in moments}
+        for frame in frames:
+            k = frame.camera
+            start = sum(w for _, w in self._shapes[:k]) + _GAP * k
+            h, w = self._shapes[k]
+            canvas[:h, start : start + w] = self._picture(frame, seen[k], sighting.found)
+        for k, text in enumerate((f"t = {t:8.4f} s", _told(sighting, ball))):
+            self._write(canvas, text, (10, height - _STRIP + 20 + 22 * k))
+        return canvas
+
+    def _picture(self, frame: Frame, m: Moments, agreed: bool) -> Image:
+        """Return one camera's image enlarged, its detection circled."""
+        cv2, s = self._cv2, self._scale
+        grey = np.repeat(np.repeat(frame.pixels, s, axis=0), s, axis=1)
+        picture = cv2.cvtColor(grey, cv2.COLOR_GRAY2RGB)
+        if m.found:
+            colour = _AGREED if agreed else _ALONE
+            # Pixel u covers s columns of the picture, its centre is half of them further.
+            at = (round(s * (m.u + 0.5) - 0.5), round(s * (m.v + 0.5) - 0.5))
+            radius = max(round(s * (sqrt(m.area / pi) + 2.0)), 5)
+            cv2.circle(picture, at, radius, colour, 1, cv2.LINE_AA)
+            for du, dv in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+                begin = (at[0] + du * (radius + 2), at[1] + dv * (radius + 2))
+                end = (at[0] + du * (radius + 9), at[1] + dv * (radius + 9))
+                cv2.line(picture, begin, end, colour, 1, cv2.LINE_AA)
+        self._write(picture, f"{self._names[frame.camera]}  {frame.number}", (8, 20))
+        return np.asarray(picture, dtype=np.uint8)
+
+    def _write(self, picture: Image, text: str, at: tuple[int, int]) -> None:
+        """Write text into a picture."""
+        cv2 = self._cv2
+        cv2.putText(picture, text, at, cv2.FONT_HERSHEY_SIMPLEX, 0.5, _TEXT, 1, cv2.LINE_AA)
+
+
+def _told(sighting: Sighting, ball: BallState) -> str:
+    """Return the second line of text."""
+    if not (ball.tracked or sighting.found):
+        return "no ball that both cameras agree on"
+    x, y, z = ball.r_o if ball.tracked else sighting.r_o
+    speed = f"speed {np.linalg.norm(ball.dr_o):5.2f} m/s" if ball.tracked else "no track yet"
+    return f"x {x:7.3f}  y {y:7.3f}  z {z:7.3f} m   {speed}"

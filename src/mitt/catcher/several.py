@@ -1,0 +1,166 @@
+"""Several maps at once: the paper's future "modular system", one map chosen for each throw.
+
+The maps come in an order of preference, the gentlest first. A throw is given to the first one
+that catches it with margin, and with room for the brake after the catch, unless one asked before
+finds it low, or else to the one that asks least of its tightest limit. Whenever the generator is
+adapted anew, as after a bounce, the choice is made again, and as soon as the predicted catch
+leaves the region of the map that is followed, as where drag or a gust makes the ball fall short. A
+ball that comes in low from the first is waited for: it may be meant to bounce into the region of a
+map. That map waits where it would, and keeps the ball as long as it can catch or await it: another
+map that reaches lower would go for the ball where it falls, and come too late after the bounce.
+Eq. (12) makes the new map start where the arm is and as fast as it moves, so that a change of maps
+is no jump.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import final
+
+import numpy as np
+
+from mitt import checks
+from mitt.arm.arm import Arm
+from mitt.catcher.generators import Direct
+from mitt.errors import InputError
+from mitt.fields import brief
+from mitt.map.demand import Tolerance
+from mitt.map.mapping import DirectMap
+from mitt.signals import Array, BallState, JointReference
+from mitt.verdict.feasibility import Outcome, Verdict, judge
+
+#: Share of each limit in units of which maps are compared: one that keeps them is preferred. The
+#: arm may be weaker, or carry more, than modelled: a fifth of its torque is no part of the brake.
+_CHOICE = Tolerance(torque=1.25, speed=1.0, acceleration=1.0, strength=0.8)
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Several:
+    """A choice among maps; see the module.
+
+    Attributes:
+        maps: The maps, the preferred one first.
+        margin: Share of its tightest limit up to which a map is taken without asking the others.
+        chosen: Index of the map that is followed; None before the first choice.
+        waited: Whether the map that is followed has waited for the ball.
+    """
+
+    maps: tuple[Direct, ...]
+    margin: float = 0.9
+    chosen: int | None = None
+    waited: bool = False
+
+    __repr__ = brief
+
+    def __post_init__(self) -> None:
+        """Refuse a choice among nothing."""
+        for f in checks.instance("maps", self.maps, tuple):
+            checks.instance("maps", f, Direct)
+        sizes = {f.map.alpha.shape for f in self.maps}
+        if len(sizes) != 1:
+            wanted = "maps of one arm and one degree, all with a match_weight or none"
+            raise InputError("maps", wanted, f"{len(self.maps)} others")
+
+    @property
+    def map(self) -> Direct:
+        """The map that is followed; the preferred one before the first choice."""
+        return self.maps[self.chosen or 0]
+
+    @property
+    def arms(self) -> tuple[Arm, ...]:
+        """The arms that its maps were made for."""
+        return tuple(arm for f in self.maps for arm in f.arms)
+
+    def on(self, arm: Arm) -> "Several":
+        """Return the choice for the same arm with other limits."""
+        return replace(self, maps=tuple(f.on(arm) for f in self.maps))
+
+    def sharpness(self, ball: BallState) -> float:
+        """Return the smallest predicted 1-sigma at any map's catch [m]."""
+        return min(f.sharpness(ball) for f in self._candidates())
+
+    def verdict(self, ball: BallState, q: Array, dq: Array | None = None) -> Verdict:
+        """Return the verdict of the map that the throw would be given to.
+
+        The arm is at rest in ``q``, or moves at ``dq`` [rad, rad/s], shape (n,) each.
+        """
+        best = self._best(ball, q, np.zeros(self.map.map.arm.n) if dq is None else dq)
+        return self.maps[best].verdict(ball, q, dq)
+
+    def unsettled(self, ball: BallState, q: Array) -> bool:
+        """Look whether no map's verdict could settle it."""
+        return all(f.unsettled(ball, q) for f in self.maps)
+
+    def returns(self, ball: BallState) -> bool:
+        """Look whether the predicted catch lies in the region of the map that waits."""
+        return self.map.returns(ball)
+
+    def astray(self, ball: BallState) -> bool:
+        """Say whether the map that is followed cannot catch any more, and another can.
+
+        A ball that was waited for was never given to a map for where it falls.
+        """
+        others = (f for f in self.maps if f is not self.map)
+        lost = not self.waited and not self.map.returns(ball)
+        return lost and any(f.returns(ball) for f in others)
+
+    def waiting(self, ball: BallState) -> BallState:
+        """Wait where the map that is followed would."""
+        return self.map.waiting(ball)
+
+    def adapt(self, ball: BallState, q: Array, dq: Array) -> "Several":
+        """Choose, and adapt the chosen map to start in ``q``, ``dq``, eq. (12)."""
+        index = self._best(ball, q, dq)
+        return self._follow(index, self.maps[index].adapt(ball, q, dq))
+
+    def wait(self, ball: BallState, q: Array, dq: Array) -> "Several":
+        """Let the map whose verdict on a ball is open wait for it, from ``q``, ``dq`` on."""
+        index = self._best(ball, q, dq)
+        f = self.maps[index]
+        return replace(self._follow(index, f.adapt(f.waiting(ball), q, dq)), waited=True)
+
+    def reference(self, ball: BallState) -> JointReference:
+        """Evaluate the chosen map."""
+        return self.map.reference(ball)
+
+    def as_map(self) -> DirectMap:
+        """Hand the chosen map over; all have the same number of monomials."""
+        return self.map.map
+
+    def _follow(self, index: int, adapted: Direct) -> "Several":
+        """Return the choice of a map, adapted."""
+        maps = (*self.maps[:index], adapted, *self.maps[index + 1 :])
+        return replace(self, maps=maps, chosen=index)
+
+    def _candidates(self) -> Sequence[Direct]:
+        """Return the maps that are still to be asked: all, or the one that is followed."""
+        return self.maps if self.chosen is None else (self.map,)
+
+    def _best(self, ball: BallState, q: Array, dq: Array) -> int:
+        """Return the map for a ball; the one followed is asked first."""
+        order = sorted(range(len(self.maps)), key=lambda k: k != self.chosen)
+        said: list[tuple[int, Verdict]] = []
+        waits = self.chosen is None  # for a bounce, until the ball is in a map's region
+        for k in order:
+            verdict = judge(self.maps[k].map, ball, q, tolerance=_CHOICE, dq=dq)
+            if verdict.outcome is Outcome.FEASIBLE and verdict.share <= self.margin:
+                return k
+            if waits and verdict.outcome is Outcome.OPEN:
+                return k
+            if self.waited and k == self.chosen and verdict.outcome in _KEPT:
+                return k
+            waits = waits and not np.isfinite(verdict.share)
+            said.append((k, verdict))
+        if all(verdict.outcome is Outcome.UNREACHABLE for _, verdict in said):
+            own = [self.maps[k].verdict(ball, q).outcome for k, _ in said]
+            said = [(k, replace(x, outcome=y)) for (k, x), y in zip(said, own, strict=True)]
+        worth = _AT_FIRST if self.chosen is None else _ON_THE_WAY
+        return min(said, key=lambda x: (worth.index(x[1].outcome), x[1].share))[0]
+
+
+#: Verdicts with which a map that has waited for a ball keeps it.
+_KEPT = (Outcome.FEASIBLE, Outcome.OPEN)
+#: Verdicts, the one worth most first. Once under way, a catch that costs too much is worth more
+#: than to wait with another map for what the map that was followed had waited for.
+_AT_FIRST = (Outcome.FEASIBLE, Outcome.OPEN, Outcome.UNSETTLED, Outcome.UNREACHABLE)
+_ON_THE_WAY = (Outcome.FEASIBLE, Outcome.UNSETTLED, Outcome.UNREACHABLE, Outcome.OPEN)

@@ -1,0 +1,452 @@
+"""The live loop: a robot, a catcher, and a person who says when the arm may move.
+
+Readings pace the loop: each makes a tick of the catcher, and one command answers the newest. Where
+no reading comes at all nothing is written, so that the robot's own watchdog brakes, and the brakes
+are engaged. Whatever a driver raises or gives that cannot be used stops the arm: within its limits
+as long as it can be read, by its brakes where it cannot.
+"""
+
+from collections.abc import Callable, Sequence
+from enum import Enum
+from math import ceil
+from typing import final
+
+import numpy as np
+from ruckig import InputParameter, Result, Ruckig, Synchronization, Trajectory
+
+from mitt.arm.arm import Arm, trusted_deceleration
+from mitt.catcher.catcher import Catcher, Phase
+from mitt.cell.frames import FrameSet, FrameSource, Sight
+from mitt.cell.readings import Counts, Lag, Positions, Watch, check_reading
+from mitt.cell.recorder import Recorder
+from mitt.cell.robot import RobotLink
+from mitt.cell.ticks import Ticks
+from mitt.clock import monotonic
+from mitt.control.envelope import bounds_of
+from mitt.control.health import Reason
+from mitt.errors import InputError
+from mitt.eyes.clock_offset import LearnedClock
+from mitt.eyes.lens import Lens
+from mitt.signals import TICK, ArmState, Array, Command
+
+#: Time without a position after which a ball is gone, longest throw, and how long a caught ball is
+#: held before the arm goes back [s].
+_GONE, _LONGEST, _HELD = 0.4, 3.0, 0.6
+#: Slowest ball that is a throw [m/s].
+_THROWN = 1.0
+#: How long it is looked once more for readings that did not come in time [s].
+_LOOK = 0.003
+#: How far from the ready pose the arm may rest [rad], and how long it may take beyond its time [s].
+_NEAR, _PATIENCE = 0.03, 1.0
+#: Speed of a joint that no slow motion has [rad/s]: it is told 1 rad/s at most; fastest setpoint
+#: then, which corrects gaps too.
+_TOO_FAST, _TO_READY = 2.5, 1.5
+#: How far an arm may be from where it is commanded to rest, that goes back by itself [rad].
+_PUSHED = 0.1
+#: Time within which a stop has to end [s], and time after a release in which the robot may still
+#: say why it had stopped before [s].
+_STOPS, _GRACE = 2.0, 0.05
+#: How often brakes are told that do not answer, and repeated readings from which it is said.
+_TOLD, _MANY = 3, 3.5
+_SLOWER = "joint states repeat: the robot is slower than its publisher"
+#: Fastest that a joint moves [rad/s]: the reduced speed of ISO 10218-1 is 0.25 m/s at the tool, a
+#: quarter of a metre from the joint; time to that speed [s], and share of the time for its onset.
+_FASTEST, _RAMP, _ONSET = 1.0, 0.25, 0.2
+#: Share of what the drives can accelerate with, and of the limits of acceleration and jerk, that
+#: is used.
+_GENTLE = 0.3
+
+
+class Mode(Enum):
+    """What the loop is about: a value says it in words."""
+
+    WAITING = "waiting for the robot"
+    """No healthy robot yet, or nobody has said that the arm may move."""
+    MOVING = "to the ready pose"
+    """Slowly."""
+    CATCHING = "catching"
+    """A fresh catcher watches, follows, brakes and holds."""
+    STOPPING = "stopping"
+    """A controlled stop within all limits."""
+    STOPPED = "stopped"
+    """At rest, brakes engaged, latched until a person says so."""
+
+
+@final
+class LiveLoop:
+    """Catches with a robot, throw after throw.
+
+    Attributes:
+        mode: What it is about.
+        why: Why it stops or has stopped.
+        counts: What happened so far.
+        notes: What is odd in what the robot and the ball's source send, in words, by its kind.
+        age: Time from the newest reading to its command here [s].
+    """
+
+    def __init__(
+        self, link: RobotLink, arm: Arm, first: Catcher, again: Callable[[Catcher], Catcher],
+        *, ready_speed: float, silence: float, frames: FrameSource | None = None,
+        lenses: Sequence[Lens] = (), recorder: Recorder | None = None,
+        clock: Callable[[], float] = monotonic,
+    ) -> None:  # fmt: skip
+        """Take the robot, the arm as it is driven, and a first catcher.
+
+        ``again`` returns a fresh one for another throw. ``ready_speed`` is the share of the speeds
+        in motions to the ready pose, ``silence`` the time without a reading after which the robot
+        is lost [s], ``clock`` the steady clock by which readings arrive [s]. Without ``frames``
+        the ball is seen as points; ``lenses`` bend them. ``recorder`` keeps each tick of a catch.
+        """
+        self._link, self._robot, self._arm = link, link.robot, arm
+        self._share, self._silence, self._sight = ready_speed, silence, Sight(frames, lenses)
+        self._clock, self._lag = clock, Lag()
+        self.mode, self.why = Mode.WAITING, ""
+        self.counts, self.notes = Counts(), dict[str, str]()
+        self._positions = Positions(self.counts)
+        self._watch = Watch(arm, link.robot, self._lag, self._positions, clock=clock,
+                            silence=silence)  # fmt: skip
+        self._ticks = Ticks(first, again, self._sight, self._positions, self.counts, recorder, arm,
+                            obeys=link.obeys)  # fmt: skip
+        self.age, self._until, self._fastest, self._missed = 0.0, np.inf, 0.0, False
+        self._unread = 0
+
+    @property
+    def idle(self) -> bool:
+        """Whether the arm waits in its ready pose for a ball that it has not decided on."""
+        catcher = self._ticks.catcher
+        watches = self.mode is Mode.CATCHING and catcher.phase is Phase.WATCH
+        return watches and catcher.tick is not None
+
+    @property
+    def clock(self) -> LearnedClock:
+        """The eyes' clock as the catches so far say it."""
+        return self._ticks.clock
+
+    def healthy(self) -> str:
+        """Read without moving, at first for 50 ms; return what is wrong, nothing if all is well."""
+        blind, wrong = self._sight.open(), self._watch.look()
+        now = self._clock()
+        self._sight.beside(1, now)
+        return "; ".join(x for x in (wrong, blind or self._sight.silent(now)) if x)
+
+    def begin(self) -> None:
+        """Move to the ready pose from here: a person has said that the arm may move."""
+        self.mode, self.why, self._until, self._unread = Mode.MOVING, "", np.inf, 0
+        try:
+            self._robot.read(0.0)
+            self._ticks.restart()
+            self._link.release()
+        except Exception as error:  # a driver's own
+            self._cut(f"the robot cannot be released: {error}")
+
+    def acknowledge(self) -> str:
+        """Release the brakes of a robot in protective stop: a person has said so.
+
+        What is returned says why that failed; nothing where it did not.
+        """
+        try:
+            self._link.release()
+        except Exception as error:  # a driver's own
+            return f"the robot cannot be released: {error}{self._engaged()}"
+        return ""
+
+    def leave(self, why: str) -> None:
+        """Leave the arm safe, whatever happened: at rest if it can be, its brakes engaged."""
+        end = monotonic() + _STOPS + 1.0
+        try:
+            self.stop(why)
+            while self.mode is Mode.STOPPING and monotonic() < end:
+                try:
+                    self.cycle()
+                except BaseException as error:  # it ends anyway: first the arm comes to rest
+                    self._failed(f"interrupted: {error}")
+        finally:
+            if self._link.released:
+                self.finish()
+
+    def stop(self, why: str) -> None:
+        """Stop within all limits, for a reason; it stays so until :meth:`begin`."""
+        if self.mode in (Mode.MOVING, Mode.CATCHING):
+            self.why = why
+            self._ticks.stop()
+            self.mode, self._until = Mode.STOPPING, self._ticks.stamps.t + _STOPS
+
+    def finish(self) -> None:
+        """Engage the brakes of the arm at rest: all is done."""
+        was, self.mode = self.mode, Mode.STOPPED
+        self.why += self._engaged()
+        if was is Mode.CATCHING:
+            self._stay()
+
+    def _engaged(self) -> str:
+        """Engage the brakes, more than once where they do not answer; say so if they never do."""
+        said = ""
+        for _ in range(_TOLD):
+            try:
+                self._link.brake()
+            except BaseException as error:  # a driver's own: its watchdog is left
+                said = f"; the brakes do not answer: {error}"
+            else:
+                return ""
+        return said
+
+    def _stay(self) -> None:
+        """Leave a robot that rests with a setpoint that moves nothing: it may be its last."""
+        catcher = self._ticks.catcher
+        if catcher.tick is not None and self._ticks.rests:
+            hand, stamp = catcher.result.scalars[0]["hand"], self._ticks.stamps.stamp
+            self._link.stay(catcher.estimated[0], float(hand), stamp)
+
+    def cycle(self) -> None:
+        """Wait for readings and answer them; what goes wrong stops the arm and is not raised."""
+        try:
+            # The second look is for a stall of ours, after which nothing had time to come in.
+            readings = self._robot.read(self._silence) or self._robot.read(_LOOK)
+            for reading in readings or ():
+                check_reading(reading, self._arm.n)
+        except Exception as error:  # a driver's own
+            self._failed(f"the robot cannot be read: {error}")
+            return
+        self._unread = 0
+        try:
+            self._take(readings)
+        except Exception as error:  # ours, or what a driver gave
+            self._cut(str(error))
+
+    def _failed(self, why: str) -> None:
+        """Stop where readings fail; give the robot up once they have for as long as silence may be.
+
+        What fails at once, without waiting, counts as a tick.
+        """
+        self._unread += 1
+        self.stop(why)
+        if self._unread * TICK >= self._silence:
+            self._cut(why)
+
+    def _take(self, readings: Sequence[ArmState]) -> None:
+        """Answer the readings of a cycle."""
+        now, begun = self._clock(), monotonic()
+        if not readings:
+            self._cut(f"no joint states for {1e3 * self._silence:.0f} ms")
+            return
+        late = self._lag.fault(readings[-1].t, now)
+        self._look_at_ball(readings[-1].t + self._lag.later)
+        answer, watches = None, self.mode is Mode.CATCHING
+        for reading, seen in zip(readings, self._images(len(readings), now), strict=True):
+            command = self._ticks.answer(reading, now, seen if watches else None)
+            if command is not None:
+                answer = (command, reading.t)
+        self.counts.late += len(readings) - 1
+        if late and not self._ticks.stamps.fault:
+            self.stop(f"the robot's {late}")
+        if blind := self._sight.silent(now):
+            self.stop(blind)
+        if self._ticks.frozen:
+            self.stop("joint states repeat while the arm moves: the robot is not read any more")
+        if answer is not None and self.mode is not Mode.STOPPED:
+            self._answer(*answer)
+            self.age = monotonic() - begun
+            self._ticks.catcher.think()
+        self._ask()  # after the command: what others say may take its time
+        if answer is not None and self.mode is not Mode.STOPPED:
+            self._advance()
+
+    def _answer(self, command: Command, stamp: float) -> None:
+        """Pass a command on; give up a robot that takes none."""
+        try:
+            fastest = _TO_READY if self.mode is Mode.MOVING else np.inf
+            q = self._ticks.catcher.estimated[0]
+            self._link.write(command, stamp, q, fastest=fastest)
+        except Exception as error:  # a driver's own
+            self._cut(f"the robot takes no command: {error}")
+
+    def _ask(self) -> None:
+        """Stop where the robot says so."""
+        try:
+            trouble = self._robot.waits() or self._robot.trouble()
+        except Exception as error:  # a driver's own
+            trouble = str(error)
+        if trouble and self._ticks.stamps.t > _GRACE:
+            self.stop(f"the robot says: {trouble}")
+
+    def _look_at_ball(self, due: float) -> None:
+        """Take in new positions of the ball; stop where none of them can be used."""
+        try:
+            self._positions.take(self._robot.points(), due)
+        except Exception as error:  # a driver's own
+            self.stop(str(error))
+        if self._positions.fault:
+            self.stop(self._positions.fault)
+        if self._positions.note:
+            self.notes["ball"] = self._positions.note
+        self.notes["absent"] = self._positions.absent
+        if not self.notes["absent"]:  # it has come
+            del self.notes["absent"]
+        if self._ticks.repeating > _MANY:
+            self.notes["readings"] = _SLOWER
+
+    def _images(self, count: int, now: float) -> Sequence[FrameSet | None]:
+        """Return images beside so many readings; stop where their source fails."""
+        try:
+            return self._sight.beside(count, now)
+        except Exception as error:  # a source's own
+            self.stop(f"the cameras cannot be read: {error}")
+            return [None] * count
+
+    def _advance(self) -> None:
+        """Go on to what comes next."""
+        catcher, stamps, now = self._ticks.catcher, self._ticks.stamps, self._ticks.t
+        if self.mode is Mode.STOPPED:  # latched: only a person goes on
+            return
+        if stamps.fault and self.mode is not Mode.STOPPING:
+            self.stop(f"the robot's stamps jumped: {stamps.fault}")
+        if self.mode is Mode.STOPPING:
+            rests = catcher.phase is Phase.STOPPED and self._ticks.rests
+            if rests or stamps.t > self._until:
+                self._halt()
+        elif catcher.phase is Phase.STOPPED:
+            self._stopped(catcher)
+        elif self._link.braked:
+            self._cut("the brakes were engaged: a joint was not read")
+        elif self.mode is Mode.MOVING:
+            self._moving(now)
+        elif self.mode is Mode.CATCHING:
+            self._catching(now)
+
+    def _moving(self, now: float) -> None:
+        """Plan the way once the arm's place is known; watch once it is at its end."""
+        catcher, ready = self._ticks.catcher, self._arm.q_ready
+        if np.max(np.abs(catcher.estimated[1])) > _TOO_FAST:
+            self.stop("the arm is faster than it was told to be on its way to the ready pose")
+            return
+        if self._until == np.inf and self._ticks.told_to_rest:  # with jerk limits after some ticks
+            way = slow_motion(self._arm, catcher.result.command[0].copy(), ready, self._share)
+            catcher.move(way)
+            self._ticks.recorded = False
+            self._until = now + len(way) * TICK
+        elif now > self._until:
+            if (gap := np.max(np.abs(catcher.estimated[0] - ready))) < _NEAR and self._ticks.rests:
+                self._ticks.fresh()
+                self._ticks.record()
+                self.mode = Mode.CATCHING
+            elif now > self._until + _PATIENCE:
+                self.stop(f"the ready pose was not reached: {gap:.2f} rad are left")
+
+    def _catching(self, now: float) -> None:
+        """See whether a throw is over."""
+        catcher = self._ticks.catcher
+        result, phase = catcher.result.scalars[0], catcher.phase
+        if phase is Phase.BRAKE:
+            t_end = catcher.state.scalars[0]["t_brake"] + catcher.braking
+            if now > t_end + _HELD:
+                self._over()
+            return
+        if not result["tracked"]:
+            return
+        self._fastest = max(self._fastest, float(np.linalg.norm(catcher.result.ball[1])))
+        gone = now - result["t_seen"] > _GONE or now - result["t_first"] > _LONGEST
+        if gone and phase is Phase.FOLLOW:
+            self._missed = True
+            self._ticks.stop()
+        elif gone:
+            self._over(refused=phase is Phase.REFUSED)
+
+    def _stopped(self, catcher: Catcher) -> None:
+        """Go back after a stop for the ball's sake; else stay, once at rest."""
+        found = catcher.stopped_by
+        for_the_ball = found is not None and (self._missed or found.reason is Reason.LOST)
+        if for_the_ball and not self._link.braked:
+            if not self._ticks.rests:
+                return
+            if (gap := self._ticks.gap) < _PUSHED:
+                self.counts.stopped += not self._missed
+                self._over()
+                return
+            self.why = f"the arm was pushed {gap:.2f} rad away from where it was to stop"
+        elif found is None:
+            self.why = "unknown"
+        else:
+            joint = "" if found.joint is None else f" {found.joint}"
+            hint = f"; {found.hint}" if found.hint else ""
+            self.why = f"{found.reason.value}{joint}{hint}"
+        self.mode, self._until = Mode.STOPPING, self._ticks.stamps.t + _STOPS
+
+    def _over(self, *, refused: bool = False) -> None:
+        """Count a throw and go to the ready pose for the next."""
+        if self._fastest > _THROWN:
+            self.counts.throws += 1
+            self.counts.refused += refused
+        if self._ticks.catcher.phase is Phase.BRAKE:  # a braked one still holds the ball
+            self._ticks.learn()
+            if warning := self.clock.warning:
+                self.notes["clock"] = warning
+            else:
+                self.notes.pop("clock", None)
+        else:
+            self._ticks.fresh()
+        self._fastest, self._missed = 0.0, False
+        self.mode, self._until = Mode.MOVING, np.inf
+
+    def _halt(self) -> None:
+        """Engage the brakes and stay; a ball in flight then is one that was not caught."""
+        self.mode = Mode.STOPPED
+        self.why = "; ".join([self.why, *self.notes.values()]) + self._engaged()
+        self._stay()
+        self.counts.stops.append(self.why)
+        if self._fastest > _THROWN:
+            self.counts.throws += 1
+            self.counts.stopped += 1
+        self._fastest, self._missed = 0.0, False
+
+    def _cut(self, why: str) -> None:
+        """Give up a robot that cannot be read: brakes, and its own watchdog, stop it."""
+        if self.mode not in (Mode.STOPPED, Mode.WAITING):
+            self.why = self.why if self.mode is Mode.STOPPING else why
+            self._halt()
+
+
+def slow_motion(arm: Arm, start: Array, end: Array, share: float) -> Array:
+    """Return q, dq, ddq each tick from one pose to another, straight in the joints, (k, 3, n).
+
+    It rests at both, shape (n,) [rad]. ``share`` of the joints' speeds is used, 1 rad/s at most.
+    """
+    b = bounds_of(arm)
+    speed = np.minimum(np.minimum(share * arm.dq_max, b["dq_max"]), _FASTEST)
+    most = _GENTLE * np.minimum(trusted_deceleration(arm, start), b["ddq_max"])
+    acceleration = np.minimum(speed / _RAMP, most)
+    jerk = np.minimum(acceleration / (_ONSET * _RAMP), _GENTLE * b["jerk"])
+    request, way = InputParameter(arm.n), Trajectory(arm.n)
+    request.synchronization = Synchronization.Phase
+    request.current_position, request.target_position = start.tolist(), end.tolist()
+    request.max_velocity, request.max_acceleration = speed.tolist(), acceleration.tolist()
+    request.max_jerk = jerk.tolist()
+    try:
+        found = Ruckig(arm.n).calculate(request, way)
+    except Exception as error:  # Ruckig's own
+        raise InputError("a motion", "two poses at rest", f"{error}"[:120]) from error
+    if found not in (Result.Working, Result.Finished):
+        raise InputError("a motion", "two poses at rest", f"{start.tolist()}, {end.tolist()}")
+    return sampled(way, np.arange(ceil(way.duration / TICK) + 2) * TICK)
+
+
+def sampled(way: Trajectory, t: Array) -> Array:
+    """Return q, dq, ddq of a motion from rest at some times, shape (k, 3, n); at its end after it.
+
+    Ruckig is asked where the jerk of a joint changes, 7 times a joint at most. Between these times
+    each joint is a cubic. Asking for each tick takes 4 us a tick, longer than a robot waits.
+    """
+    ends = [np.cumsum(profile.t) for profile in way.profiles[0]]
+    knots = np.unique(np.clip([0.0, way.duration, *np.concatenate(ends)], 0.0, way.duration))
+    known = np.array([way.at_time(x)[:3] for x in knots.tolist()])
+    t = np.minimum(t, way.duration)
+    k = np.clip(np.searchsorted(knots, t, side="right") - 1, 0, max(len(knots) - 2, 0))
+    x = (t - knots[k])[:, None]
+    lasts = np.append(np.diff(knots), 1.0)[k, None]
+    q, dq, ddq = np.moveaxis(known[k], 1, 0)
+    jerk = (known[np.minimum(k + 1, len(knots) - 1), 2] - ddq) / lasts
+    rows = (
+        q + x * (dq + x * (0.5 * ddq + x * jerk / 6.0)),
+        dq + x * (ddq + 0.5 * x * jerk),
+        ddq + x * jerk,
+    )
+    return np.stack(rows, axis=1)

@@ -1,0 +1,224 @@
+"""What a robot's driver does for the catcher: it reads the encoders and takes commands.
+
+A driver passes ``Command.brakes`` on to the brakes: after a stop with a joint whose encoder is in
+doubt nothing else holds the arm. What has no brakes is therefore refused when the link is made,
+unless the caller says that the arm stays where it is without its drives.
+
+Drivers of other packages are entry points of the group ``mitt.robots``: a function from a
+:class:`mitt.files.cell.Cell` and its :class:`mitt.arm.arm.Arm` to a :class:`Robot`.
+"""
+
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from functools import partial
+from importlib.metadata import entry_points
+from math import inf
+from typing import NamedTuple, ParamSpec, Protocol, TypeVar, final, runtime_checkable
+
+import numpy as np
+
+from mitt import checks
+from mitt.arm.arm import Arm
+from mitt.control.setpoints import Setpoints
+from mitt.errors import InputError, UnknownNameError, answered_by
+from mitt.files.cell import Cell
+from mitt.signals import TICK, ArmState, Array, Command, Sighting
+
+#: Group of the entry points.
+GROUP = "mitt.robots"
+P = ParamSpec("P")
+R = TypeVar("R")
+#: Time after which a setpoint says nothing of the next [s].
+_STALE = 0.05
+
+
+@runtime_checkable
+class Robot(Protocol):
+    """A driver of one arm, with the point source beside it.
+
+    Attributes:
+        brakes: Whether the arm has brakes that a command can engage.
+    """
+
+    brakes: bool
+
+    def read(self, timeout: float) -> Sequence[ArmState]:
+        """Return all encoder readings since the last call, oldest first, as stamped by the robot.
+
+        Args:
+            timeout: Time to wait for one where there is none yet [s].
+        """
+
+    def points(self) -> Sequence[Sighting]:
+        """Return all positions of the ball since the last call, stamped by the robot's clock."""
+
+    def write(self, command: Command, answers: float) -> None:
+        """Give the drives what they take and the hand its angle; nothing waits for them."""
+
+    def engage_brakes(self) -> None:
+        """Engage the brakes and, once they act, switch the drives off. May be called again."""
+
+    def release(self) -> None:
+        """Release the brakes and acknowledge a protective stop: a person has said so."""
+
+    def waits(self) -> str:
+        """Return why it cannot be commanded at all, as by another commander; nothing if it can."""
+
+    def trouble(self) -> str:
+        """Return why the robot does not take commands, as a protective stop; nothing if it does."""
+
+    def news(self) -> Sequence[str]:
+        """Return what a simulated cell has said of its throws since the last call, as JSON."""
+
+    def close(self) -> None:
+        """Give the link up."""
+
+
+Driver = Callable[[Cell, Arm], Robot]
+"""Makes the robot of a cell."""
+
+
+@final
+class ReceivedCommand(NamedTuple):
+    """A command as it arrives at a robot: stamp of the reading that it answers [s], joints, hand.
+
+    ``joints`` are q, dq, ddq, tau of the active joints, shape (4, n), ``hand`` is its closing angle
+    [rad]; NaN where a message does not say them, as an array does not say which reading it answers.
+    """
+
+    answers: float
+    joints: Array
+    hand: float
+
+
+@final
+class RobotLink:
+    """Passes commands on to a robot, the one to its brakes included.
+
+    Attributes:
+        robot: Its driver.
+        braked: Whether the brakes were commanded to engage.
+        released: Whether they may be released: they were told to be, and not to engage since.
+    """
+
+    def __init__(
+        self, robot: Robot, *, unbraked: bool = False, setpoints: Setpoints | None = None
+    ) -> None:
+        """Take the robot.
+
+        Args:
+            robot: Its driver.
+            unbraked: Whether an arm without brakes is accepted: it is only de-energised then.
+            setpoints: Makes setpoints of the commands, for a robot that takes no torques.
+
+        Raises:
+            InputError: The robot has no brakes, or is no driver.
+        """
+        if not isinstance(robot, Robot):
+            raise InputError("robot", "a driver (mitt.cell.robot.Robot)", checks.shown(robot))
+        if not robot.brakes and not unbraked:
+            do = "if the arm stays where it is without its drives, say unbraked=True"
+            raise InputError("robot", "brakes that a stop can engage", "none", do=do)
+        self.robot, self.braked, self.released = robot, False, False
+        self._setpoints, self._answered = setpoints, -inf
+
+    @property
+    def obeys(self) -> bool:
+        """Whether the arm does at once what it is told: by torques, not by setpoints."""
+        return self._setpoints is None
+
+    def write(self, command: Command, answers: float, q: Array, *, fastest: float = inf) -> None:
+        """Pass a command on: brakes first, so that nothing that fails later keeps them off.
+
+        Args:
+            command: The command.
+            answers: Stamp of the reading that it answers [s].
+            q: Where the joints are estimated to be [rad], shape (n,).
+            fastest: Speed beyond which no setpoint moves a joint [rad/s].
+        """
+        if command.brakes:
+            self.brake()
+        if self._setpoints is not None:
+            passed = answers - self._answered
+            passed = passed if 0.0 < passed < _STALE else TICK
+            command = self._setpoints.lead(command, q, passed=passed, fastest=fastest)
+        self._answered = answers
+        self.robot.write(command, answers)
+
+    def stay(self, q: Array, hand: float, answers: float) -> None:
+        """Leave a robot that takes setpoints with one that moves nothing.
+
+        It rests at ``q`` and is braked: a driver that fails here changes nothing.
+        """
+        if self._setpoints is not None:
+            still = np.zeros(len(q))
+            joints = np.array([q, still, still, still])
+            with suppress(Exception):  # a driver's own
+                self.robot.write(Command(t=answers, joints=joints, hand=hand), answers)
+
+    def brake(self) -> None:
+        """Engage the brakes, where there are any."""
+        self.braked = True
+        if self.robot.brakes:
+            self.robot.engage_brakes()
+        self.released = False
+
+    def release(self) -> None:
+        """Let the robot take commands again: a person has said so."""
+        if self._setpoints is not None:
+            self._setpoints.restart()
+        self.braked, self.released = False, True
+        self.robot.release()
+
+
+def driver_named(name: str) -> Driver:
+    """Return a driver of another package.
+
+    Raises:
+        UnknownNameError: No driver is called that.
+        InputError: It does not load.
+    """
+    added = {entry.name: entry for entry in entry_points(group=GROUP)}
+    if name not in added:
+        raise UnknownNameError("robot.driver", name, ("ros2", "sim", *sorted(added)))
+    try:
+        driver: Driver = added[name].load()
+    except (ImportError, AttributeError) as error:
+        raise InputError(f"driver {name!r}", f"the entry point {added[name].value} to load", error,
+                         do="repair that package") from error  # fmt: skip
+    return partial(_added, f"driver {name!r}", driver)
+
+
+def _added(name: str, driver: Driver, cell: Cell, arm: Arm) -> Robot:
+    """Return the robot that a driver of another package makes, its exceptions named after it."""
+    with answered_by(name):
+        robot = checks.instance("robot", driver(cell, arm), Robot)  # type: ignore[type-abstract]
+    return _Added(name, robot)
+
+
+def _answered(name: str, method: Callable[P, R]) -> Callable[P, R]:
+    """Return a method of another package whose exceptions are named after it."""
+
+    def call(*args: P.args, **kwargs: P.kwargs) -> R:
+        with answered_by(name):
+            return method(*args, **kwargs)
+
+    return call
+
+
+@final
+class _Added:
+    """A robot of another package: the same calls, its exceptions named after it."""
+
+    def __init__(self, name: str, inner: Robot) -> None:
+        """Take what an error calls it, and the robot."""
+        self.brakes = inner.brakes
+        self.read = _answered(name, inner.read)
+        self.points = _answered(name, inner.points)
+        self.write = _answered(name, inner.write)
+        self.engage_brakes = _answered(name, inner.engage_brakes)
+        self.release = _answered(name, inner.release)
+        self.waits = _answered(name, inner.waits)
+        self.trouble = _answered(name, inner.trouble)
+        self.news = _answered(name, inner.news)
+        self.close = _answered(name, inner.close)

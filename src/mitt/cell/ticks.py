@@ -1,0 +1,233 @@
+"""A catcher's ticks from a robot's readings: their time, what was seen beside them, the record.
+
+Each reading makes a tick. Those that never came are counted; the catcher goes by the stamps. What
+arm and eyes say of a catch is kept as it comes, for the offset of the eyes' clock.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import final
+
+import numpy as np
+
+from mitt.arm.arm import Arm
+from mitt.catcher.catcher import Catcher
+from mitt.catcher.settings import BRAKE, FOLLOW
+from mitt.cell.frames import FrameSet, Sight
+from mitt.cell.readings import STRAY, Counts, Positions, Stamps
+from mitt.cell.recorder import Recorder
+from mitt.errors import InputError
+from mitt.eyes.clock_offset import FARTHEST, Catch, ClockOffset, LearnedClock, caught_offset
+from mitt.signals import TICK, ArmState, Array, Command, Frame, Senses
+
+#: How far a joint has to have moved before a row of angles that repeats is no reading [rad], beside
+#: a step of its encoder.
+_MOVED = 5e-5
+#: Share of what it has moved by that is forgotten in a tick: at rest estimates are not zero; and of
+#: the readings that repeat.
+_FORGOTTEN, _FADES = 0.1, 0.01
+#: Rows in a row that repeat, and how far a joint has moved meanwhile [rad], from which joint states
+#: have stopped: hardware of 125 Hz repeats 7, an encoder of 1 degree more on a slow way.
+_FROZEN, _FAR = 9, 0.005
+#: Speeds below which an arm rests, commanded and estimated [rad/s].
+_REST, _STILL = 1e-3, 0.05
+#: Ticks and sightings that are kept: the longest brake takes a second, and a clock may be off.
+_KEPT = 1500
+
+
+@final
+class CatchNotes:
+    """The newest readings and sightings of a throw, until its arm rests."""
+
+    def __init__(self, arm: Arm) -> None:
+        """Make room for an arm's readings."""
+        self._arm, self._read, self._saw = arm, 0, 0
+        self._readings = np.zeros(_KEPT, [("t", float), ("q", float, arm.n)])
+        self._sightings = np.zeros(_KEPT, [("t", float), ("r_o", float, 3), ("cov", float, (3, 3))])
+        t = np.linspace(0.0, 0.1, 100)  # what is compiled is loaded now, not beside a moving arm
+        caught_offset(arm, Catch(
+            t_arm=t, q=np.tile(arm.q_ready, (100, 1)), t_seen=t, seen=np.zeros((100, 3)),
+            covariance=np.tile(np.eye(3), (100, 1, 1)), t_brake=0.0, t_rest=0.1,
+        ))  # fmt: skip
+
+    def clear(self) -> None:
+        """Begin for another throw."""
+        self._read = self._saw = 0
+
+    def note(self, senses: Senses, catcher: Catcher) -> None:
+        """Keep what a tick was given and has found."""
+        out, s = catcher.result.scalars[0], catcher.state.scalars[0]
+        if out["phase"] not in (FOLLOW, BRAKE) or out["t"] > s["t_rest"] + FARTHEST > 0.0:
+            return
+        self._readings[self._read % _KEPT] = senses.arm.t, senses.arm.q
+        self._read += 1
+        if out["sighted"]:
+            self._see(out["t_sighted"], catcher.result.sighting[0], catcher.result.sighting[1:])
+        for point in senses.points:
+            if point.found:
+                self._see(point.t, point.r_o, point.covariance)
+
+    def _see(self, t: float, r_o: Array, covariance: Array) -> None:
+        """Keep a sighting."""
+        self._sightings[self._saw % _KEPT] = t, r_o, covariance
+        self._saw += 1
+
+    def offset(self, catcher: Catcher) -> ClockOffset:
+        """Return what they say of the clocks, once the arm rests."""
+        s = catcher.state.scalars[0]
+        read, saw = self._readings[: self._read], self._sightings[: self._saw]
+        read = read[np.argsort(read["t"], kind="stable")]
+        rising = read[np.diff(read["t"], prepend=-np.inf) > 0.1 * TICK]
+        return caught_offset(self._arm, Catch(
+            t_arm=rising["t"], q=rising["q"], t_seen=saw["t"], seen=saw["r_o"],
+            covariance=saw["cov"], t_brake=s["t_brake"].item(), t_rest=s["t_rest"].item(),
+        ))  # fmt: skip
+
+
+@final
+class Ticks:
+    """Lets catchers make ticks, one catcher a throw; their time begins with each.
+
+    Attributes:
+        catcher: The one of this throw.
+        stamps: The robot's stamps as a time that only goes on.
+        recorded: Whether the ticks are recorded: those of a catch are.
+        repeating: How many readings of the last tenth of a second, about, repeat the one before.
+        frozen: Whether they have for so long that no reading comes any more.
+        clock: The eyes' clock as the catches so far say it; it corrects their stamps.
+    """
+
+    def __init__(
+        self, first: Catcher, again: Callable[[Catcher], Catcher], sight: Sight,
+        positions: Positions, counts: Counts, recorder: Recorder | None, arm: Arm, *, obeys: bool,
+    ) -> None:  # fmt: skip
+        """Take a first catcher, what returns a fresh one for another throw, and what they need.
+
+        An arm that ``obeys`` does at once what it is told: by torques, not by setpoints.
+        """
+        self.catcher, self.stamps, self.recorded = first, Stamps(), False
+        self._again, self._sight, self._counts, self._recorder = again, sight, counts, recorder
+        self._positions, self._begun, self._last = positions, 0.0, 0.0
+        self.clock, self._offset, self._notes = LearnedClock(), 0.0, CatchNotes(arm)
+        self.repeating, self.frozen, self._obeys = 0.0, False, obeys
+        self._run, self._travel = 0, 0.0
+        self._read, self._moved, self._least = np.zeros(0), np.zeros(0), _MOVED + arm.encoder_step
+
+    @property
+    def t(self) -> float:
+        """Time of this catcher [s]."""
+        return self.stamps.t - self._begun
+
+    @property
+    def gap(self) -> float:
+        """How far the arm is from where it is commanded to be, at the worst joint [rad]."""
+        return float(np.max(np.abs(self.catcher.result.command[0] - self.catcher.estimated[0])))
+
+    @property
+    def told_to_rest(self) -> bool:
+        """Whether the last command leaves every joint at rest."""
+        return bool(np.all(np.abs(self.catcher.result.command[1]) < _REST))
+
+    @property
+    def rests(self) -> bool:
+        """Whether the arm is commanded to rest, and does."""
+        return self.told_to_rest and bool(np.all(np.abs(self.catcher.estimated[1]) < _STILL))
+
+    def restart(self) -> None:
+        """Forget the stamps so far, as after a stop, and take a fresh catcher."""
+        self.stamps, self._last, self._read, self.frozen = Stamps(), 0.0, np.zeros(0), False
+        self._positions.restart()
+        self.fresh()
+
+    def fresh(self) -> None:
+        """Take a fresh catcher, whose time begins now."""
+        self.catcher, self.recorded = self._again(self.catcher), False
+        self._begun = self.stamps.t
+        self._sight.fresh()
+
+    def answer(self, reading: ArmState, arrived: float, shown: FrameSet | None) -> Command | None:
+        """Make a tick from a reading, and count those before it that are lost.
+
+        Raises:
+            InputError: Its stamp is no number, or a first one has joints without a number.
+        """
+        t = self.stamps.take(reading.t, arrived)
+        if t is None:
+            return None
+        if self.catcher.tick is not None:  # a fresh one begins with this reading
+            self._counts.lost += max(round((t - self._last) / TICK) - 1, 0)
+        self._last = t
+        shift = self.stamps.at(0.0) - self._begun
+        t -= self._begun
+        seen = tuple(
+            replace(p, t=p.t + shift + self._offset) for p in self._positions.upto(reading.t)
+        )
+        frames: tuple[Frame, ...] = ()
+        if shown is not None and -STRAY < shown.t + shift - t < STRAY:
+            frames = self._sight.show(self.catcher, shown, shown.t + shift + self._offset)
+        elif shown is not None:
+            self._counts.stray += 1
+        if self.catcher.tick is None and not np.all(np.isfinite(reading.q)):
+            raise InputError("the first reading", "the angle of each joint", "NaN")
+        self._counts.ticks += 1
+        arm = ArmState(t=t, q=reading.q, dq=reading.dq)
+        self.repeating *= 1.0 - _FADES
+        if self._repeats(reading):
+            self._counts.repeated += 1
+            self.repeating += 1.0
+            nothing = np.full(len(reading.q), np.nan)
+            arm = ArmState(t=t, q=nothing, dq=nothing)
+        return self._step(Senses(t=t, arm=arm, frames=frames, points=seen))
+
+    def _repeats(self, reading: ArmState) -> bool:
+        """Say whether a reading is the one before under a new stamp: all joints, to the last digit.
+
+        An arm at rest repeats itself. One that moves does not, once a joint has moved by more than
+        its encoder tells apart.
+        """
+        if self.catcher.tick is None or not np.array_equal(reading.q, self._read):
+            self._read, self._moved = np.array(reading.q), np.zeros(len(reading.q))
+            self._run, self._travel, self.frozen = 0, 0.0, False
+            return False
+        speed = np.abs(self.catcher.estimated[1])
+        if self._obeys:
+            speed = np.maximum(speed, np.abs(self.catcher.result.command[1]))
+        self._moved = (1.0 - _FORGOTTEN) * self._moved + TICK * speed
+        repeats = bool(np.any(self._moved > self._least))
+        self._run += repeats
+        self._travel += TICK * float(np.max(speed))
+        self.frozen = self._run >= _FROZEN and self._travel > _FAR
+        return repeats
+
+    def _step(self, senses: Senses) -> Command:
+        """Let the catcher make a tick; recorded unless it is on its way to the ready pose."""
+        command = self.catcher.step(senses)
+        if self.recorded:
+            self._notes.note(senses, self.catcher)
+        if self._recorder is not None and self.recorded:
+            self._recorder.tick(senses, command, self.catcher.result)
+        return command
+
+    def stop(self) -> None:
+        """Stop with the next tick."""
+        self.catcher.stop()
+        self._note("stop")
+
+    def record(self) -> None:
+        """Record from now on: a catch begins, with the clock as it is known."""
+        self.recorded, self._offset = True, self.clock.offset
+        self._notes.clear()
+        self._note("again")
+        if self._recorder is not None and self._offset != 0.0:
+            self._recorder.clock(self._offset)
+
+    def learn(self) -> ClockOffset:
+        """Learn from the catch that is over what it says of the clocks, and return that."""
+        found = self._notes.offset(self.catcher)
+        self.clock.take(found, self._offset)
+        return found
+
+    def _note(self, call: str) -> None:
+        """Record what the catcher is told besides its senses."""
+        if self._recorder is not None and self.recorded:
+            self._recorder.call(call)

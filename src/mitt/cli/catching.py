@@ -1,0 +1,300 @@
+"""``mitt catch`` and ``mitt learn``: throw, see, map, catch; learn a map."""
+
+from dataclasses import asdict, fields, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import mitt
+from mitt import checks
+from mitt.arm.shapes import check_floor
+from mitt.cli.line import parse
+from mitt.cli.options import ArmOptions, CatchOptions, LearnOptions
+from mitt.cli.screen import (
+    Report,
+    check_new_files,
+    checked,
+    print_json,
+    progress,
+    say,
+    show,
+    table,
+    tell_of_kernels,
+    warn,
+)
+from mitt.errors import FileError, InputError
+from mitt.files.arm_file import ArmSpec
+from mitt.files.maps import read_map, save_map
+from mitt.files.writing import check_folder, check_ours, file_name, locked, new_folder
+from mitt.interrupts import notice, status_of, words_of
+from mitt.map.learn import Learned
+from mitt.map.map_design import warnings_of
+from mitt.map.mapping import unlearned
+from mitt.reading import difference, noted
+from mitt.trials.learning import LEARNING_SEED, Neighbourhood
+from mitt.trials.learning import learn as learn_from
+from mitt.trials.registry import check_generator
+from mitt.trials.result import LEAVES, MAP, STATUSES, Kept, force_words, kept_words
+from mitt.trials.runs import FinishedRun, Prepared, RunSettings
+from mitt.trials.runs import run as run_throws
+from mitt.trials.score import Trial, reason_of
+from mitt.trials.source import source_of, widened
+from mitt.world.scene import DEFAULT_SCENE, read_scene
+
+#: Most throws in one run; more belong into a study.
+_MOST_THROWS = 100_000
+#: Options that may name a file.
+_FILES = ("arm", "limits", "scene", "map", "throws_file", "flights")
+#: Options that a map has decided already.
+_OF_THE_MAP = ("catch_joint", "q_catch", "kappa", "inward", "order")
+
+
+def catch(options: CatchOptions) -> int:
+    """Run ``mitt catch``; return its exit status."""
+    prepared = prepare(options)
+    warn(warnings_of(prepared.arm, prepared.design), json=options.json)
+    if options.check:
+        return checked(f"{prepared.source.count} throws, output to {prepared.out}")
+    with locked(prepared.out):
+        tell_of_kernels()
+        with progress() as report:
+            finished = _run(prepared, report)
+    if options.json:
+        print_json(finished.result)
+    else:
+        _show(finished)
+    if finished.clock is not None and finished.clock.warning:
+        warn([finished.clock.warning], json=options.json)
+    if finished.interrupt is not None:
+        kept = kept_words(len(finished.trials), prepared.source.count, prepared.out)
+        say(f"{words_of(finished.interrupt)}; {kept}")
+    return finished.status
+
+
+def spec_of(options: ArmOptions) -> ArmSpec:
+    """Return which arm and which map the options name."""
+    said = asdict(options)
+    return ArmSpec.model_construct(**{name: said[name] for name in ArmSpec.model_fields})
+
+
+def prepare(options: CatchOptions) -> Prepared:
+    """Read and check all that a run needs, without learning or writing anything.
+
+    Raises:
+        MittError: An input cannot be used.
+    """
+    with noted() as read:
+        prepared = _prepared(options)
+    read.pop(str(options.map), None)  # a run keeps its map
+    return replace(prepared, again={"words": _words(options), "read": read})
+
+
+def prepared_again(folder: Path, kept: Kept) -> Prepared:
+    """Return a run once more, from what its list of throws says, with the map in its folder.
+
+    Raises:
+        InputError: A file that it read holds something else now; MittError: one is not there.
+    """
+    words, read = kept.again.get("words"), kept.again.get("read")
+    if not isinstance(words, list) or not isinstance(read, dict):
+        raise FileError(str(folder), "a run that says what makes it again", "one that does not")
+    if (version := kept.head.get("version")) != mitt.__version__:
+        raise FileError(str(folder), f"a run of mitt {mitt.__version__}", f"one of {version}")
+    _, options = parse(["catch", *map(str, words)])
+    options = checks.instance("options", options, CatchOptions)
+    less: dict[str, Any] = dict.fromkeys(_OF_THE_MAP)
+    prepared = prepare(replace(options, map=folder / MAP, out=folder, overwrite=True, **less))
+    if changed := difference(read, prepared.again["read"]):
+        raise FileError(changed, "the file that the run read", "another content")
+    return prepared
+
+
+def _words(options: CatchOptions) -> list[str]:
+    """Return the options that make a run again, files by where they are from anywhere."""
+    out = []
+    for field in fields(options):
+        name, value = field.name, getattr(options, field.name)
+        if name in ("out", "overwrite", "json", "check") or value == field.default:
+            continue
+        said = f"--{name.replace('_', '-')}"
+        path = Path(value) if isinstance(value, str | Path) else Path()
+        if name in _FILES and path.is_file() and (path.suffix or name == "scene"):
+            value = path.absolute()
+        out.append(said if value is True else f"{said}={value}")
+    return out
+
+
+def _prepared(options: CatchOptions) -> Prepared:
+    """Read and check all that a run needs."""
+    check_generator(options.generator)
+    if options.adapt == "refine" and options.generator != "direct":
+        raise InputError("--adapt refine", "--generator direct", options.generator)
+    if options.throws is not None and not 1 <= options.throws <= _MOST_THROWS:
+        raise InputError("--throws", f"a number in 1..{_MOST_THROWS}", options.throws)
+    if not 0 <= options.seed < 2**63:
+        raise InputError("--seed", "a number from 0 to 2^63 - 1", options.seed)
+    if options.throws_file is not None and options.flights is not None:
+        raise InputError("--throws-file and --flights", "one of them", "both")
+    chosen = spec_of(options).read()
+    arm = chosen.arm
+    if arm.model.hand is None:
+        raise InputError("--arm", "an arm with a hand or a basket", "none",
+                         do='say name = "three-finger" or "basket" in [hand]')  # fmt: skip
+    scene = read_scene(options.scene or DEFAULT_SCENE, flights=options.flights is not None)
+    check_floor(arm.model, scene.floor)
+    if options.cameras is not None:
+        sensing = scene.sensing.model_copy(update={"cameras": options.cameras})
+        scene = scene.model_copy(update={"sensing": sensing})
+    given = [f"--{name.replace('_', '-')}" for name, value in asdict(options).items()
+             if name in _OF_THE_MAP and value is not None]  # fmt: skip
+    if options.map is not None and given:
+        raise InputError("--map", "no option that the map itself decides", " and ".join(given))
+    learned = None if options.map is None else read_map(options.map, arm)
+    design = chosen.design if learned is None else learned.map.design
+    f = unlearned(arm, design) if learned is None else learned.map
+    source = source_of(
+        f.arm,
+        seed=options.seed,
+        count=options.throws,
+        throws_file=options.throws_file,
+        flights_file=options.flights,
+        drag=scene.ball.drag,
+    )
+    source = source if chosen.throws is None else widened(source, chosen.throws)
+    out = options.out or _default_folder(options)
+    check_folder(out, overwrite=options.overwrite or options.check)
+    if not options.check:
+        check_ours(out, LEAVES)
+    settings = RunSettings(
+        generator=options.generator, adapt=options.adapt, vision=options.vision, seed=options.seed,
+        record=options.record, record_images=options.record_images, overwrite=options.overwrite,
+        learn_clock=options.learn_clock,
+    )  # fmt: skip
+    return Prepared(settings=settings, arm=arm, design=design, scene=scene, source=source,
+                    learned=learned, out=out)  # fmt: skip
+
+
+def _default_folder(options: CatchOptions) -> Path:
+    """Return where a run goes whose user named no place: a new folder, unless one may be used."""
+    folder = Path("runs") / file_name(f"{options.seed}-{options.generator}")
+    return folder if options.overwrite else new_folder(folder)
+
+
+def _run(prepared: Prepared, report: Report) -> FinishedRun:
+    """Throw and write; an interrupt that comes while pages are drawn leaves the result."""
+    from mitt.report.outputs import keeping, write_outputs  # noqa: PLC0415 (plots: when written)
+
+    finished = run_throws(prepared, progress=report, keeping=partial(keeping, prepared))
+    try:
+        write_outputs(finished, progress=report)
+    except KeyboardInterrupt as stop:
+        notice()
+        return replace(finished, interrupt=status_of(stop))
+    return finished
+
+
+def _show(finished: FinishedRun) -> None:
+    """Print the table of a run: the first 20 throws, and 40 of the others that failed."""
+    head, summary = finished.prepared.head, finished.result["summary"]
+    scene = f"scene {head['scene']}" + (", changed" if "scene_changed" in head else "")
+    throws = table(
+        f"{head['arm']}, limits {head['limits']}, {head['generator']}, {head['vision']}, {scene}",
+        ("throw", "status", "t [s]", "miss [mm]", "rel. [m/s]", "torque", "speed", "[N]",
+         "asks most, stopped by"), left=("status", "asks most, stopped by"),
+        no_wrap=True,
+    )  # fmt: skip
+    shown = finished.trials[:20] + [t for t in finished.trials[20:] if t.status != "caught"][:40]
+    for trial in shown:
+        throws.add_row(*_row(trial))
+    show(throws)
+    if len(shown) < len(finished.trials):
+        show(f"{len(finished.trials) - len(shown)} more throws, all in result.json")
+    stops = (trial.stopped_by for trial in finished.trials)
+    for hint in dict.fromkeys(str(stop["hint"]) for stop in stops if stop and stop["hint"]):
+        show(f"stopped: {hint}")
+    low, high = summary["ci95"]
+    whole = finished.trials and finished.interrupt is None
+    page = "report.html" if whole else "result.json"
+    show(
+        f"caught {summary['caught']} of {summary['throws']}: {100 * summary['catch_rate']:.1f} % "
+        f"(95 % interval {100 * low:.1f} to {100 * high:.1f} %), "
+        f"{force_words(summary['force_n'], summary['over_force'])}; "
+        f"{', '.join(f'{status} {summary[status]}' for status in STATUSES[1:])}; "
+        f"tick {summary['tick_us']['p50']:.0f} us median",
+        *([] if finished.clock is None else [finished.clock.words]),
+        f"written: {finished.prepared.out / page}",
+    )
+
+
+def _row(trial: Trial) -> tuple[str, ...]:
+    """Return a trial as cells of the table."""
+    return (
+        str(trial.index),
+        trial.status,
+        _number(trial.t_catch_s, 3),
+        _number(trial.position_error_mm, 1),
+        _number(trial.velocity_error_m_s, 2),
+        f"{100 * max(trial.peak_torque_ratio):.0f} %",
+        f"{100 * max(trial.peak_speed_ratio):.0f} %",
+        _number(trial.peak_contact_force_n, 0) + ("!" if trial.over_force else ""),
+        reason_of(trial.stopped_by) or trial.binding_limit or "",
+    )
+
+
+def _number(value: float | None, digits: int) -> str:
+    """Return a number for the table; nothing where there is none."""
+    return "" if value is None else f"{value:.{digits}f}"
+
+
+#: Most flights to learn from; more only takes longer.
+_MOST_FLIGHTS = 10_000
+
+
+def learn(options: LearnOptions) -> int:
+    """Run ``mitt learn``; return its exit status."""
+    chosen = spec_of(options).read()
+    arm, design = chosen.arm, chosen.design
+    if not 1 <= options.flights_count <= _MOST_FLIGHTS:
+        raise InputError("--flights", f"a number in 1..{_MOST_FLIGHTS}", options.flights_count)
+    if options.seed is not None and not 0 <= options.seed < 2**63:
+        raise InputError("--seed", "a number from 0 to 2^63 - 1", options.seed)
+    check_new_files(options, {"--out": options.out})
+    warn(warnings_of(arm, design), json=options.json)
+    if options.check:
+        return checked(f"{options.flights_count} flights, output to {options.out}")
+    with progress() as report:
+        report("learning", 0, 1)
+        learned = learn_from(
+            arm,
+            design=design,
+            seed=LEARNING_SEED if options.seed is None else options.seed,
+            around=Neighbourhood(flights=options.flights_count),
+        )
+        report("learning", 1, 1)
+    save_map(options.out, learned)
+    if options.json:
+        print_json({
+            "schema": "mitt.learn/1",
+            "version": mitt.__version__,
+            "map": str(options.out),
+            "status": learned.status,
+            "flights": learned.flights,
+            "left_out": learned.left_out,
+            "cost_torque": [step.cost_torque for step in learned.steps],
+            "cost_speed": [step.cost_speed for step in learned.steps],
+        })  # fmt: skip
+    else:
+        _show_learned(learned, options.out)
+    return 0
+
+
+def _show_learned(learned: Learned, out: Path) -> None:
+    """Print the cost at each step, the numbers behind fig. 7."""
+    costs = table("cost over the optimisation (fig. 7)",
+                  ("step", "torque", "speed", "sum", "largest share of a limit"))  # fmt: skip
+    for k, step in enumerate(learned.steps):
+        numbers = step.cost_torque, step.cost_speed, step.cost_torque + step.cost_speed
+        costs.add_row("alpha = 0" if k == 0 else str(k - 1), *(f"{x:.4f}" for x in numbers),
+                      f"{step.worst:.2f}")  # fmt: skip
+    show(costs, f"{learned.status}: {learned.flights} flights, {learned.left_out} left out; "
+                f"written: {out}")  # fmt: skip

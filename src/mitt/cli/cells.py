@@ -1,0 +1,184 @@
+"""``mitt run`` and ``mitt sim``: catch with the robot of a cell; be that cell in simulation."""
+
+import re
+from contextlib import AbstractContextManager, closing, nullcontext
+from typing import Any
+
+import mitt
+from mitt.cell.drivers import check_driver, connect
+from mitt.cell.prepare import (
+    PreparedCell,
+    about_of,
+    balls_of,
+    endless,
+    map_of,
+    prepare,
+    scene_of_cell,
+)
+from mitt.cell.recorder import Recorder
+from mitt.cell.session import (
+    CORE,
+    STATES,
+    Person,
+    Session,
+    loop_of,
+    numbers,
+    rehearse,
+    serve,
+    words,
+)
+from mitt.cli.options import RunOptions, SimOptions
+from mitt.cli.screen import checked, live_table, print_json, show, tell_of_kernels
+from mitt.clock import hurried, pinned, timekeeping, uncollected
+from mitt.errors import InputError
+from mitt.files.cell import read_cell
+from mitt.files.writing import Leaves, check_folder, check_ours, claim_folder, file_name
+from mitt.interrupts import notice, status_of, tell
+from mitt.map.mapping import DirectMap
+from mitt.trials.result import spread_words
+
+#: Core of the loop among those allowed: the last; ``mitt sim`` takes the first.
+_CORE = -1
+
+
+def run(options: RunOptions) -> int:
+    """Run ``mitt run``; return its exit status: 1 where it was stopped before all was done."""
+    if options.throws is not None and options.throws < 1:
+        raise InputError("--throws", "at least 1", options.throws)
+    prepared = prepare(read_cell(options.cell))
+    throws = options.throws or prepared.cell.throws
+    if options.out is not None:
+        check_folder(options.out, overwrite=options.overwrite or options.check)
+    if options.out is not None and not options.check:
+        check_ours(options.out, _leaves(prepared))
+    controllers = check_driver(prepared.cell, prepared.arm)
+    simulated = prepared.cell.robot.driver == "sim"  # as fast as it goes: others want to run too
+    if options.check:
+        checked(_about(prepared))
+        for wanted in controllers:
+            tell(wanted)
+        if not simulated:
+            tell(timekeeping(_CORE))
+        return 0
+    tell_of_kernels()
+    f = map_of(prepared)
+    rehearse(prepared, f)
+    person, shown, said = Person(yes=options.yes), numbers(), words()
+    drawn = nullcontext() if options.json else live_table(shown, said, STATES)
+    in_time = nullcontext("no real time") if simulated else hurried()
+    session: Session | None = None
+    try:
+        with drawn, uncollected(), recording(prepared, f, options) as recorder:
+            connection = connect(prepared)
+            robot = connection.robot
+            with closing(robot):
+                loop = loop_of(prepared, f, connection, recorder)
+                session = Session(loop, robot, person, tell, throws=throws, shown=shown,
+                                  said=said, recorder=recorder)  # fmt: skip
+                with in_time as granted, pinned(_CORE):
+                    tell(f"{_about(prepared)}; {granted}")
+                    done = session.run()
+    finally:  # what was caught before an error is told all the same
+        if session is not None:
+            _show_session(session, json=options.json)
+    return 128 + session.signal if session.signal else int(not done)
+
+
+def _show_session(session: Session, *, json: bool) -> None:
+    """Print what happened in a session."""
+    summary = session.summary()
+    if json:
+        print_json(summary)
+    else:
+        said = {name.replace("_", " "): _value_in_words(value) for name, value in summary.items()
+                if name not in ("schema", "command_age_us", "force_n", "clock")}  # fmt: skip
+        force = summary["force_n"]
+        pressed = "not measured" if force is None else spread_words(force)
+        words = [f"{name} {value}" for name, value in said.items()]
+        show(", ".join([*words, f"contact force {pressed}"]), session.clock)
+
+
+def _value_in_words(value: object) -> str:
+    """Return a value of the summary for a person."""
+    if isinstance(value, list):
+        return "; ".join(map(str, value)) or "none"
+    return "unknown" if value is None else str(value)
+
+
+def recording(
+    prepared: PreparedCell, f: DirectMap, options: RunOptions
+) -> AbstractContextManager[Recorder | None]:
+    """Return what records the catches, for ``mitt replay`` and ``mitt view``, if there is a DIR."""
+    out = options.out
+    if out is None:
+        return nullcontext()
+    claim_folder(out, _leaves(prepared), overwrite=options.overwrite)
+    return Recorder(out / _name(prepared), about_of(prepared, f))
+
+
+def _name(prepared: PreparedCell) -> str:
+    """Return what the recording of a cell is called."""
+    return f"{file_name(prepared.cell.name)}.mcap"
+
+
+def _leaves(prepared: PreparedCell) -> Leaves:
+    """Return what is left in a folder: a recording, which says itself who wrote it."""
+    names = (re.escape(_name(prepared)),)
+    return Leaves(command="mitt run", schema="", manifests=(), names=names)
+
+
+def _about(prepared: PreparedCell) -> str:
+    """Say what a cell is, in a few words."""
+    cell, arm = prepared.cell, prepared.arm
+    return (
+        f"{cell.name}: {arm.model.name}, limits {arm.limits.name}, {cell.robot.driver},"
+        f" {cell.robot.takes}, joints {', '.join(cell.robot.joints or arm.names)}"
+    )
+
+
+def sim(options: SimOptions) -> int:
+    """Run ``mitt sim``; return its exit status."""
+    if options.throws is not None and options.throws < 1:
+        raise InputError("--throws", "at least 1", options.throws)
+    if not 0 <= options.seed < 2**63:
+        raise InputError("--seed", "a number from 0 to 2^63 - 1", options.seed)
+    prepared = prepare(read_cell(options.cell))
+    if prepared.cell.robot.driver != "ros2":
+        raise InputError("mitt sim", "a cell with the driver ros2", prepared.cell.robot.driver)
+    scene = scene_of_cell(prepared.cell, options.scene)
+    source = balls_of(prepared, scene, seed=options.seed, count=options.throws or endless())
+    check_driver(prepared.cell, prepared.arm)
+    if options.check:
+        checked(f"{prepared.cell.name}, scene {scene.base}")
+        tell(timekeeping(CORE))
+        return 0
+    tell_of_kernels()
+    status, served = 0, serve(prepared, scene, source, tell)
+    try:
+        served.run()
+    except KeyboardInterrupt as stop:
+        notice()
+        status = status_of(stop)
+    said = {"schema": "mitt.sim/1", "version": mitt.__version__, "cell": prepared.cell.name,
+            "seed": options.seed, **served.summary()}  # fmt: skip
+    if options.json:
+        print_json(said)
+    else:
+        show(_in_words(said))
+    return status
+
+
+def _in_words(said: dict[str, Any]) -> str:
+    """Return what was thrown and what became of it as a line for a person."""
+    ages = said.get("command_age_us")
+    ends = [f"{said[name]} {name}" for name in ("caught", "dropped", "missed", "aborted")
+            if said.get(name)]  # fmt: skip
+    parts = [f"{said['cell']}, seed {said['seed']}: {said['throws']} throws", *ends]
+    if said.get("force_n"):
+        parts.append(f"contact force {spread_words(said['force_n'])}")
+    if "limit_violations" in said:
+        parts += [f"{said['limit_violations']} ticks beyond a limit",
+                  f"{said['late_ticks']} late ticks, {said['slipped_ticks']} slipped"]  # fmt: skip
+    if ages is not None:
+        parts.append(f"commands {ages['p50']:.0f} us old (median), {ages['max']:.0f} at most")
+    return ", ".join(parts)

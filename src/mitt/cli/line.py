@@ -1,0 +1,285 @@
+"""The command line: words in, exit status out; the work is done elsewhere.
+
+Words are held to the options of their command, and help is made from the same options. What is
+wrong is told as everything else is: what was wanted, what was given, what to do. ``--help`` is one
+screen: a text that is longer than its line ends early, with dots; ``--help-all`` has all of it.
+"""
+
+import re
+from collections.abc import Sequence
+from dataclasses import MISSING, dataclass, fields
+from importlib import import_module
+from textwrap import wrap
+from types import NoneType
+from typing import Any, Literal, get_args, get_origin, get_type_hints
+
+import mitt
+from mitt.cli.options import COMMANDS, Arg, Options
+from mitt.errors import InputError, MittError, UnknownNameError, meant
+
+_INTEGER = re.compile(r"[+-]?\d+")
+#: Columns of a screen, and of what an option is called.
+_WIDE, _CALLED = 80, 22
+#: Where a text may end early.
+_ENDS = re.compile(r"(?=[;:,.]? \(|[;:,.] )")
+
+
+def run(words: list[str]) -> int:
+    """Run a command and return its exit status; what goes wrong is the caller's to tell.
+
+    Raises:
+        MittError: The input is bad.
+    """
+    said = _answer(words)
+    if said is not None:
+        print(said, flush=True)  # noqa: T201
+        return 0
+    name, options = parse(words)
+    module = import_module(f"mitt.cli.{options.module}")  # heavy: only now
+    try:
+        status: int = vars(module)[name](options)
+    except InputError as error:
+        raise _as_said(options, error) from error
+    return status
+
+
+def _answer(words: list[str]) -> str | None:
+    """Return version or help where it is asked for; None where something is to be done."""
+    if "--version" in words:
+        return mitt.__version__
+    whole = "--help-all" in words
+    if words and not whole and not {"--help", "-h"} & set(words):
+        return None
+    if words and words[0] in COMMANDS:
+        return screen(words[0], whole=whole)
+    return overview()
+
+
+def _as_said(options: Options, error: InputError) -> MittError:
+    """Return an error that calls an input as the command line does, where it is an option."""
+    names = {x.field: x.name for x in options_of(type(options))}
+    said = names.get(error.name.replace(" ", "_"))
+    return error if said is None else MittError(said + str(error).removeprefix(error.name))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Option:
+    """One option of a command.
+
+    Attributes:
+        name: As it is said, with its dashes; what stands for its value where it has none.
+        field: Name of its field.
+        value: What stands for its value in a text; nothing where it takes none.
+        text: What the docstring says of it.
+        kind: ``bool``, ``int``, ``float``, ``str`` or ``Path``.
+        choices: The values that it takes, where it takes some alone.
+        default: Its value where it is not said.
+        required: Whether it has to be said.
+        place: Whether it is said by its place.
+        many: Whether several values may be said by their place.
+    """
+
+    name: str
+    field: str
+    value: str
+    text: str
+    kind: type
+    choices: tuple[object, ...]
+    default: object
+    required: bool
+    place: bool
+    many: bool
+
+    @property
+    def called(self) -> str:
+        """Name and value, as help has them."""
+        return self.name if self.place else f"{self.name} {self.value}".strip()
+
+    def read(self, given: str) -> object:
+        """Return the value that a word stands for.
+
+        Raises:
+            InputError: It is none.
+        """
+        if self.choices:
+            known = {str(x): x for x in self.choices}
+            if given not in known:
+                raise UnknownNameError(self.name, given, known)
+            return known[given]
+        if self.kind is int and not _INTEGER.fullmatch(given):
+            raise InputError(self.name, "a whole number", repr(given))
+        if self.kind is float and not _is_number(given):
+            raise InputError(self.name, "a number", repr(given))
+        return self.kind(given)
+
+
+def options_of(command: type[Options]) -> list[Option]:
+    """Return the options of a command: those by place first, those of every command last."""
+    hints, said = get_type_hints(command, include_extras=True), _attributes(command)
+    common, found = {x.name for x in fields(Options)}, []
+    for field in fields(command):
+        inner = get_args(hints[field.name])
+        arg = next((x for x in inner if isinstance(x, Arg)), Arg(""))
+        hint = inner[0] if arg.value else hints[field.name]
+        kinds = [x for x in get_args(hint) or (hint,) if x is not NoneType]
+        literal = next((x for x in (hint, *kinds) if get_origin(x) is Literal), None)
+        choices = get_args(literal)
+        value = arg.value or (f"{{{','.join(map(str, choices))}}}" if choices else "")
+        found.append(Option(
+            name=value if arg.place else f"--{(arg.name or field.name).replace('_', '-')}",
+            field=field.name, value=value, text=said.get(field.name, ""),
+            kind=str if choices else kinds[0], choices=choices, default=field.default,
+            required=field.default is MISSING, place=arg.place, many=get_origin(hint) is tuple,
+        ))  # fmt: skip
+    return sorted(found, key=lambda x: (not x.place, x.field in common))
+
+
+def parse(words: Sequence[str]) -> tuple[str, Options]:
+    """Return command and options.
+
+    Args:
+        words: The command and what follows it.
+
+    Raises:
+        InputError: A word cannot be; UnknownNameError: a command or an option is none.
+    """
+    name = words[0]
+    if name not in COMMANDS:
+        raise UnknownNameError("command", name, COMMANDS)
+    options = options_of(COMMANDS[name])
+    values, placed, rest = dict[str, object](), list[str](), list(words[1:])
+    while rest:
+        word = rest.pop(0)
+        if not word.startswith("-") or _is_number(word):
+            placed.append(word)
+            continue
+        option, given = _option(name, word, options)
+        if option.kind is bool:
+            if given is not None:
+                raise InputError(option.name, "no value", repr(given))
+            values[option.field] = True
+            continue
+        if given is None:
+            if not rest or rest[0].startswith("--"):
+                raise InputError(option.name, option.value, "nothing after it")
+            given = rest.pop(0)
+        values[option.field] = option.read(given)
+    values |= _by_place(name, placed, [x for x in options if x.place])
+    missing = [x.called for x in options if x.required and x.field not in values]
+    if missing:
+        raise InputError(name, " and ".join(missing), "none",
+                         do=f"see mitt {name} --help")  # fmt: skip
+    return name, COMMANDS[name](**values)  # type: ignore[arg-type]  # as the options have them
+
+
+def _option(name: str, word: str, options: Sequence[Option]) -> tuple[Option, str | None]:
+    """Return the option that a word names, and the value that stands behind an equals sign."""
+    called, equals, given = word.partition("=")
+    known = {x.name: x for x in options if not x.place}
+    option = known.get(called.replace("_", "-"))
+    if option is None:
+        near = meant(called, (*known, "--help", "--help-all"))
+        raise InputError(name, "options of its own", called,
+                         do=near or f"see mitt {name} --help")  # fmt: skip
+    return option, given if equals else None
+
+
+def _by_place(name: str, placed: Sequence[str], places: Sequence[Option]) -> dict[str, object]:
+    """Return the values that are said by their place; refuse those that are too many, or none."""
+    if places and places[-1].many:
+        return {places[-1].field: tuple(map(places[-1].read, placed))} if placed else {}
+    if len(placed) > len(places):
+        wanted = " and ".join(x.name for x in places) or "options alone"
+        raise InputError(name, wanted, f"{placed[len(places)]!r} as well",
+                         do=f"see mitt {name} --help")  # fmt: skip
+    return {x.field: x.read(given) for x, given in zip(places, placed, strict=False)}
+
+
+def _is_number(text: str) -> bool:
+    """Say whether a text is a number."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def overview() -> str:
+    """Return what ``mitt --help`` says: all commands, a line each."""
+    rows = [(name, paragraphs(options)[0]) for name, options in COMMANDS.items()]
+    return "\n".join([
+        "usage: mitt COMMAND [options]", "",
+        "Lets a robot arm catch what is thrown at it.", "",
+        "examples:", "  mitt catch", f"  {COMMANDS['catch'].examples[0]}", "",
+        "commands:", *_table(rows), "",
+        "mitt COMMAND --help    the options of a command, and examples",
+        "mitt --version         the version",
+    ])  # fmt: skip
+
+
+def screen(name: str, *, whole: bool = False) -> str:
+    """Return what ``mitt COMMAND --help`` says of a command, or ``--help-all``."""
+    command, options = COMMANDS[name], options_of(COMMANDS[name])
+    rows = [(x.called, text_of(x)) for x in options]
+    first = " ".join(x.name for x in options if x.place)
+    said = paragraphs(command)
+    about = [line for part in said if whole or part is said[0] for line in wrap(part, _WIDE - 1)]
+    end = ["", f"mitt {name} --help-all    all that is to be said of each option"]
+    return "\n".join([
+        f"usage: mitt {name} {first} [options]".replace("  ", " "), "", *about, "",
+        "examples:", *(f"  {line}" for line in command.examples), "",
+        "options:", *_table(rows, whole=whole), *([] if whole else end),
+    ])  # fmt: skip
+
+
+def text_of(option: Option) -> str:
+    """Return what help says of an option, with its default."""
+    text, default = option.text, option.default
+    if option.required and not option.place:
+        return f"Required. {text}"
+    if isinstance(default, str | int | float) and not isinstance(default, bool):
+        return f"{text.rstrip('.')} (default: {default})."
+    return text
+
+
+def paragraphs(command: type[Options]) -> list[str]:
+    """Return what a command does, paragraph by paragraph."""
+    text = (command.__doc__ or "").split("Attributes:")[0]
+    return [" ".join(part.split()) for part in text.strip().split("\n\n")]
+
+
+def _attributes(command: type[Any]) -> dict[str, str]:
+    """Return the texts of the fields of a class and of those that it is made from."""
+    said: dict[str, str] = {}
+    for kind in reversed(command.__mro__):
+        _, _, text = (kind.__doc__ or "").partition("Attributes:")
+        for name, does in re.findall(r"\n +(\w+): ((?:.|\n(?! +\w+: ))*)", text):
+            said[name] = " ".join(does.split())
+    return said
+
+
+def _table(rows: list[tuple[str, str]], *, whole: bool = False) -> list[str]:
+    """Return names and texts in columns: a line each, or the whole of each text."""
+    column = min(max(len(name) for name, _ in rows), _CALLED)
+    lines = []
+    for name, text in rows:
+        head = f"  {name.ljust(column)}  "
+        room = _WIDE - 1 - len(head)
+        if whole:
+            lines += [head.rstrip(), *wrap(text, _WIDE - 1, initial_indent="      ",
+                                           subsequent_indent="      ")]  # fmt: skip
+        else:
+            lines.append((head + _fitting(text, room)).rstrip())
+    return lines
+
+
+def _fitting(text: str, room: int) -> str:
+    """Return a text as it fits on a line; shortened where a sentence or a part of one ends."""
+    text = text.removesuffix(".")
+    if len(text) <= room:
+        return text
+    ends = [end.start() for end in _ENDS.finditer(text) if 0 < end.start() <= room - 4]
+    closed = [end for end in ends if text[:end].count("(") == text[:end].count(")")]
+    if closed and closed[-1] > room // 3:
+        return text[: closed[-1]] + " ..."
+    return text[: room - 4].rsplit(" ", 1)[0] + " ..."

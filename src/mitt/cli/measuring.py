@@ -1,0 +1,214 @@
+"""``mitt study``, ``mitt report``, ``mitt bench``: many throws, their pages, and speed."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mitt.bench.measure import QUICK, BenchSettings, measure
+from mitt.cli.catching import prepared_again
+from mitt.cli.options import BenchOptions, ReportOptions, StudyOptions
+from mitt.cli.screen import (
+    checked,
+    print_json,
+    progress,
+    say,
+    show,
+    table,
+    tell_of_kernels,
+    warn,
+)
+from mitt.clock import Stopwatch
+from mitt.errors import FileError, InputError
+from mitt.files.writing import check_folder, locked, write_json, wrote
+from mitt.interrupts import tell, words_of
+from mitt.map.map_design import warnings_of
+from mitt.reading import read_json
+from mitt.trials.registry import available, check_generator
+from mitt.trials.result import MAX_BYTES, NAME, PAGE, RESULT, died, read_kept
+from mitt.trials.runs import FinishedRun
+from mitt.trials.study_file import Study, extent, read_study
+from mitt.trials.study_folder import MANIFEST, Folder
+from mitt.trials.workers import check_engine, engine_of
+
+if TYPE_CHECKING:
+    from mitt.trials.study_run import FinishedStudy
+
+
+def study(options: StudyOptions) -> int:
+    """Run ``mitt study``; return its exit status."""
+    from mitt.trials.study_run import run_study  # noqa: PLC0415 (needs pyarrow, as nothing else here)
+
+    study = read_study(options.study, generators=available())
+    check_engine(options.engine)
+    if options.resume and options.overwrite:
+        raise InputError("--resume and --overwrite", "one of them", "both")
+    folder = Folder(options.out)
+    check_folder(folder.path, overwrite=options.overwrite or options.resume or options.check)
+    folder.check(study, resume=options.resume)
+    for name in study.counts:
+        check_generator(name)
+    for spec in dict.fromkeys(c.arm for c in study.conditions):
+        chosen = spec.read()
+        warn(warnings_of(chosen.arm, chosen.design), json=options.json)
+    if options.check:
+        total = len(study.conditions) * sum(study.counts.values())
+        return checked(f"{extent(study, total)}, output to {folder.path}")
+    with locked(folder.path):
+        tell_of_kernels()
+        engine = engine_of(options.engine, options.workers)
+        folder.claim(study, resume=options.resume, overwrite=options.overwrite)
+        with progress() as report:
+            finished = run_study(study, folder, engine, progress=report)
+    if options.json:
+        print(folder.summary.read_text(encoding="utf-8"), end="")  # noqa: T201
+    else:
+        _show_study(study, folder, finished)
+    if finished.lost:
+        more = f" and {len(finished.lost) - 1} more" if len(finished.lost) > 1 else ""
+        say(f"{finished.lost[0]}{more}; the rest is kept, --resume tries again")
+    if finished.interrupt is not None:
+        say(f"{words_of(finished.interrupt)}; {finished.thrown} of {finished.total} throws are "
+             f"kept in {folder.path}, --resume goes on")  # fmt: skip
+    return finished.status
+
+
+def _show_study(study: Study, folder: Folder, finished: "FinishedStudy") -> None:
+    """Print catch rates with contact forces: a row a condition, a column a generator."""
+    rates = table(f"{study.name}: caught [%], contact force [N] (median)",
+                  ("condition", *study.generators), left=("condition",))  # fmt: skip
+    rows = {(row["condition"], row["generator"]): row for row in finished.rows}
+    for condition in study.conditions:
+        cells = [rows[condition.name, generator] for generator in study.generators]
+        rates.add_row(condition.name, *(_rate(row) for row in cells))
+    show(rates, f"written: {folder.summary} and {folder.trials.name}")
+
+
+def _rate(row: dict[str, object]) -> str:
+    """Return a catch rate and force for the table, with a star where throws are missing.
+
+    An exclamation mark where some pressed harder than hand and arm take.
+    """
+    if not row["throws"]:
+        return ""
+    force = row["force_n"]
+    pressed = f"{force['median']:.0f}" if isinstance(force, dict) else "-"
+    marks = ("!" if row["over_force"] else "") + ("" if row["complete"] else " *")
+    return f"{100 * float(str(row['catch_rate'])):.1f}, {pressed}{marks}"
+
+
+#: Most replays beside one page; each weighs a megabyte.
+_MOST_REPLAYS = 200
+
+
+def report(options: ReportOptions) -> int:
+    """Run ``mitt report``; return its exit status."""
+    if not 0 <= options.replays <= _MOST_REPLAYS:
+        raise InputError("--replays", f"a number in 0..{_MOST_REPLAYS}", options.replays)
+    if (options.folder / NAME).is_file() and not (options.folder / MANIFEST).exists():
+        return _page_of_run(options)
+    return _page_of_study(options)
+
+
+def _page_of_study(options: ReportOptions) -> int:
+    """Write the page of a study; tables and plots are loaded only now."""
+    from mitt.report.study_page import write_study_report  # noqa: PLC0415
+    from mitt.trials.study_results import read_result  # noqa: PLC0415
+
+    folder = Folder(options.folder)
+    result = read_result(folder)
+    if options.check:
+        return checked(f"study {result.study.name!r}, {len(result.rows)} rows")
+    page = folder.path / PAGE
+    if page.exists() and not wrote(page):
+        raise FileError(str(page), "a page of mitt, or none", "another file", do="move it away")
+    with locked(folder.path), progress() as report:
+        write_study_report(result, replays=options.replays, progress=report)
+    return _written(options, page, "")
+
+
+def _page_of_run(options: ReportOptions) -> int:
+    """Write the page of a run of ``mitt catch`` that was broken off, and its result if it died.
+
+    Raises:
+        FileError: The run has its page, or no throw; MittError: a file that it read has changed.
+    """
+    folder, kept = options.folder, read_kept(options.folder)
+    if (folder / PAGE).exists():
+        raise FileError(str(folder), "the folder of a study, or of a run that was broken off",
+                        f"one of mitt catch; its page is {folder / PAGE}")  # fmt: skip
+    said = f"{len(kept.trials)} throws of a run that was broken off"
+    if options.check:
+        return checked(said)
+    from mitt.report.outputs import write_page  # noqa: PLC0415 (plots: when written)
+
+    with locked(folder), progress() as report:
+        result = read_json(folder / RESULT, max_bytes=MAX_BYTES) if not died(folder) else None
+        if result is None:
+            result = kept.result
+            write_json(folder / RESULT, result)
+        if not isinstance(result, dict) or not {"trials", "summary"} <= result.keys():
+            raise FileError(str(folder / RESULT), "the result of the run", "another file")
+        if not kept.trials:
+            raise FileError(str(folder), "a run with a throw that ended", "none")
+        prepared = prepared_again(folder, kept)
+        if prepared.learned is None:
+            raise FileError(str(folder), "the map of the run", "none")
+        done = FinishedRun(prepared=prepared, learned=prepared.learned, trials=kept.trials,
+                           stopwatch=Stopwatch(), interrupt=None)  # fmt: skip
+        write_page(done, result, progress=report)
+    return _written(
+        options, folder / PAGE, f"{said}, {result['summary']['caught']} of them caught; "
+    )
+
+
+def _written(options: ReportOptions, path: Path, said: str) -> int:
+    """Print what was written, and return the exit status."""
+    if options.json:
+        print_json({"schema": "mitt.report/1", "report": str(path)})
+    else:
+        show(f"{said}written: {path}")
+    return 0
+
+
+#: Rows of the table: key, words, unit.
+_ROWS = (
+    ("tick_us", "tick, two images to torques", "us"),
+    ("tick_without_images_us", "tick, a position to torques", "us"),
+    ("adapt_us", "refining for a ball", "us"),
+    ("learn_ms", "learning a map, mitt.learn", "ms"),
+    ("learn_solver_ms", "its solver alone, torque rows", "ms"),
+    ("learn_ipopt_ms", "the same rows by IPOPT, best of three", "ms"),
+    ("noise_us", "fixed work: the machine's own noise", "us"),
+)
+
+
+def bench(options: BenchOptions) -> int:
+    """Run ``mitt bench``; return its exit status."""
+    settings = QUICK if options.quick else BenchSettings()
+    if options.check:
+        return checked(f"{settings.throws} throws, {settings.repeats} calls of each rival")
+    tell_of_kernels()
+    with progress() as report:
+        result = measure(settings, progress=report, say=tell)
+    if options.json:
+        print_json(result)
+    else:
+        _show_times(result)
+    return 0
+
+
+def _show_times(result: dict[str, Any]) -> None:
+    """Print the table."""
+    tick = result["tick_us"]["p50"]
+    times = table(f"speed, mitt {result['version']}, {result['machine']}",
+                  ("what", "median", "p99", "p99.9", "unit", "ticks of ours"),
+                  left=("what",))  # fmt: skip
+    rows = [(words, result[key], unit) for key, words, unit in _ROWS if result[key] is not None]
+    rows += [(name, time, "us") for name, time in result["rivals_us"].items()]
+    for words, time, unit in rows:
+        cells = [f"{time[name]:.2f}" for name in ("p50", "p99", "p99_9")]
+        times.add_row(words, *cells, unit, f"{time['p50'] / tick:.1f}" if unit == "us" else "")
+    show(times, f"{result['throws_per_s_core']:.1f} throws per second and core")
+    if result["learn_ipopt_ms"] is not None:
+        ratio = result["learn_ipopt_ms"]["p50"] / result["learn_solver_ms"]["p50"]
+        show(f"solver of learning: {ratio:.0f} times faster than IPOPT, "
+             f"cost {result['learn_cost_gap']:+.1e}")  # fmt: skip

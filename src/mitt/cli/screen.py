@@ -1,0 +1,240 @@
+"""What the commands share: checks of output files, progress on stderr, tables on stdout."""
+
+import json
+import sys
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import fields
+from multiprocessing import get_context
+from pathlib import Path
+from threading import Event
+from typing import Any
+
+from rich.console import Console, JustifyMethod
+from rich.live import Live
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+from rich.text import Text
+
+from mitt.clock import Pace
+from mitt.errors import InputError, printable
+from mitt.files.writing import check_folder, overlaps, wrote
+from mitt.interrupts import end_with_parent, tell
+
+Report = Callable[[str, int, int], None]
+
+#: Time over which the pace of a bar is taken [s].
+_PACE = 600.0
+#: Width of tables that do not go to a terminal [characters].
+_FILE_WIDTH = 110
+
+
+def say(text: str) -> None:
+    """Say one line on stderr, whatever names are in it."""
+    tell(printable(text))
+
+
+def checked(what: str) -> int:
+    """Say that the input is good."""
+    say(f"the input is good: {what}")
+    return 0
+
+
+def check_new_files(
+    options: Any,  # noqa: ANN401
+    made: Mapping[str, Path | None],
+    *,
+    overwrite: bool | None = None,
+) -> None:
+    """Refuse output files that exist, that are read, or whose folder cannot be written.
+
+    With ``--check`` an output may exist: nothing is written.
+
+    Args:
+        options: Options of a command: their other paths are what is read.
+        made: The files that would be written, by the option that names each; None is no file.
+        overwrite: Whether files of mitt may be replaced; as the options say if left out.
+
+    Raises:
+        InputError: A file may not be written.
+    """
+    files = [(name, path) for name, path in made.items() if path is not None]
+    read = _named(options, without=made)
+    overwrite = options.overwrite if overwrite is None else overwrite
+    for k, (name, path) in enumerate(files):
+        if path.is_dir():
+            raise InputError(name, "a file", f"{path}, which is a folder")
+        if any(overlaps(path, other) for other in (*read, *(x for _, x in files[:k]))):
+            raise InputError(name, "a file of its own", f"{path}, which is read or written too",
+                             do="choose another")  # fmt: skip
+        if path.exists() and not overwrite and not options.check:
+            raise InputError(name, "a new file", f"{path}, which exists",
+                             do="choose another or say --overwrite")  # fmt: skip
+        if path.exists() and path not in _named(options) and not wrote(path):
+            raise InputError(name, "a place beside --out that is free, or a file of mitt", path,
+                             do="choose another name for --out, or move that away")  # fmt: skip
+        check_folder(path.parent, overwrite=True)
+
+
+def _named(options: Any, *, without: Collection[str] = ()) -> list[Path]:  # noqa: ANN401
+    """Return what options name that may be a file, but for some of them."""
+    out: list[Path] = []
+    for field in fields(options):
+        value = getattr(options, field.name)
+        if f"--{field.name.replace('_', '-')}" not in without:
+            values = value if isinstance(value, tuple) else (value,)
+            out += [Path(x) for x in values if isinstance(x, str | Path)]
+    return out
+
+
+def tell_of_kernels() -> None:
+    """Say in one line that kernels are to be compiled, or that they cannot be kept."""
+    from mitt.kernels import cache_folder, is_cold  # noqa: PLC0415 (loads Numba)
+
+    if cache_folder() is None:
+        tell("compiled code cannot be kept, since no folder for it can be written: each start "
+             "compiles for 1 to 2 minutes; set NUMBA_CACHE_DIR to a folder of yours")  # fmt: skip
+    elif is_cold():
+        tell("compiling, once: 1 to 2 minutes")
+
+
+@contextmanager
+def progress() -> Iterator[Report]:
+    """Show progress on stderr: a bar on a terminal, else a line now and then.
+
+    What is named ``work: part`` is one work, of whichever part.
+    """
+    if not sys.stderr.isatty():
+        paces: dict[str, Pace] = {}
+
+        def line(name: str, done: int, of: int) -> None:
+            pace = paces.setdefault(name.partition(":")[0], Pace())
+            left = pace.left(done, of)
+            if left is not None and done < of and pace.due():
+                tell(f"{name} {done} of {of}, {left / 60.0:.1f} min left")
+
+        yield line
+        return
+    columns = (
+        TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(),
+        TimeRemainingColumn(),
+    )  # fmt: skip
+    console = _console(stderr=True)
+    with Progress(*columns, console=console, transient=True, speed_estimate_period=_PACE) as bar:
+        tasks = {}
+
+        def report(name: str, done: int, of: int) -> None:
+            work = name.partition(":")[0]
+            if work not in tasks:
+                tasks[work] = bar.add_task(name, total=of)
+            bar.update(tasks[work], description=name, completed=done, total=of)
+
+        yield report
+
+
+def print_json(value: object) -> None:
+    """Print one JSON object on stdout; NaN and infinity are refused."""
+    print(json.dumps(value, allow_nan=False))  # noqa: T201
+
+
+def show(*parts: str | Table, style: str | None = None) -> None:
+    """Print tables and lines on stdout: as wide as the terminal, wide enough in a file."""
+    console = _console()
+    console = console if console.is_terminal else _console(width=_FILE_WIDTH)
+    for part in parts:
+        plain = printable(part) if isinstance(part, str) else part
+        console.print(plain, soft_wrap=isinstance(part, str), style=style)
+
+
+def _console(*, stderr: bool = False, width: int | None = None) -> Console:
+    """Return what prints texts as they are: a name that looks like markup is a name."""
+    return Console(stderr=stderr, width=width, markup=False, emoji=False)
+
+
+def warn(texts: Sequence[str], *, json: bool = False) -> None:
+    """Print warnings on stdout; on stderr where stdout is for JSON."""
+    if json:
+        for text in texts:
+            say(f"warning: {text}")
+        return
+    show(*(f"warning: {text}" for text in texts), style="yellow")
+
+
+def table(
+    title: str, columns: Sequence[str], *, left: Sequence[str] = (), no_wrap: bool = False
+) -> Table:
+    """Return an empty table; all columns but those in ``left`` are aligned to the right."""
+    out = _Table(title=printable(title), title_justify="left")
+    for name in columns:
+        justify: JustifyMethod = "left" if name in left else "right"
+        out.add_column(printable(name), justify=justify, no_wrap=no_wrap)
+    return out
+
+
+class _Table(Table):
+    """A table whose cells can all be printed."""
+
+    def add_row(self, *cells: Any, **how: Any) -> None:  # noqa: ANN401 (as its parent has them)
+        """Add a row."""
+        super().add_row(*(printable(x) if isinstance(x, str) else x for x in cells), **how)
+
+
+#: Time between two pictures [s].
+_PERIOD = 0.25
+
+
+@contextmanager
+def live_table(shown: Any, said: Any, states: Sequence[str]) -> Iterator[None]:  # noqa: ANN401
+    """Show the numbers of a session on stderr while it runs, where that is a terminal.
+
+    Args:
+        shown: Shared memory of as many numbers as :data:`mitt.cell.session.SHOWN` has.
+        said: Shared memory of what is odd, in words.
+        states: What the first of the numbers counts, in words.
+    """
+    if not sys.stderr.isatty():
+        yield
+        return
+    drawer = get_context("spawn").Process(target=_draw, args=(shown, said, states), daemon=True)
+    drawer.start()
+    try:
+        yield
+    finally:
+        drawer.terminate()
+        drawer.join()
+
+
+def _draw(shown: Any, said: Any, states: Sequence[str]) -> None:  # noqa: ANN401
+    """Draw until ended."""
+    end_with_parent()
+    pause = Event()
+    with Live(console=Console(stderr=True), auto_refresh=False, transient=True) as live:
+        while True:
+            odd = said.value.decode(errors="replace")
+            live.update(picture(list(shown), states, odd), refresh=True)
+            pause.wait(_PERIOD)
+
+
+def picture(numbers: list[float], states: Sequence[str], odd: str = "") -> Table:
+    """Return the table of some numbers, in the order of :data:`mitt.cell.session.SHOWN`.
+
+    Args:
+        numbers: The numbers.
+        states: What the first of them counts, in words.
+        odd: What is odd in what the robot and the ball's source send; nothing if nothing is.
+    """
+    mode, rate, age, late, lost, throws, caught, told = numbers
+    table = Table(show_header=False, title="mitt run", title_justify="left")
+    rows = {
+        "state": states[int(mode)],
+        "rate": f"{rate:.0f} Hz",
+        "reading to command": f"{age:.0f} us",
+        "late readings": f"{late:.0f}",
+        "lost readings": f"{lost:.0f}",
+        "throws": f"{throws:.0f}",
+        "caught": f"{caught:.0f} of {told:.0f}" if told else "unknown",
+        **({"odd": odd} if odd else {}),
+    }
+    for name, value in rows.items():
+        table.add_row(name, Text(value))
+    return table

@@ -1,0 +1,1 @@
+"""From two images to the position of the ball: segmentation, triangulation, heads."""

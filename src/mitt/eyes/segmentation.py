@@ -1,0 +1,522 @@
+"""Finding the ball in the images of one camera: where it was, and else everywhere.
+
+1. **Where to look.** The vision chip of Ishii and others (IEEE ICRA 1999) keeps the mask of its
+   target and calls target what is bright and lies in that mask, dilated. So here: what is beside
+   the target is never looked at, however bright. A mask is one run of pixels a row, first and last
+   column: the same for a target whose rows are unbroken, as those of a ball are.
+2. **Background.** A camera that stands still learns its background from images without the thrown
+   ball, resting arm included. A difference image is the image, divided by the light of the instant
+   relative to that of the background, minus the background, so a pattern, a resting ball and a
+   bright arm at rest vanish. A pixel that the ball covers in part shows a mixture of both; scaled
+   by contrast / (ball - here), a difference is that share, so the ball weighs the same before any
+   background darker than itself.
+3. **Connected pixels** above a threshold, from the middle of the dilated mask on: what reaches into
+   it without touching the target, which the chip would include, is left out.
+4. **Moments**, which show what touches the target: then it is merged, and the mask of the ball that
+   went into it moves on, so that the ball is found where the two part.
+5. **Everywhere**, where the target is lost: the best of all groups of bright pixels.
+
+| here           | meaning                                                        | unit | shape  |
+|----------------|----------------------------------------------------------------|------|--------|
+| ``target``     | record of ``TARGET``: what is remembered of a camera's target  |      |        |
+| ``window``     | part of an image: first and last row, first and last column    | px   | (4,)   |
+| ``background`` | mean image without the ball; empty where none was learned      | grey | (h, w) |
+| ``difference`` | scratch as large as the image, if there is a background        | grey | (h, w) |
+| ``settings``   | record of :func:`pack_segmenter`                               |      |        |
+| ``work``       | record of ``WORK``: scratch                                    |      |        |
+
+Runs, boxes and moments: :mod:`mitt.eyes.blobs`.
+"""
+
+from dataclasses import asdict, dataclass
+from math import sqrt
+
+import numpy as np
+
+from mitt import fields
+from mitt.eyes.blobs import (
+    EMPTY,
+    MAX_BLOBS,
+    MOMENTS,
+    ROWS,
+    Ints,
+    connect,
+    dilate,
+    find_boxes,
+    is_merged,
+    touches_border,
+    trim,
+    weigh,
+)
+from mitt.eyes.camera import Row
+from mitt.fields import brief
+from mitt.kernels import Record, kernel, record_of, view
+from mitt.signals import Frame, Image, Moments
+
+LOST, GOOD, MERGED = 0, 1, 2
+"""States of a target; from MERGED on they count the frames since merging."""
+
+TARGET = np.dtype([
+    ("u", float), ("v", float),  # last centroid; NaN if there is none [px]
+    ("du", float), ("dv", float),  # its motion [px a frame]
+    ("state", np.int64),  # LOST, GOOD, or MERGED and more
+    ("moments", MOMENTS), ("area", float),  # of the last target, its area [px^2]
+    ("mass", float),  # of the last target that was the ball alone [grey levels]
+    ("top", np.int64), ("height", np.int64), ("runs", np.int64, (2, ROWS)),  # its mask [px]
+    ("mark", np.int64), ("frozen", np.int64),  # its mark, frames it has been the same
+    ("level", float), ("threshold", float),  # of the background, of a target [grey levels]
+    ("due", np.int64),  # frames since the background was measured
+    ("light", float), ("mean", float),  # light over that of the background learned, whose mean
+    ("expected", float),  # area that the ball should have; 0 if unknown [px^2]
+    ("gain", float), ("weighed", float),  # mass of the ball over that, from how many frames
+    ("at_u", float), ("at_v", float),  # where the ball should be [px]
+    ("near", float),  # how far from there it may be; 0 if unknown [px]
+    ("offset", float, (2,)),  # centroid less that of the ball where all cameras see it [px]
+])  # fmt: skip
+"""What is remembered of the target in the images of one camera."""
+
+WORK = np.dtype([
+    ("boxes", np.int64, (MAX_BLOBS + 1, 4)), ("window", np.int64, (4,)),
+    ("counts", np.int64, (256,)), ("runs", np.int64, (2, ROWS)), ("moments", MOMENTS),
+])  # fmt: skip
+"""Scratch of the segmentation of one image."""
+
+KEPT, PATIENCE, STEADY = 0.85, 40, 0.6
+"""Share of its area below which a target is looked for anew; frames that a merged one is kept;
+share of a new motion in the motion kept."""
+GROWN, RAGGED = 1.08, 0.5
+"""Growth of its mass in one frame, and what noise adds to that over the root of its area [px],
+above which a target is the ball and something else."""
+WILD = 8
+"""Reach while no motion is known, as on the first frame that a turning head gets [px]."""
+OFFSET = 24.0
+"""Grey level that stands for no difference; a choice of this project."""
+RIM, APART = 4, 16
+"""Rows at the upper and lower rim of a window whose light is measured, and every how many rows of a
+whole image [px]."""
+LEAST = 0.25
+"""Share of the ball's contrast with the mean background that it must have with the background at a
+pixel; where it has less, as before a lamp or a white arm at rest, the pixel says nothing."""
+ONE, STRAY, ODD, FAINT = 256, 77, 24, 40_000
+"""Steps of a relative light of 1; how many a pixel may be off, and beyond that how many grey
+levels, to tell the light; sum of squares below which the background is too dark to tell it."""
+
+_NONE = np.empty((0, 0), np.uint8)
+"""No background."""
+_RANGES = {
+    "min_area": (1, 10**6), "min_contrast": (0.0, 255.0), "noise_factor": (0.0, 1e3),
+    "reach": (0, 1000), "background_period": (1, 10**9), "frozen": (0, 10**6),
+}  # fmt: skip
+"""Least and largest number of each setting; choices of this project."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SegmenterConfig:
+    """How a target is separated from the background.
+
+    Attributes:
+        min_area: Pixels above the threshold that a target has at least; 2 keeps a ball of
+            20 mm radius at 6 m (0.7 px of radius) and drops single hot pixels [px^2].
+        min_contrast: Least threshold above the background [grey levels].
+        noise_factor: Threshold above the background in standard deviations of it; at 6 a
+            128 x 128 image has a false pixel once in 60 000 frames.
+        reach: Pixels by which the last target is dilated: how far its edge may get in a frame
+            beyond where its last motion takes it [px].
+        background_period: Frames between two measurements of the background.
+        frozen: Frames that an image may be the same, noise and all, before its camera counts
+            as blind; 0 turns the test off, as for drawn images without noise.
+    """
+
+    min_area: int = 2
+    min_contrast: float = 12.0
+    noise_factor: float = 6.0
+    reach: int = 3
+    background_period: int = 64
+    frozen: int = 3
+
+    __repr__ = brief
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be; InputError names the field."""
+        fields.check(self, _RANGES)
+
+
+def pack_segmenter(config: SegmenterConfig) -> Record:
+    """Return the settings as a record for kernels, shape (1,)."""
+    return record_of(asdict(config), asdict(SegmenterConfig()))
+
+
+def forget(targets: Record) -> None:
+    """Forget target and background of each camera, in an array of ``TARGET`` of any shape."""
+    targets[...] = np.zeros((), TARGET)
+    targets["u"] = targets["v"] = np.nan
+
+
+# 1. Where to look.
+
+
+@kernel
+def pace(place: float, motion: float) -> int:
+    """Return the whole pixels by which a motion moves a place; they add up over the frames."""
+    return round(place + motion) - round(place)
+
+
+@kernel
+def region_of_interest(target: Row, settings: Row, window: Ints) -> bool:
+    """Cut the window of the whole image down to what will be searched first in the next.
+
+    Returns:
+        Whether it has: not where the target is lost or the background is to be measured.
+    """
+    rows, reach = target.height, max(settings.reach, WILD)
+    if target.state == LOST or target.due == 0 or rows + 2 * reach > ROWS:
+        return False
+    du, dv, runs = pace(target.u, target.du), pace(target.v, target.dv), target.runs
+    first, last = EMPTY, -EMPTY
+    for k in range(rows):
+        if runs[0, k] <= runs[1, k]:
+            first, last = min(first, runs[0, k]), max(last, runs[1, k])
+    if first > last:
+        return False
+    # The target is weighed a pixel beyond its rows, the background three beyond its columns.
+    window[0] = max(window[0], target.top + dv - reach - 1)
+    window[1] = min(window[1], target.top + dv + rows + reach)
+    window[2] = max(window[2], first + du - reach - 3)
+    window[3] = min(window[3], last + du + reach + 3)
+    return True
+
+
+@kernel
+def whole_image(pixels: Image, window: Ints) -> None:
+    """Write the window of the whole image."""
+    window[0], window[1], window[2], window[3] = 0, pixels.shape[0] - 1, 0, pixels.shape[1] - 1
+
+
+# 2. Background.
+
+
+@kernel
+def light_of(pixels: Image, background: Image, window: Ints, whole: bool, target: Row) -> float:
+    """Return the light of an image over that of the background [1].
+
+    By least squares on the rim of a window, where the target is not, or on some rows of an image.
+    """
+    top, bottom = window[0], window[1]
+    before = target.light if target.light > 0.0 else 1.0
+    both, own, row, expected = 0, 0, top, round(ONE * before)
+    while row <= bottom:
+        if not whole and top + RIM <= row <= bottom - RIM:
+            row = bottom - RIM + 1
+        for u in range(window[2], window[3] + 1):
+            b, p = int(background[row, u]), int(pixels[row, u])
+            if abs(ONE * p - expected * b) < STRAY * b + ONE * ODD:
+                both += p * b
+                own += b * b
+        row += APART if whole else 1
+    if own < FAINT:
+        return float(before)
+    return float(min(max(both / own, 0.3), 3.0))
+
+
+@kernel
+def subtract(
+    pixels: Image, background: Image, window: Ints, whole: bool, target: Row, difference: Image
+) -> float:
+    """Write the difference image within a window, which may be the whole image; return the light.
+
+    Only ``difference`` is changed.
+    """
+    light: float = light_of(pixels, background, window, whole, target)
+    known = target.weighed > 0.0 and target.expected > 0.0
+    contrast = target.gain if known else 0.0
+    scale, offset = np.float32(1.0 / light), np.float32(OFFSET + 0.5)
+    zero, top = np.float32(0.0), np.float32(255.0)
+    full, ball = np.float32(contrast), np.float32(contrast + target.mean)
+    least, first, end = np.float32(LEAST * contrast), window[2], window[3] + 1
+    for v in range(window[0], window[1] + 1):
+        seen, behind, out = pixels[v, first:end], background[v, first:end], difference[v, first:end]
+        for k in range(len(out)):
+            b = np.float32(behind[k])
+            d = np.float32(seen[k]) * scale - b
+            if known:  # np.divide does not test for zero
+                d = np.divide(d * full, ball - b) if ball - b > least else zero
+            out[k] = np.uint8(min(max(d + offset, zero), top))
+    return light
+
+
+@kernel
+def show(
+    pixels: Image, background: Image, difference: Image, target: Row, window: Ints, whole: bool
+) -> Image:
+    """Return what is searched of an image: within a window, or in all of it, its difference.
+
+    The image itself where no background was learned. Light and mean go into ``target``.
+    """
+    if background.size != pixels.size or difference.size < pixels.size:
+        return pixels
+    shown = view(difference, 0, pixels.shape)
+    if whole:
+        whole_image(pixels, window)
+        target.mean = np.mean(background[::APART])
+    target.light = subtract(pixels, background, window, whole, target, shown)
+    return shown
+
+
+@kernel
+def measure_background(pixels: Image, counts: Ints) -> tuple[float, float]:
+    """Return level and noise of the background [grey levels], from a ninth of the pixels.
+
+    Mean and standard deviation of the values near the median: a ball or lamp does not count.
+    ``counts``, shape (256,), is scratch.
+    """
+    counts[:] = 0
+    total = 0
+    for v in range(min(1, pixels.shape[0] - 1), pixels.shape[0], 3):
+        for u in range(min(1, pixels.shape[1] - 1), pixels.shape[1], 3):
+            counts[pixels[v, u]] += 1
+            total += 1
+    low, middle, high, seen = 0, 0, 0, 0
+    for value in range(256):
+        if seen * 6 < total:
+            low = value
+        if seen * 2 < total:
+            middle = value
+        if seen * 6 < 5 * total:
+            high = value
+        seen += counts[value]
+    reach = 2 * (high - low) + 2
+    n, first, second = 0.0, 0.0, 0.0
+    for value in range(max(middle - reach, 0), min(middle + reach, 255) + 1):
+        d = float(value - middle)
+        n += counts[value]
+        first += counts[value] * d
+        second += counts[value] * d * d
+    return middle + first / n, np.sqrt(max(second / n - (first / n) ** 2, 0.0))
+
+
+@kernel
+def measure_if_due(shown: Image, target: Row, settings: Row, counts: Ints) -> None:
+    """Measure level and threshold of the background where that is due."""
+    if target.due == 0:
+        target.level, noise = measure_background(shown, counts)
+        rise = max(settings.min_contrast, settings.noise_factor * noise)
+        target.threshold = min(target.level + rise, 255.0)
+    target.due = (target.due + 1) % settings.background_period
+
+
+@kernel
+def _choose_box(pixels: Image, target: Row, min_area: int, boxes: Ints) -> bool:
+    """Write the box of the best group of bright pixels into ``boxes[0]``; False if there is none.
+
+    The nearest to the area that the ball should have; if that is not known the largest, the round
+    ones before the long. It has to be where the ball should be.
+    """
+    best, threshold, expected, found = -np.inf, int(target.threshold), target.expected, False
+    for k in range(1, find_boxes(pixels, threshold, boxes) + 1):
+        box, area = boxes[k], 0
+        for v in range(box[1], box[3] + 1):
+            for u in range(box[0], box[2] + 1):
+                area += pixels[v, u] > threshold
+        sides = box[2] - box[0] + 1, box[3] - box[1] + 1
+        score = area * min(sides) / max(sides)
+        if expected > 0.0:
+            score = min(score / expected, expected / score)
+        du, dv = 0.5 * (box[0] + box[2]) - target.at_u, 0.5 * (box[1] + box[3]) - target.at_v
+        far = target.near > 0.0 and max(abs(du), abs(dv)) > target.near
+        if area >= min_area and score > best and not far:
+            best, found = score, True
+            boxes[0] = box
+    return found
+
+
+@kernel
+def outline(pixels: Image, target: Row, box: Ints, runs: Ints, moments: Row) -> int:
+    """Write runs and moments of the target in a box; return its rows, 0 if there is none."""
+    rows, threshold = min(box[3] - box[1] + 1, ROWS), int(target.threshold)
+    runs[0, :rows], runs[1, :rows] = box[0], box[2]
+    if connect(pixels, threshold, box[1], rows, runs, (box[0] + box[2]) // 2) == 0:
+        return 0
+    if not weigh(pixels, box[1], rows, runs, threshold, target.level, moments):
+        return 0
+    return int(rows)
+
+
+# All of it, for one frame.
+
+
+@kernel
+def _find_again(
+    pixels: Image, target: Row, settings: Row, new: Ints, moments: Row
+) -> tuple[int, int]:
+    """Find the target in the dilated mask of the last frame; return its first row and its rows.
+
+    No rows if it is lost, or too little of it is left.
+    """
+    rows, reach, threshold = target.height, settings.reach, int(target.threshold)
+    if rows + 2 * max(reach, WILD) > ROWS:
+        return 0, 0
+    if target.du == 0.0 and target.dv == 0.0:
+        reach = max(reach, WILD)
+    du, dv = pace(target.u, target.du), pace(target.v, target.dv)
+    dilate(target.runs, rows, reach, du, pixels.shape[1], new)
+    top, rows = target.top + dv - reach, rows + 2 * reach
+    if connect(pixels, threshold, top, rows, new, round(target.u) + du) == 0:
+        return 0, 0
+    top, rows = trim(top, rows, new)
+    if not weigh(pixels, top, rows, new, threshold, target.level, moments):
+        return 0, 0
+    if not moments.area >= max(settings.min_area, KEPT * target.area):
+        return 0, 0
+    return top, rows
+
+
+@kernel
+def suffices(
+    pixels: Image, background: Image, difference: Image, window: Ints, target: Row,
+    settings: Row, work: Row,
+) -> bool:  # fmt: skip
+    """Return whether the target will be found in its region of interest.
+
+    Then :func:`detect` looks nowhere else, and a simulated camera need draw no more. Only scratch
+    is changed. The arguments are those of :func:`detect`, the image true within the window, and
+    the window of :func:`region_of_interest`.
+    """
+    shown = pixels
+    if background.size == pixels.size and difference.size >= pixels.size:
+        shown = view(difference, 0, pixels.shape)
+        subtract(pixels, background, window, False, target, shown)
+    return bool(_find_again(shown, target, settings, work.runs, work.moments)[1] > 0)
+
+
+@kernel
+def _lose(target: Row) -> None:
+    """Note that there is no target."""
+    target.u, target.v, target.state = np.nan, np.nan, LOST
+
+
+@kernel
+def _stay_merged(target: Row) -> None:
+    """Move the mask of the ball that went into a merged target on as it last moved."""
+    across = pace(target.u, target.du)
+    target.top += pace(target.v, target.dv)
+    for k in range(ROWS):
+        target.runs[0, k] += across
+        target.runs[1, k] += across
+    target.u, target.v = target.u + target.du, target.v + target.dv
+
+
+@kernel
+def follow_target(target: Row, top: int, rows: int, runs: Ints) -> None:
+    """Take the target whose moments are noted: its place, mass, area, and mask for the next."""
+    moments = target.moments
+    target.u, target.v, target.state = moments.u, moments.v, GOOD
+    target.mass, target.area = moments.mass, moments.area
+    target.top, target.height = top, rows
+    for k in range(rows):
+        target.runs[0, k], target.runs[1, k] = runs[0, k], runs[1, k]
+
+
+@kernel
+def _segment(
+    pixels: Image, background: Image, difference: Image, target: Row, settings: Row,
+    work: Row,
+) -> tuple[int, bool]:  # fmt: skip
+    """Find the target in the dilated mask of the last, or else in the whole image; see detect."""
+    window, new, moments, top, rows = work.window, work.runs, target.moments, 0, 0
+    whole_image(pixels, window)
+    part = region_of_interest(target, settings, window)
+    shown = show(pixels, background, difference, target, window, not part)
+    measure_if_due(shown, target, settings, work.counts)
+    if target.state != LOST:
+        top, rows = _find_again(shown, target, settings, new, moments)
+    again = rows > 0
+    if not again:
+        if part:
+            shown = show(pixels, background, difference, target, window, True)
+        if _choose_box(shown, target, settings.min_area, work.boxes):
+            top = work.boxes[0, 1]
+            rows = outline(shown, target, work.boxes[0], new, moments)
+    if rows == 0:
+        _lose(target)
+        return 0, False
+    clipped = touches_border(pixels.shape, top, rows, new)
+    most = (GROWN + RAGGED / sqrt(target.area)) * target.mass if again else np.inf
+    if not clipped and (is_merged(moments) or moments.mass > most):
+        merged = target.state - MERGED + 1 if target.state >= MERGED else 0
+        if not again or merged >= PATIENCE:
+            _lose(target)
+            return 0, False
+        target.state = MERGED + merged
+        _stay_merged(target)
+        return int(moments.area), clipped
+    if again and target.state == GOOD:
+        share = STEADY if target.du != 0.0 or target.dv != 0.0 else 1.0
+        target.du += share * (moments.u - target.u - target.du)
+        target.dv += share * (moments.v - target.v - target.dv)
+    else:
+        target.du, target.dv = 0.0, 0.0
+    follow_target(target, top, rows, new)
+    return int(moments.area), clipped
+
+
+@kernel
+def _is_frozen(pixels: Image, target: Row, patience: int) -> bool:
+    """Return whether a target has been the same, noise and all, for ``patience`` frames or more.
+
+    The pixels of one frame under the mask, each weighted by its place, are never those of the
+    next to the last bit in sum.
+    """
+    mark, runs = 0, target.runs
+    for k in range(target.height):
+        row = target.top + k
+        if 0 <= row < pixels.shape[0]:
+            for u in range(max(runs[0, k], 0), min(runs[1, k] + 1, pixels.shape[1])):
+                mark += pixels[row, u] * (1 + 31 * u + 17 * row)
+    same = patience > 0 and mark == target.mark
+    target.frozen = target.frozen + 1 if same else 0
+    target.mark = mark
+    return bool(target.frozen >= patience > 0)
+
+
+@kernel
+def detect(
+    pixels: Image, background: Image, difference: Image, target: Row, settings: Row,
+    work: Row,
+) -> tuple[int, bool]:  # fmt: skip
+    """Find the target in one frame of one camera; measure the background when that is due.
+
+    The arguments are those of the module's table; ``target`` is overwritten.
+
+    Returns:
+        Pixels of the target, 0 if there is none or the image is frozen, and whether it touches
+        the border. The centroid is in ``target``.
+    """
+    area, clipped = _segment(pixels, background, difference, target, settings, work)
+    if area > 0 and _is_frozen(pixels, target, settings.frozen):
+        return 0, False
+    return area, clipped
+
+
+class Segmenter:
+    """Finds the ball in the frames of one camera; remembers where it was and the background."""
+
+    def __init__(self, config: SegmenterConfig | None = None) -> None:
+        """Start without a target and without an idea of the background."""
+        self._settings = pack_segmenter(config or SegmenterConfig())
+        self._target, self._work = np.zeros(1, TARGET), np.zeros(1, WORK)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the target and the background."""
+        forget(self._target)
+
+    def step(self, frame: Frame) -> Moments:
+        """Return the moments of the target in ``frame``."""
+        target, pixels = self._target[0], np.ascontiguousarray(frame.pixels)
+        area, clipped = detect(pixels, _NONE, _NONE, target, self._settings[0], self._work[0])
+        if area == 0:
+            return Moments(t=frame.t, camera=frame.camera, found=False)
+        return Moments(
+            t=frame.t, camera=frame.camera, found=True, area=float(area), u=float(target["u"]),
+            v=float(target["v"]), clipped=clipped, merged=bool(target["state"] >= MERGED),
+        )  # fmt: skip

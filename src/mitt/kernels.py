@@ -1,0 +1,361 @@
+"""How kernels are compiled and kept, and how they take arrays: views and handles.
+
+**Kept.** Numba recompiles a cached kernel when its own file changes, but not when a kernel that it
+calls has changed in another file. Here the folder of a cached kernel is named after a hash of its
+file and of every file of mitt that it imports, directly or not. So the cache is right however mitt
+is started, and versions, clones and environments share what they have in common.
+
+**Views.** Numba's own ``reshape`` calls a library and counts references, which together take a
+third of a tick. In compiled code a :func:`view` has no owner, so it may only show what the caller
+of the kernel holds: an argument, or a part of one (tests/test_kernels.py reads the source). In
+plain Python a view keeps alive what it shows.
+
+**Handles.** Numba passes a named tuple to compiled code array by array, which costs more than a
+tick. A :class:`Handle` holds the same arrays behind one pointer: the named tuple is for Python, its
+handle for kernels, both have the same fields by the same names, and what one writes into an array
+the other reads. Array types hold no lengths, so one compilation serves arrays of any length. Arrays
+and handle keep the memory alive, each by itself.
+"""
+
+import hashlib
+import logging
+import os
+import re
+import shutil
+import sys
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from functools import cache, lru_cache
+from math import prod
+from pathlib import Path
+from types import FunctionType
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+from llvmlite import ir
+from numba import __version__, carray, config, njit, types
+from numba.core.base import BaseContext
+from numba.core.caching import CacheImpl, _CacheLocator
+from numba.core.typing import Context, Signature
+from numba.experimental import structref
+from numba.extending import intrinsic, overload
+from numpy.typing import NDArray
+
+PACKAGE: Final = Path(__file__).parent
+"""Folder of mitt's source."""
+
+_KEPT: Final = 8
+"""Versions of a file whose compiled code is kept beside that of the present one."""
+
+_IMPORT = re.compile(
+    r"^[ \t]*(?:from[ \t]+(mitt[\w.]*)[ \t]+import[ \t]+(\([^)]*\)|[^\n]*)"
+    r"|import[ \t]+(mitt[\w.]*))",
+    re.MULTILINE,
+)
+
+
+def imports_of(source: str) -> list[str]:
+    """Return the modules of mitt that a source may import, as dotted names.
+
+    A name after ``import`` may be a module or not; both readings are returned.
+    """
+    found = []
+    for module, names, plain in _IMPORT.findall(source):
+        if module != "mitt":  # which imports what a user asks for
+            found.append(module or plain)
+        found += [f"{module}.{name}" for name in re.findall(r"\b\w+\b", names)]
+    return found
+
+
+@cache
+def _read(file: Path) -> tuple[bytes, tuple[Path, ...]]:
+    """Return the hash of a source file and the files of mitt that it imports."""
+    text = file.read_bytes()
+    imported = []
+    for name in imports_of(text.decode("utf-8")):
+        place = PACKAGE.joinpath(*name.split(".")[1:])
+        imported += [p for p in (place.with_suffix(".py"), place / "__init__.py") if p.is_file()]
+    return hashlib.sha256(text).digest(), tuple(imported)
+
+
+@cache
+def stamp_of(file: Path) -> bytes:
+    """Return a hash of a source file and of all that it imports from mitt."""
+    seen, todo = {file}, [file]
+    while todo:
+        for other in _read(todo.pop())[1]:
+            if other not in seen:
+                seen.add(other)
+                todo.append(other)
+    return hashlib.sha256(b"".join(sorted(_read(f)[0] for f in seen))).digest()
+
+
+def _is_writable(folder: Path) -> bool:
+    """Tell whether files can be made in a folder, which is made if it is not there."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError:
+        return False
+    return True
+
+
+@cache
+def cache_folder() -> Path | None:
+    """Return where compiled kernels are kept; None where no folder is writable.
+
+    The first that can be written to of: ``NUMBA_CACHE_DIR``, the user's cache folder
+    (``XDG_CACHE_HOME`` or ``~/.cache``), the Python environment.
+    """
+    if config.CACHE_DIR:
+        folders = [Path(config.CACHE_DIR)]
+    else:
+        user = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+        folders = [Path(user) / "mitt" / "kernels", Path(sys.prefix) / "kernels"]
+    found = next((folder for folder in folders if _is_writable(folder)), None)
+    if found is None:
+        logging.getLogger("mitt").warning(
+            "no folder for compiled kernels can be written to: each process compiles anew; "
+            "set NUMBA_CACHE_DIR"
+        )
+    return found
+
+
+def _folder_of(file: Path, cache: Path) -> Path:
+    """Return where the compiled kernels of a file are kept, below the cache's folder.
+
+    Code that checks bounds (``NUMBA_BOUNDSCHECK``) is kept apart.
+    """
+    how = f"numba-{__version__}{'-checked' if config.BOUNDSCHECK else ''}"
+    name = file.relative_to(PACKAGE) if file.is_relative_to(PACKAGE) else Path(file.name)
+    folder = f"{'.'.join(name.with_suffix('').parts)}-{stamp_of(file).hex()[:16]}"
+    return cache / how / folder
+
+
+def is_cold() -> bool:
+    """Tell whether no kernel of this source has been compiled yet."""
+    cache = cache_folder()
+    return cache is None or not any(
+        _folder_of(PACKAGE / "catcher" / "tick.py", cache).glob("tick.tick*.nbc")
+    )
+
+
+def compiled_count() -> int:
+    """Return how many compiled kernels are kept."""
+    cache, count = cache_folder(), 0
+    for folder in [] if cache is None else cache.glob("*/*"):
+        with suppress(OSError):  # another process deletes old folders
+            count += sum(1 for _ in folder.glob("*.nbc"))
+    return count
+
+
+def _delete_old(folder: Path) -> None:
+    """Delete what other versions of a file compiled to, but for those compiled last."""
+    others = {}
+    for other in folder.parent.glob(folder.name[:-16] + "?" * 16):
+        with suppress(OSError):  # another process may do the same
+            others[other] = other.stat().st_mtime
+    for other in sorted(others, key=others.__getitem__)[:-_KEPT]:
+        shutil.rmtree(other, ignore_errors=True)
+
+
+class _KernelLocator(_CacheLocator):  # type: ignore[misc]
+    """Tells Numba where a kernel of mitt is kept and when it has to be compiled anew."""
+
+    def __init__(self, file: Path, line: int, cache: Path) -> None:
+        """Take where the kernel stands and where the cache is."""
+        self._file, self._line = file, line
+        self._folder = _folder_of(file, cache)
+
+    def get_cache_path(self) -> str:
+        """Return the folder of this kernel's compiled code."""
+        return str(self._folder)
+
+    def ensure_cache_path(self) -> None:
+        """Make the folder; one of a new version lets the oldest go."""
+        if not self._folder.exists():
+            _delete_old(self._folder)
+        super().ensure_cache_path()
+
+    def get_source_stamp(self) -> bytes:
+        """Return what changes with the kernel's source and that of the kernels it calls."""
+        return stamp_of(self._file)
+
+    def get_disambiguator(self) -> str:
+        """Return what tells kernels of one name in one file apart."""
+        return str(self._line)
+
+    @classmethod
+    def from_function(cls, py_func: Callable[..., Any], py_file: str) -> "_KernelLocator | None":
+        """Return a locator for a function that :func:`kernel` compiles; None for any other."""
+        file, folder = Path(py_file), cache_folder()
+        if folder is None or py_func not in _kernels:
+            return None
+        return cls(file, py_func.__code__.co_firstlineno, folder)
+
+
+CacheImpl._locator_classes.insert(0, _KernelLocator)
+
+_kernels: set[Callable[..., Any]] = set()
+
+
+def _general(kind: types.Type) -> types.Type:
+    """Return the type for which a kernel is compiled when another kernel calls it.
+
+    The type of a constant holds its value: each value would be compiled anew.
+    """
+    if isinstance(kind, types.IntegerLiteral | types.BooleanLiteral):
+        return types.unliteral(kind)
+    if isinstance(kind, types.Tuple | types.UniTuple):
+        return types.Tuple.from_types([_general(part) for part in kind])
+    return kind
+
+
+def kernel(function: Callable[..., Any]) -> Any:  # noqa: ANN401
+    """Compile a function when it is first called, and keep the compiled code.
+
+    What only kernels call is compiled without the wrapper through which Python calls, and for the
+    types of its arguments alone, not for the values of constants: that is ``inner``. A kernel that
+    both call is compiled twice, each time from the same source. A kernel may not call itself. With
+    one dispatcher for both, a cold ``mitt catch --throws 1 --vision points`` takes 203 s of
+    processor time and keeps 428 kernels of 55 MB; so it takes 168 s, and keeps 396 of 45 MB.
+    """
+    outer = _dispatcher(function)
+    inner = _dispatcher(_renamed(function), no_cpython_wrapper=True)
+    template = inner.get_call_template
+
+    def general_template(args: Sequence[types.Type], kws: Mapping[str, types.Type]) -> Any:  # noqa: ANN401
+        """Compile for general types before the call is typed."""
+        known = {name: _general(kind) for name, kind in kws.items()}
+        return template([_general(kind) for kind in args], known)
+
+    outer.get_call_template, outer.get_overload = general_template, inner.get_overload
+    outer.inner = inner
+    return outer
+
+
+def _dispatcher(function: Callable[..., Any], **options: bool) -> Any:  # noqa: ANN401
+    """Return what compiles a function when it is called."""
+    _kernels.add(function)
+    return njit(cache=cache_folder() is not None, no_cfunc_wrapper=True, **options)(function)
+
+
+def _renamed(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return the same function by another name, so that its compiled code is kept beside."""
+    code, name = function.__code__, f"{function.__qualname__}_inner"
+    other = FunctionType(
+        code, function.__globals__, name, function.__defaults__, function.__closure__
+    )
+    other.__qualname__, other.__module__ = name, function.__module__
+    other.__kwdefaults__ = function.__kwdefaults__
+    return other
+
+
+Typed: TypeAlias = tuple[
+    Signature, Callable[[BaseContext, ir.IRBuilder, Signature, Sequence[ir.Value]], ir.Value]
+]
+"""What numba wants of an intrinsic: its types, and what writes its code."""
+Body: TypeAlias = Callable[..., Any]
+"""What numba is to compile in the place of a function."""
+
+
+def view(v: NDArray[Any], start: int, shape: tuple[int, ...]) -> NDArray[Any]:
+    """Return the numbers of an array from an index on as an array of another shape.
+
+    Args:
+        v: Contiguous, row by row; compiled code sees to it that it lives as long as the result.
+        start: Index of the first number, all numbers of ``v`` counted in one row.
+        shape: Of the result.
+    """
+    return v.reshape(-1)[start : start + prod(shape)].reshape(shape)
+
+
+@intrinsic
+def _address(_: Context, v: types.Type, start: types.Type) -> Typed:
+    """Return where a number of an array lies."""
+
+    def write(
+        context: BaseContext, builder: ir.IRBuilder, signature: Signature, given: Sequence[ir.Value]
+    ) -> ir.Value:
+        array = context.make_array(signature.args[0])(context, builder, given[0])
+        return builder.gep(array.data, [given[1]])
+
+    del start  # of whatever kind, it is cast to the one that the signature names
+    return types.CPointer(v.dtype)(v, types.intp), write
+
+
+@overload(view)
+def _compiled_view(v: types.Type, start: types.Type, shape: types.Type) -> Body | None:
+    """Return what :func:`view` is in compiled code; None says that these types have no view."""
+    del start, shape
+    if not (isinstance(v, types.Array) and v.layout == "C"):
+        return None
+    if config.BOUNDSCHECK:
+        return _checked_view
+    return _plain_view
+
+
+def _plain_view(v: types.Type, start: types.Type, shape: types.Type) -> NDArray[Any]:
+    """See :func:`view`."""
+    shown: NDArray[Any] = carray(_address(v, start), shape)
+    return shown
+
+
+def _checked_view(v: types.Type, start: types.Type, shape: types.Type) -> NDArray[Any]:
+    """As :func:`view`, where numba is asked to check bounds."""
+    count = 1
+    for side in shape:
+        count *= side
+    if start < 0 or start + count > v.size:
+        raise IndexError("a view reaches beyond its array")
+    shown: NDArray[Any] = carray(_address(v, start), shape)
+    return shown
+
+
+Record = NDArray[np.void]
+
+
+@structref.register
+class _StructType(types.StructRef):  # type: ignore[misc]
+    """The type of a handle: names and types of its fields."""
+
+
+class Handle(structref.StructRefProxy):  # type: ignore[misc]
+    """The same arrays as those of a named tuple, for kernels; Python does not look into it."""
+
+
+structref.define_boxing(_StructType, Handle)
+
+
+def define(handle: type[Handle], of: type[tuple[Any, ...]]) -> None:
+    """Let kernels make handles of a class from the fields of a named tuple's class.
+
+    For a named tuple ``Thing``::
+
+        class ThingHandle(Handle): ...
+        define(ThingHandle, Thing)
+
+        @kernel
+        def thing_handle(thing):
+            return ThingHandle(*thing)
+    """
+    structref.define_constructor(handle, _StructType, of._fields)  # type: ignore[attr-defined]
+
+
+@lru_cache(maxsize=8)
+def _layout(fields: tuple[tuple[str, type], ...]) -> np.dtype[np.void]:
+    """Return the layout of a record, aligned as compiled code likes it."""
+    return np.dtype(list(fields), align=True)
+
+
+def record_of(values: dict[str, bool | float], like: dict[str, bool | float]) -> Record:
+    """Return a record of single numbers, shape (1,).
+
+    Args:
+        values: The numbers by name.
+        like: The same names; a field has the type that its number has here, whatever is given.
+    """
+    record = np.zeros(1, _layout(tuple((name, type(x)) for name, x in like.items())))
+    record[0] = tuple(values[name] for name in like)
+    return record

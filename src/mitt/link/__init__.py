@@ -1,1 +1,0 @@
-"""What connects the catcher to the outside: the clock, real time, robots."""

@@ -1,0 +1,1 @@
+"""The paper's map from the ball's position to the desired joints, and its learning."""

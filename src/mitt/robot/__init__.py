@@ -1,1 +1,0 @@
-"""The arm: its description, its two implementations, its limits."""

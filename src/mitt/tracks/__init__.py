@@ -1,1 +1,0 @@
-"""Recorded positions and videos to tracks of a ball."""

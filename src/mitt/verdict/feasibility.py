@@ -1,0 +1,307 @@
+"""The verdict before moving: can this throw be caught, and which limit binds?
+
+The ball's estimate is flown on by the flight model to the catch, the map is adapted to the arm,
+and what the motion asks of the arm is held against its limits.
+"""
+
+from dataclasses import dataclass, field, replace
+from enum import Enum
+
+import numpy as np
+
+from mitt import checks
+from mitt.fields import brief
+from mitt.kernels import kernel
+from mitt.map import prediction
+from mitt.map.demand import Tolerance, shares_of
+from mitt.map.mapping import DirectMap
+from mitt.map.prediction import Foresight, flown, foresee, spread
+from mitt.map.tangent import to_go
+from mitt.signals import Array, BallState
+
+#: Instants at which the demand is reckoned.
+_INSTANTS = 25
+#: How far beyond the region it was learned on a map is trusted [rad].
+_REGION_GAP = 0.3
+#: How far ahead the ball's way over the ground is looked at [s], and in what steps.
+_AHEAD, _STRIDE = 1.0, 0.01
+#: How long before its catch the arm begins to follow a ball, or learns for good that it cannot
+#: catch it [s]: about what learned flights last.
+_START_AHEAD = 0.5
+
+
+class Outcome(Enum):
+    """Whether the throw can be caught.
+
+    OPEN: the ball is about to pass below the region of the map, where only a bounce off a
+    surface that nobody announced would bring it back up.
+    UNSETTLED: the ball does not fly, so nobody can foretell it: the arm stays, and the ball is
+    judged anew every tick, until it comes.
+    """
+
+    FEASIBLE = "feasible"
+    OPEN = "open"
+    UNSETTLED = "unsettled"
+    UNREACHABLE = "unreachable"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Approach:
+    """The motion that a verdict rests on, from now to the catch.
+
+    Attributes:
+        motion: q, dq, ddq asked at even instants, the last at the catch, shape (K, 3, n).
+        step: Time between two of them [s].
+        dr_o: Velocity of the ball at the catch [m/s], shape (3,).
+    """
+
+    motion: Array
+    step: float
+    dr_o: Array
+
+    __repr__ = brief
+
+
+#: What it means that the place of the catch is against it, not a limit.
+_PLACES = {
+    "domain": " (the ball does not come to where the map can meet it)",
+    "region": " (the catch is not where the map was learned)",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdict:
+    """What the certificate says.
+
+    Attributes:
+        outcome: Feasible, open, unsettled or not.
+        binding_limit: The limit that is asked most, such as ``torque:j2``.
+        share: How much of it is asked; 1 is the limit.
+        t_catch: Predicted time of the catch [s]; infinite without one.
+        sigma: Predicted 1-sigma of the ball's position then [m].
+        probability: Of a catch, given the ball's uncertainty; NaN where it was not reckoned.
+        approach: The motion that it rests on; None where there is none.
+    """
+
+    outcome: Outcome
+    binding_limit: str
+    share: float
+    t_catch: float
+    sigma: float
+    probability: float = np.nan
+    approach: Approach | None = field(default=None, compare=False, repr=False)
+
+    __repr__ = brief
+
+    def __str__(self) -> str:
+        """Say it in a few words, as ``feasible: 83 % of brake:j4, catch at 0.498 s``."""
+        asked = f"{100.0 * self.share:.0f} % of " if np.isfinite(self.share) else ""
+        when = f", catch at {self.t_catch:.3f} s" if np.isfinite(self.t_catch) else ""
+        why = _PLACES.get(self.binding_limit.partition(":")[0], "")
+        return f"{self.outcome.value}: {asked}{self.binding_limit}{why}{when}"
+
+    @property
+    def margin(self) -> float:
+        """What is left of the binding limit, as a share of it; negative beyond it."""
+        return 1.0 - self.share
+
+
+def judge(
+    f: DirectMap, ball: BallState, q: Array, *, tolerance: Tolerance, dq: Array | None = None
+) -> Verdict:
+    """Return the verdict on a ball for an arm in ``q`` [rad], (n,), at rest or moving at ``dq``."""
+    ball, q = _checked(ball), checks.vector("q", q, f.arm.n, finite=True)
+    dq = None if dq is None else checks.vector("dq", dq, f.arm.n, finite=True)
+    return tempered(_judged(f, ball, q, tolerance=tolerance, dq=dq), ball)
+
+
+def tempered(verdict: Verdict, ball: BallState) -> Verdict:
+    """Return the verdict; on a ball that is led neither a refusal nor a start long before."""
+    good = _comes_soon(ball, verdict.t_catch) and verdict.outcome is Outcome.FEASIBLE
+    return replace(verdict, outcome=Outcome.UNSETTLED) if ball.led and not good else verdict
+
+
+def unsettled(f: DirectMap, ball: BallState) -> bool:
+    """Say at little cost where the verdict on a ball is UNSETTLED whatever the arm does.
+
+    The ball is led, and its catch is far ahead or lies outside the map's region.
+    """
+    if not _checked(ball).led:
+        return False
+    seen = foresee(f, ball)
+    return not _comes_soon(ball, ball.t + seen.after) or _where(f, seen) is not None
+
+
+def _checked(ball: BallState) -> BallState:
+    """Return an estimate of a ball; InputError where it is something else."""
+    return checks.instance("ball", ball, BallState)
+
+
+def _comes_soon(ball: BallState, t_catch: float) -> bool:
+    """Say whether the catch is so near that a start is not long before it."""
+    return t_catch - ball.t <= _START_AHEAD
+
+
+def _judged(
+    f: DirectMap, ball: BallState, q: Array, *, tolerance: Tolerance, dq: Array | None
+) -> Verdict:
+    """Return the verdict on a ball that goes on by its law of motion; see :func:`judge`."""
+    seen, start = foresee(f, ball), (q, np.zeros(f.arm.n) if dq is None else dq)
+    where = _where(f, seen)
+    alpha = f.adapted(ball, *start) if where is None else None
+    if alpha is None:
+        waits = _may_rise(f, ball, seen) and _can_wait(f, ball, start, tolerance)
+        return Verdict(
+            outcome=Outcome.OPEN if waits else Outcome.UNREACHABLE,
+            binding_limit=where or "domain",
+            share=np.inf,
+            t_catch=ball.t + seen.after,
+            sigma=np.inf,
+        )
+    return weigh(f.with_alpha(alpha), ball, seen.after, tolerance)
+
+
+def weigh(f: DirectMap, ball: BallState, after: float, tolerance: Tolerance) -> Verdict:
+    """Return the verdict by what the way to a foreseen catch asks of the arm of an adapted map.
+
+    Args:
+        f: The map, adapted.
+        ball: Estimate of the ball.
+        after: Time to the catch [s].
+        tolerance: Share of each limit at which the throw is refused.
+    """
+    path = flown(ball, np.linspace(0.0, after, _INSTANTS))
+    motion = f.motions(path)
+    shares = shares_of(f.arm, motion, tolerance)
+    binding = max(shares, key=lambda name: shares[name])
+    return Verdict(
+        outcome=Outcome.FEASIBLE if shares[binding] <= 1.0 else Outcome.UNREACHABLE,
+        binding_limit=binding,
+        share=shares[binding],
+        t_catch=ball.t + after,
+        sigma=spread(ball, after),
+        approach=Approach(motion=motion, step=after / (_INSTANTS - 1), dr_o=path[-1, 1]),
+    )
+
+
+def trusted(f: DirectMap) -> Array:
+    """Return the lowest and highest virtual joints at a catch for which a map is trusted [rad].
+
+    Shape (2, n).
+    """
+    region: Array = f.region + np.array([[-_REGION_GAP], [_REGION_GAP]])
+    return region
+
+
+def is_far(ball: BallState, hand: Array) -> bool:
+    """Say whether a ball comes nearest to a hand only later than a motion has to begin.
+
+    Until then it may be known better, or caught by a motion that begins later.
+
+    Args:
+        ball: Estimate of the ball.
+        hand: Where the hand waits [m], shape (3,).
+    """
+    path = flown(_checked(ball), np.arange(0.0, _AHEAD, _STRIDE))[:, 0]
+    nearest = int(np.argmin(np.linalg.norm(path - checks.vector("hand", hand, 3), axis=1)))
+    return nearest * _STRIDE > _START_AHEAD
+
+
+def sharpness(f: DirectMap, ball: BallState) -> float:
+    """Return the predicted 1-sigma of the ball at the catch [m]; infinite without a catch."""
+    return prediction.sharpness(f, _checked(ball), *trusted(f))
+
+
+def returns(f: DirectMap, ball: BallState) -> bool:
+    """Say whether an open throw has come back: its predicted catch lies in the map's region."""
+    return _where(f, foresee(f, _checked(ball))) is None
+
+
+def levelled(f: DirectMap, ball: BallState) -> BallState:
+    """Return the ball as if it flew level at the nominal catch height: where to wait for a bounce.
+
+    A bounce changes neither where over the ground the ball flies nor, much, how fast. What goes
+    level does not fly: it is led.
+    """
+    ball = _checked(ball)
+    motion = np.array([ball.r_o, ball.dr_o, ball.ddr_o])
+    level(motion, waiting_height(f))
+    return replace(ball, r_o=motion[0], dr_o=motion[1], ddr_o=motion[2], led=True)
+
+
+def waiting_height(f: DirectMap) -> float:
+    """Return the nominal height of the catch [m]."""
+    return float(f.arm.position(f.start)[2])
+
+
+@kernel
+def level(motion: Array, height: float) -> None:
+    """Let a motion r_o, dr_o, ddr_o, shape (3, 3), go level at a height [m], in place."""
+    motion[0, 2], motion[1, 2], motion[2, 2] = height, 0.0, 0.0
+
+
+def _where(f: DirectMap, seen: Foresight) -> str | None:
+    """Return why the predicted catch is outside the map's region; None inside."""
+    if not np.isfinite(seen.after):
+        return "domain"
+    low, high = trusted(f)
+    for k, name in enumerate(f.arm.names):
+        if not low[k] <= seen.q_o[k] <= high[k]:
+            return f"region:{name}"
+    return None
+
+
+def _may_rise(f: DirectMap, ball: BallState, seen: Foresight) -> bool:
+    """Say whether a bounce could bring the ball up into the region.
+
+    It must come in low, and over the ground it must pass where the region is.
+    """
+    low = seen.below
+    if np.isfinite(seen.after):
+        low = bool(f.to_ball(seen.q_o)[2] < f.arm.position(f.start)[2])
+    return low and _passes_over(f, ball)
+
+
+def _can_wait(
+    f: DirectMap, ball: BallState, start: tuple[Array, Array], tolerance: Tolerance
+) -> bool:
+    """Say whether the arm can follow a ball's surrogate target to its catch within the limits.
+
+    It cannot where the ball has passed by already, or is about to.
+
+    Args:
+        f: The map.
+        ball: Estimate of the ball.
+        start: q, dq of the arm [rad, rad/s], shape (n,) each.
+        tolerance: Share of each limit that may be asked for.
+    """
+    path = flown(ball, np.arange(0.0, _AHEAD, _STRIDE))
+    ways = list[float]()
+    for motion in path:
+        level(motion, waiting_height(f))
+        inside, rows = f.virtual(motion)
+        if not inside:
+            return False
+        ways.append(float(to_go(f.tangent, rows[0])))
+        if ways[0] * ways[-1] <= 0.0:
+            break
+    else:
+        return False
+    alpha = f.adapted(levelled(f, ball), *start)
+    if alpha is None:
+        return False
+    return max(shares_of(f.arm, f.motions(path[: len(ways)], alpha), tolerance).values()) <= 1.0
+
+
+def _passes_over(f: DirectMap, ball: BallState) -> bool:
+    """Say whether the ball's way over the ground leads through the map's region."""
+    nominal = f.arm.position(f.start)
+    path = flown(ball, np.arange(0.0, _AHEAD, _STRIDE))[:, 0]
+    near = np.flatnonzero(np.hypot(path[:, 0], path[:, 1]) <= np.hypot(nominal[0], nominal[1]))
+    if len(near) == 0:
+        return False
+    point = np.array([path[near[0], 0], path[near[0], 1], nominal[2]])
+    inside, rows = f.virtual(np.array([point, np.zeros(3), np.zeros(3)]))
+    low, high = trusted(f)
+    within = (rows[0] >= low) & (rows[0] <= high)
+    return bool(inside and np.all(np.delete(within, f.design.catch_joint)))

@@ -1,0 +1,145 @@
+"""A link passes the command to the brakes on, and refuses a robot that has none."""
+
+import sys
+from importlib.metadata import EntryPoint
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from mitt.arm.arm import Arm
+from mitt.cell.robot import GROUP, RobotLink, driver_named
+from mitt.errors import InputError
+from mitt.files.cell import read_cell
+from mitt.signals import ArmState, Command, Sighting
+
+
+class Driver:
+    """Notes what it is told."""
+
+    def __init__(self, *, brakes: bool, fails: bool = False) -> None:
+        """Say whether there are brakes, and whether the drives answer."""
+        self.brakes, self._fails, self.said = brakes, fails, list[str]()
+
+    def read(self, timeout: float) -> list[ArmState]:
+        """Return an arm at rest."""
+        return [ArmState(t=timeout, q=np.zeros(2), dq=np.zeros(2))]
+
+    def points(self) -> list[Sighting]:
+        """Return none."""
+        return []
+
+    def write(self, command: Command, answers: float) -> None:  # noqa: ARG002
+        """Note a command to the drives."""
+        if self._fails:
+            raise OSError("no answer")
+        self.said.append(f"{command.tau.tolist()}")
+
+    def engage_brakes(self) -> None:
+        """Note a command to the brakes."""
+        self.said.append("brakes")
+
+    def release(self) -> None:
+        """Note that a person lets it go on."""
+        self.said.append("released")
+
+    def waits(self) -> str:
+        """Return what keeps it from being commanded: nothing does."""
+        return ""
+
+    def trouble(self) -> str:
+        """Return none."""
+        return ""
+
+    def news(self) -> list[str]:
+        """Return none."""
+        return []
+
+    def close(self) -> None:
+        """Nothing is to be given up."""
+
+
+def command(*, brakes: bool) -> Command:
+    """Return a command of zero torque."""
+    return Command(t=0.0, joints=np.zeros((4, 2)), hand=0.0, brakes=brakes)
+
+
+def test_a_command_to_the_brakes_reaches_the_robot() -> None:
+    """Nothing engages them before, and each command with them does, before the torques."""
+    driver = Driver(brakes=True)
+    link = RobotLink(driver)
+    for brakes in (False, True, True):
+        link.write(command(brakes=brakes), 0.0, np.zeros(3))
+        assert link.braked == brakes
+    assert driver.said == ["[0.0, 0.0]", "brakes", "[0.0, 0.0]", "brakes", "[0.0, 0.0]"]
+    link.release()
+    assert not link.braked
+    assert driver.said[-1] == "released"
+
+
+def test_drives_that_do_not_answer_do_not_keep_the_brakes_off() -> None:
+    """The brakes are engaged before the drives are told."""
+    driver = Driver(brakes=True, fails=True)
+    with pytest.raises(OSError, match="no answer"):
+        RobotLink(driver).write(command(brakes=True), 0.0, np.zeros(3))
+    assert driver.said == ["brakes"]
+
+
+def test_a_robot_without_brakes_says_so_when_the_link_is_made() -> None:
+    """Refused in one line, unless the caller accepts an arm that is only de-energised."""
+    with pytest.raises(InputError, match="wanted brakes"):
+        RobotLink(Driver(brakes=False))
+    driver = Driver(brakes=False)
+    RobotLink(driver, unbraked=True).write(command(brakes=True), 0.0, np.zeros(3))
+    assert driver.said == ["[0.0, 0.0]"]
+
+
+def test_drivers_of_other_packages_are_found_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An unknown name lists those that there are; one that does not load says so."""
+    entry = EntryPoint("mine", "nowhere.at_all:driver", GROUP)
+    monkeypatch.setattr("mitt.cell.robot.entry_points", lambda **_: [entry])
+    with pytest.raises(InputError, match="one of ros2, sim, mine"):
+        driver_named("yours")
+    with pytest.raises(InputError, match="repair that package"):
+        driver_named("mine")
+
+
+def test_what_is_no_driver_is_refused() -> None:
+    """In one line, before any command."""
+    with pytest.raises(InputError, match="robot"):
+        RobotLink(object())  # type: ignore[arg-type]
+
+
+def test_an_error_of_a_driver_is_said_to_be_that_package_s(
+    monkeypatch: pytest.MonkeyPatch, arm: Arm
+) -> None:
+    """When it makes its robot, and when that is asked: one line that names the driver."""
+    package = ModuleType("of_a_vendor")
+
+    class Weak(Driver):
+        """Loses its connection."""
+
+        def read(self, timeout: float) -> list[ArmState]:
+            """Break down."""
+            raise KeyError(f"joint\n{timeout}")
+
+    vars(package)["weak"] = lambda _cell, _arm: Weak(brakes=True)
+    vars(package)["fail"] = lambda cell, _arm: cell.address
+    vars(package)["none"] = lambda _cell, _arm: object()
+    monkeypatch.setitem(sys.modules, "of_a_vendor", package)
+    names = ("weak", "fail", "none")
+    points = [EntryPoint(name, f"of_a_vendor:{name}", GROUP) for name in names]
+    monkeypatch.setattr("mitt.cell.robot.entry_points", lambda **_: points)
+    cell = read_cell("wam-sim")
+    robot = driver_named("weak")(cell, arm)
+    assert robot.brakes
+    assert robot.trouble() == ""
+    robot.write(command(brakes=False), 0.0)
+    for name, call in (
+        ("weak", lambda: robot.read(0.1)),
+        ("fail", lambda: driver_named("fail")(cell, arm)),
+        ("none", lambda: driver_named("none")(cell, arm)),
+    ):
+        with pytest.raises(InputError, match=f"driver '{name}'.*repair that package") as caught:
+            call()
+        assert "\n" not in str(caught.value)

@@ -1,0 +1,164 @@
+"""What commands say on stderr besides their work."""
+
+import contextlib
+import html
+import io
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from matplotlib.figure import Figure
+
+from mitt import kernels
+from mitt.cli.main import main
+from mitt.cli.measuring import _show_study as show_study
+from mitt.cli.screen import checked, progress, show, table, tell_of_kernels, warn
+from mitt.errors import printable
+from mitt.interrupts import tell
+from mitt.report.style import GENERATORS, legend_above, plot
+
+
+class Full:
+    """A stream that cannot be written to."""
+
+    def write(self, text: str) -> int:
+        """Refuse."""
+        raise OSError(28, "No space left on device", None if text else "")
+
+    def flush(self) -> None:
+        """Do nothing."""
+
+
+@pytest.mark.parametrize(
+    ("folder", "cold", "said"),
+    [
+        (None, True, "NUMBA_CACHE_DIR"),
+        (Path("kernels"), True, "compiling, once"),
+        (Path("kernels"), False, ""),
+    ],
+)
+def test_compiling_is_said_in_one_line_where_it_is_due(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+    folder: Path | None, cold: bool, said: str,
+) -> None:  # fmt: skip
+    """That kernels cannot be kept and what to do, that they are compiled once, or nothing."""
+    monkeypatch.setattr(kernels, "cache_folder", lambda: folder)
+    monkeypatch.setattr(kernels, "is_cold", lambda: cold)
+    tell_of_kernels()
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert said in err
+    assert err.count("\n") == bool(said)
+
+
+def test_nobody_who_hears_is_no_fault(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A full disk behind stderr does not end a run."""
+    monkeypatch.setattr("sys.stderr", Full())
+    tell("something")
+
+
+#: Names that are markup, escapes or formulas to somebody.
+HOSTILE = ("m[a].json", "[/red]", "[bold]x[/bold]", "[link=http://x]y[/link]", ":smile:",
+           "$\\frac$", "a\x1b[31mb", "line\nend", "tab\tend", "\u202eevil", "<b>&amp;", "{x}", "%s",
+           "\\[x]", "\ud800", "caf\u00e9")  # fmt: skip
+
+
+@given(name=st.sampled_from(HOSTILE) | st.text(max_size=30))
+def test_a_name_is_printed_as_it_is(name: str) -> None:
+    """In lines, tables, their titles and heads, on both streams: no markup, one line."""
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        rows = table(name, (name,), left=(name,), no_wrap=True)
+        rows.add_row(name)
+        show(rows, f"written: {name}")
+        warn([name])
+        warn([name], json=True)
+        checked(name)
+    plain = printable(name)
+    assert out.getvalue().endswith(f"written: {plain}\nwarning: {plain}\n")
+    assert err.getvalue() == f"mitt: warning: {plain}\nmitt: the input is good: {plain}\n"
+    assert all(x.isprintable() or x == "\n" for x in out.getvalue() + err.getvalue())
+    assert out.getvalue().count(plain.strip()) >= 4
+
+
+def test_progress_names_are_no_markup(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A bar on a terminal shows what is done, whatever it is called."""
+    stream = io.StringIO()
+    monkeypatch.setattr(stream, "isatty", lambda: True)
+    monkeypatch.setattr("sys.stderr", stream)
+    with progress() as report:
+        report("[/red]$[x]", 1, 2)
+    assert "[/red]$[x]" in stream.getvalue()
+
+
+@pytest.mark.parametrize("name", ["a[/red]b.csv", "m[a].csv", "[bold].csv", "$x$.csv", "a\nb.csv"])
+def test_a_command_bears_any_name_of_its_files(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    """The file is written, its name is told as it is, and the status is 0."""
+    points = tmp_path / f"in-{name}"
+    points.parent.mkdir(exist_ok=True)
+    rows = [f"{0.01 * k},{3.0 - 0.05 * k},0,{0.5 + 0.03 * k - 0.000491 * k * k}" for k in range(20)]
+    points.write_text("\n".join(["t_s,x_m,y_m,z_m", *rows]))
+    assert main(["track", str(points), "--out", str(tmp_path / name)]) == 0
+    assert f"written: {printable(str(tmp_path / name))}" in capsys.readouterr().out
+    assert (tmp_path / name).is_file()
+
+
+def test_a_name_that_utf_8_has_not_is_refused_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Before anything is done that would have to tell of it."""
+    assert main(["track", "in.csv", "--out", str(tmp_path / "out\udcff.csv")]) == 2
+    err = capsys.readouterr().err
+    assert "UTF-8" in err
+    assert err.count("\n") == 1
+
+
+@given(name=st.sampled_from(HOSTILE))
+def test_a_name_in_a_figure_is_no_formula(name: str) -> None:
+    """Title, labels, ticks and legend show it as a text."""
+    text = "".join(x for x in name if x.isprintable())
+
+    def draw(figure: Figure) -> None:
+        axes = figure.add_subplot()
+        axes.plot([0.0, 1.0], label=text)
+        axes.set(title=text, xlabel=text, ylabel=text)
+        axes.set_xticks([0.0], [text])
+        legend_above(figure, axes)
+
+    svg = plot("x", (3.0, 3.0), draw).svg
+    assert html.unescape(svg).count(text.strip()) >= 4
+
+
+def test_what_is_written_beside_an_input_never_replaces_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """An output that is an input, by any path, is refused before anything is read or written."""
+    points = tmp_path / "points.csv"
+    points.write_text("mine")
+    (tmp_path / "link").symlink_to(tmp_path)
+    for out in (points, tmp_path / "link" / "points.csv"):
+        assert main(["track", str(points), "--out", str(out), "--overwrite"]) == 2
+        assert "read or written too" in capsys.readouterr().err
+    assert points.read_text() == "mine"
+
+
+def test_a_study_of_many_generators_shows_each_rate_and_force(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Where cells are wider than there is room they go on in a second line; nothing is cut."""
+    names = tuple(GENERATORS)
+    row = {"condition": "clean", "throws": 8, "catch_rate": 1.0, "over_force": 0, "complete": True}
+    rows = [{**row, "generator": x, "force_n": {"median": 30.0 + k}} for k, x in enumerate(names)]
+    clean = SimpleNamespace(name="clean")
+    study: Any = SimpleNamespace(name="s", generators=names, conditions=(clean,))
+    folder: Any = SimpleNamespace(summary=Path("summary.json"), trials=Path("trials.parquet"))
+    finished: Any = SimpleNamespace(rows=rows)
+    show_study(study, folder, finished)
+    out = capsys.readouterr().out
+    assert out.count("100.0,") == len(names)
+    assert all(f" {30 + k} " in out for k in range(len(names)))

@@ -1,0 +1,302 @@
+"""Compiled kernels follow the source of mitt, however it is started."""
+
+import ast
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numba import njit
+from numba.core.errors import TypingError
+from numpy.typing import NDArray
+
+from mitt import kernels
+from mitt.kernels import PACKAGE, view
+
+CALLER = """
+from mitt.kernels import kernel
+from mitt.callee import inner
+
+@kernel
+def outer(x):
+    return inner(x)
+"""
+CALLEE = """
+from mitt.kernels import kernel
+
+@kernel
+def inner(x):
+    return {factor} * x
+"""
+
+
+@pytest.fixture
+def package(tmp_path: Path) -> Path:
+    """Return a package ``mitt`` of one kernel that calls another in another file."""
+    folder = tmp_path / "mitt"
+    folder.mkdir()
+    (folder / "__init__.py").write_text("")
+    shutil.copy(kernels.PACKAGE / "kernels.py", folder / "kernels.py")
+    (folder / "caller.py").write_text(CALLER)
+    (folder / "callee.py").write_text(CALLEE.format(factor=2.0))
+    return folder
+
+
+def call(package: Path, **env: str) -> str:
+    """Return what a new process prints of ``outer(1.0)``."""
+    code = "from mitt.caller import outer; print(outer(1.0), sum(outer.stats.cache_hits.values()))"
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env=os.environ | {"PYTHONPATH": str(package.parent)} | env,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return done.stdout.strip()
+
+
+def test_a_cached_kernel_follows_the_kernels_that_it_calls(package: Path, tmp_path: Path) -> None:
+    cache = {"NUMBA_CACHE_DIR": "", "XDG_CACHE_HOME": str(tmp_path / "cache")}
+    assert call(package, **cache) == "2.0 0"
+    assert call(package, **cache) == "2.0 1"
+    (package / "callee.py").write_text(CALLEE.format(factor=3.0))
+    assert call(package, **cache) == "3.0 0"
+    (package / "callee.py").write_text(CALLEE.format(factor=2.0))
+    assert call(package, **cache) == "2.0 1"
+    assert not list(package.rglob("*.nb[ic]"))
+
+
+def test_clones_share_compiled_kernels_and_old_versions_go(package: Path, tmp_path: Path) -> None:
+    cache = {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    clone = shutil.copytree(package, tmp_path / "clone" / "mitt")
+    assert call(package, **cache) == "2.0 0"
+    assert call(clone, **cache) == "2.0 1"
+    (old,) = (tmp_path / "cache").rglob("caller-*")
+    os.utime(old, (0.0, 0.0))
+    for k in range(8):
+        (old.parent / f"{old.name[:-16]}{k:016}").mkdir()
+    (clone / "callee.py").write_text(CALLEE.format(factor=3.0))
+    assert call(clone, **cache) == "3.0 0"
+    assert not old.exists()
+
+
+def test_without_a_folder_that_can_be_written_to_nothing_is_kept(
+    package: Path, tmp_path: Path
+) -> None:
+    nowhere = tmp_path / "a file"
+    nowhere.write_text("")
+    assert call(package, NUMBA_CACHE_DIR=str(nowhere)) == "2.0 0"
+    assert call(package, NUMBA_CACHE_DIR=str(nowhere)) == "2.0 0"
+    assert not list(tmp_path.rglob("*.nb[ic]"))
+
+
+def test_all_forms_of_import_are_seen() -> None:
+    source = (
+        "import mitt.ball.flight\nfrom mitt.arm import (\n    arm,\n    kinematics as c,\n)\n"
+        "from mitt.ball import filter as f\n"
+    )
+    found = kernels.imports_of(source)
+    assert {"mitt.ball.flight", "mitt.arm.arm", "mitt.arm.kinematics", "mitt.ball.filter"} <= {
+        *found
+    }
+
+
+def test_a_stamp_covers_all_that_a_file_imports() -> None:
+    tick = kernels.PACKAGE / "catcher" / "tick.py"
+    assert kernels.stamp_of(tick) == kernels.stamp_of(tick)
+    assert kernels.stamp_of(tick) != kernels.stamp_of(kernels.PACKAGE / "kernels.py")
+
+
+BOTH_WAYS = """
+import numpy as np
+from mitt.kernels import kernel
+
+@kernel
+def part(v, k=2, factor=1.0):
+    return factor * v[k]
+
+@kernel
+def whole(v):
+    return part(v) + part(v, 0) + part(v, factor=10.0)
+
+print(whole(np.arange(3.0)), part(np.arange(3.0)), part(np.arange(3.0), 1))
+print(sum(part.stats.cache_hits.values()) + sum(whole.stats.cache_hits.values()))
+"""
+
+
+def test_a_kernel_that_python_and_kernels_call_is_kept_for_both(tmp_path: Path) -> None:
+    """With defaults and names of arguments; a second process takes all from the cache."""
+    script, said = tmp_path / "both_ways.py", []
+    script.write_text(BOTH_WAYS)
+    for _ in range(2):
+        run = subprocess.run(
+            [sys.executable, str(script)], capture_output=True, text=True, check=True,
+            env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")},
+        )  # fmt: skip
+        said.append(run.stdout.splitlines())
+    assert said[0] == ["22.0 2.0 1.0", "0"]
+    assert said[1][0] == said[0][0]
+    assert int(said[1][1]) >= 2
+    names = {path.name.split("-")[0] for path in (tmp_path / "cache").rglob("*.nbc")}
+    assert names == {"both_ways.part", "both_ways.part_inner", "both_ways.whole"}
+
+
+BEYOND = """
+import numpy as np
+from mitt.kernels import kernel
+
+@kernel
+def third(x):
+    return x[2]
+"""
+
+
+@pytest.mark.parametrize("first", ["0", "1"])
+def test_code_that_checks_bounds_is_kept_apart(package: Path, tmp_path: Path, first: str) -> None:
+    """Whichever is compiled first: what runs does what its own process asked for."""
+    (package / "beyond.py").write_text(BEYOND)
+    second = "1" if first == "0" else "0"
+    code = "from mitt.beyond import third, np; third(np.ones(3)); third(np.ones(3)[:2])"
+    for checked in (first, second, first, second):
+        done = subprocess.run(
+            [sys.executable, "-c", code],
+            env=os.environ | {"PYTHONPATH": str(package.parent), "NUMBA_BOUNDSCHECK": checked,
+                              "NUMBA_CACHE_DIR": "", "XDG_CACHE_HOME": str(tmp_path / "cache")},
+            capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        assert ("IndexError" in done.stderr) == (checked == "1")
+
+
+@njit
+def shown(v: NDArray[Any], start: int, rows: int, columns: int) -> NDArray[Any]:
+    """Return a copy of a view, two of whose numbers have changed places."""
+    x = view(v, start, (rows, columns))
+    x[0, 0], x[rows - 1, columns - 1] = x[rows - 1, columns - 1], x[0, 0]
+    return x.copy()
+
+
+@pytest.mark.parametrize("shape", [(24,), (4, 6), (2, 3, 4)])
+@pytest.mark.parametrize("dtype", [np.float64, np.int64, np.uint8])
+def test_a_view_shows_the_numbers_themselves(shape: tuple[int, ...], dtype: type) -> None:
+    """Compiled and plain: the same rows, and what is written there is written into the array."""
+    v: NDArray[Any] = np.arange(24, dtype=dtype).reshape(shape)
+    plain, mine = v.copy(), v.copy()
+    x = view(plain, 5, (3, 4))
+    x[0, 0], x[2, 3] = x[2, 3], x[0, 0]
+    assert np.array_equal(shown(mine, 5, 3, 4), x)
+    assert np.array_equal(mine, plain)
+    assert mine.ravel()[5] == 16
+    assert mine.ravel()[16] == 5
+
+
+def test_what_has_gaps_is_refused() -> None:
+    """Columns of a table do not lie one after another: the kernel does not compile."""
+    with pytest.raises(TypingError):
+        shown(np.zeros((6, 8))[:, ::2], 0, 2, 2)
+
+
+def _owned(function: ast.FunctionDef) -> set[str]:
+    """Return the names in a function that only ever stand for arguments, their parts and views."""
+    arguments = function.args
+    held = {x.arg for x in (*arguments.posonlyargs, *arguments.args, *arguments.kwonlyargs)}
+    other: set[str] = set()
+    for line in ast.walk(function):
+        if isinstance(line, ast.Assign):
+            for name, value in _pairs(line):
+                (held if _is_part(value, held) else other).add(name)
+    return held - other
+
+
+def _pairs(line: ast.Assign) -> Iterator[tuple[str, ast.expr]]:
+    """Yield each name that is assigned, with what it is assigned or a part of it."""
+    (target,) = line.targets
+    targets = target.elts if isinstance(target, ast.Tuple) else [target]
+    both = isinstance(target, ast.Tuple) and isinstance(line.value, ast.Tuple)
+    values = line.value.elts if both else [line.value] * len(targets)  # type: ignore[attr-defined]
+    for one, value in zip(targets, values, strict=True):
+        yield from ((x.id, value) for x in ast.walk(one)
+                    if isinstance(x, ast.Name) and not isinstance(one, ast.Subscript))  # fmt: skip
+
+
+def _is_part(value: ast.expr, held: set[str]) -> bool:
+    """Say whether an expression is part of a name that is held, or a view of one."""
+    if isinstance(value, ast.Call) and isinstance(value.func, ast.Name):
+        names = {x.id for x in value.args if isinstance(x, ast.Name)}
+        return value.func.id in _showing() and bool(names & held)
+    while isinstance(value, ast.Subscript | ast.Attribute):
+        value = value.value
+    return isinstance(value, ast.Name) and value.id in held
+
+
+@cache
+def _showing() -> frozenset[str]:
+    """Return the names of the functions that return views of what they are given."""
+    functions = [
+        x
+        for path in sorted(PACKAGE.rglob("*.py"))
+        for x in ast.walk(ast.parse(path.read_text()))
+        if isinstance(x, ast.FunctionDef) and "view(" in ast.unparse(x)
+    ]
+    inlined = [
+        x.name
+        for x in functions
+        if any(getattr(d, "id", "") == "register_jitable" for d in x.decorator_list)
+    ]
+    return frozenset(("view", *inlined))
+
+
+def _views() -> Iterator[tuple[str, ast.FunctionDef, ast.Call]]:
+    """Yield each view that the source takes, with the function that takes it."""
+    for path in sorted(PACKAGE.rglob("*.py")):
+        for function in ast.walk(ast.parse(path.read_text())):
+            if isinstance(function, ast.FunctionDef):
+                for call in ast.walk(function):
+                    if isinstance(call, ast.Call) and getattr(call.func, "id", "") == "view":
+                        yield f"{path.name}:{call.lineno}", function, call
+
+
+def test_views_show_arguments_only() -> None:
+    """What a kernel has made itself may be freed while a view shows it."""
+    found = list(_views())
+    assert len(found) > 40
+    bad = [where for where, function, call in found
+           if not _is_part(call.args[0], _owned(function))]  # fmt: skip
+    assert not bad
+
+
+def test_a_view_beyond_its_array_is_found_where_bounds_are_checked() -> None:
+    """By numba's own switch."""
+    code = (
+        "import numpy as np; from numba import njit; from mitt.kernels import view\n"
+        "@njit\ndef f(v): return view(v, 2, (2, 2)).sum()\n"
+        "print(f(np.ones(6)))\nf(np.ones(5))"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", code], env=os.environ | {"NUMBA_BOUNDSCHECK": "1"},
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert run.stdout == "4.0\n"
+    assert "a view reaches beyond its array" in run.stderr
+
+
+def test_no_kernel_needs_scipy() -> None:
+    """Numba computes products and systems of matrices by SciPy, which is not installed by mitt."""
+    found = []
+    for path in PACKAGE.rglob("*.py"):
+        for function in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(function, ast.FunctionDef) and any(
+                ast.unparse(by) == "kernel" for by in function.decorator_list
+            ):
+                found += [
+                    f"{path.name}: {function.name}"
+                    for part in ast.walk(function)
+                    if isinstance(part, ast.MatMult)
+                    or (isinstance(part, ast.Attribute) and part.attr in ("linalg", "dot"))
+                ]
+    assert found == []
