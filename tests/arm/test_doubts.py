@@ -8,7 +8,7 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
-from robot.test_load import urdf
+from arm.test_load import urdf
 
 from mitt.arm.description import Link, checked_inertia, mended_inertia, transform
 from mitt.arm.limits import LimitSet

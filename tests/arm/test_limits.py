@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from arm.test_load import urdf
 from hypothesis import given
 from hypothesis import strategies as st
-from robot.test_load import urdf
 
 from mitt.arm.limits import LimitSet, bound_of, joint_level, torque_share
 from mitt.arm.load import load_arm

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from arm.test_load import MJCF, urdf
 from hypothesis import given
 from hypothesis import strategies as st
-from robot.test_load import MJCF, urdf
 
 from mitt.arm.description import Capsule
 from mitt.arm.hands import HandModel

@@ -8,8 +8,8 @@ from xml.etree.ElementTree import Element
 import numpy as np
 import pinocchio as pin
 import pytest
+from arm.test_load import urdf
 from defusedxml import ElementTree
-from robot.test_load import urdf
 
 from mitt.arm.hands import HandModel
 from mitt.arm.load import load_arm

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from robot.test_load import urdf
+from arm.test_load import urdf
 
 from mitt.cli.catching import prepare
 from mitt.cli.options import CatchOptions

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from robot.test_load import urdf
+from arm.test_load import urdf
 
 from mitt.design.driven_arm import whole_arm
 from mitt.errors import ModelError, UnknownNameError

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from robot.test_load import urdf
+from arm.test_load import urdf
 
 import mitt
 from mitt.arm.basket import Basket

@@ -6,7 +6,7 @@ from itertools import pairwise
 import mujoco
 import numpy as np
 import pytest
-from test_impact import BANDWIDTH, V, approach
+from verdict.test_impact import BANDWIDTH, V, approach
 
 from mitt.arm.arm import Arm
 from mitt.arm.basket import Basket
