@@ -1,7 +1,8 @@
 """Fields of settings that a user makes, checked when they are made, and shown in one line.
 
-A class of settings is a frozen dataclass. Its annotations say what a field may be, and a table of
-ranges says which numbers; a pair of numbers is itself a range, from low to high.
+A class of settings is a frozen dataclass. The annotation of a field says what it may be, and which
+numbers: ``Annotated[float, Range(0.0, 10.0)]``. A pair of numbers is itself a range, from low to
+high.
 """
 
 from collections.abc import Iterable, Mapping
@@ -10,40 +11,48 @@ from enum import Enum
 from functools import cache
 from math import inf
 from types import NoneType
-from typing import Any, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
 
 import numpy as np
 
 from mitt import checks
 from mitt.errors import InputError
 
-Ranges = Mapping[str, tuple[float, float]]
-"""Least and largest number of a field; a field without one has finite numbers."""
 
-#: Bounds of a number for which none are said.
-_FINITE = (-1e300, 1e300)
+class Range(NamedTuple):
+    """Least and largest number of a field, in the field's unit.
+
+    Choices of this project, far beyond what arms, hands, balls and cameras are like; what stands in
+    a denominator is above 0.
+    """
+
+    least: float
+    most: float
+
+
+#: Of a field that states none.
+_FINITE = Range(-1e300, 1e300)
 #: Characters of a line that shows a value, and entries of a row that are shown one by one.
 _LONGEST, _FEW = 150, 6
 
 
-def check(settings: object, ranges: Ranges | None = None) -> None:
+def check(settings: object) -> None:
     """Hold each field to its annotation and its range; call it in ``__post_init__``.
 
     Arrays are left to the class, which knows their shapes.
 
     Args:
         settings: A dataclass, whose fields are replaced by what :mod:`mitt.checks` returns.
-        ranges: Of its numbers, by field.
 
     Raises:
         InputError: A field is not what it may be; the message names it.
     """
     kind: type[Any] = type(settings)
-    hints, ranges = _hints(kind), ranges or {}  # type: ignore[arg-type]  # classes are hashable
+    hints = _hints(kind)  # type: ignore[arg-type]  # classes are hashable
     for field in fields(settings):  # type: ignore[arg-type]  # mypy wants to know the class
         value = getattr(settings, field.name)
         name = f"{kind.__name__}.{field.name}"
-        kept = _checked(name, value, hints[field.name], ranges.get(field.name, _FINITE))
+        kept = _checked(name, value, hints[field.name], _FINITE)
         object.__setattr__(settings, field.name, kept)
 
 
@@ -103,11 +112,14 @@ def _text(value: object) -> str:
 @cache
 def _hints(kind: type) -> dict[str, Any]:
     """Return what the fields of a class may be."""
-    return get_type_hints(kind)
+    return get_type_hints(kind, include_extras=True)
 
 
-def _checked(name: str, value: object, hint: Any, bounds: tuple[float, float]) -> object:  # noqa: ANN401
+def _checked(name: str, value: object, hint: Any, bounds: Range) -> object:  # noqa: ANN401
     """Return a value as an annotation has it."""
+    if get_origin(hint) is Annotated:
+        kind, bounds = get_args(hint)
+        return _checked(name, value, kind, bounds)
     low, high = bounds
     choices = [x for x in get_args(hint) if x is not NoneType]
     if NoneType in get_args(hint) and value is None:
@@ -130,7 +142,7 @@ def _checked(name: str, value: object, hint: Any, bounds: tuple[float, float]) -
     return checks.instance(name, value, hint)
 
 
-def _row(name: str, value: object, kinds: tuple[Any, ...], bounds: tuple[float, float]) -> Any:  # noqa: ANN401
+def _row(name: str, value: object, kinds: tuple[Any, ...], bounds: Range) -> Any:  # noqa: ANN401
     """Return a row of values, of one kind or of a kind each."""
     if not isinstance(value, tuple | list):
         raise InputError(name, "a tuple", checks.shown(value))

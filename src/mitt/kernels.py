@@ -314,6 +314,9 @@ def _checked_view(v: types.Type, start: types.Type, shape: types.Type) -> NDArra
 
 
 Record = NDArray[np.void]
+"""Array of records."""
+Fields: TypeAlias = Any
+"""One record: its fields are attributes in kernels, and keys in Python."""
 
 
 @structref.register

@@ -2,14 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, get_type_hints
 
 import numpy as np
 import pytest
 
 from mitt.arm.arm import Arm
 from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
-from mitt.catcher.settings import RANGES
 from mitt.map.learn import Learned
 from mitt.signals import GRAVITY, TICK, ArmState, Array, Senses, Sighting
 
@@ -17,7 +16,8 @@ BALL = replace(CatcherSettings().flight, drag_mean=0.0, drag_sigma=0.002)
 """What is thrown: it flies without drag."""
 EXTREMES = [
     (name, int(x) if name == "setpoint_delay" else x)
-    for name, bounds in RANGES.items()
+    for name, hint in get_type_hints(CatcherSettings, include_extras=True).items()
+    for bounds in getattr(hint, "__metadata__", ())
     for x in bounds
 ]
 

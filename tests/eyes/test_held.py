@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from mitt.eyes.camera import Row, fixed_rig, in_camera, sphere_centroid
+from mitt.eyes.camera import fixed_rig, in_camera, sphere_centroid
 from mitt.eyes.eyes import Eyes
 from mitt.eyes.held import find_held
 from mitt.eyes.localization import eyes_handle
+from mitt.kernels import Fields
 from mitt.signals import Array, Image
 
 RADIUS, WALL, HAND, BALL = 0.04, 25.0, 80.0, 170.0
@@ -14,7 +15,7 @@ RADIUS, WALL, HAND, BALL = 0.04, 25.0, 80.0, 170.0
 OFF = np.array([0.02, -0.01, 0.015])
 
 
-def drawn(camera: Row, r: Array, hidden: float, *, ball: float = BALL) -> Image:
+def drawn(camera: Fields, r: Array, hidden: float, *, ball: float = BALL) -> Image:
     """Return an image of a ball whose lower part a darker hand covers.
 
     Args:

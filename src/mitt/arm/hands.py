@@ -9,14 +9,14 @@ so that the fingers pass one another instead of meeting tip to tip over a small 
 
 from dataclasses import dataclass, field
 from math import inf
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 
-from mitt import checks, fields
+from mitt import checks
 from mitt.arm.description import Capsule, Hand, checked_inertia
 from mitt.errors import InputError
-from mitt.fields import brief
+from mitt.fields import Range, brief, check
 from mitt.kernels import kernel
 from mitt.signals import Array
 
@@ -29,28 +29,6 @@ _PLACES = 21
 _ANGLES, _ROUGH = 901, 30
 #: Radius of the palm and how far its rim stands above it [m], and radius of its capsule [m].
 _PALM, _RIM, _PALM_CAPSULE = 0.041, 0.012, 0.045
-# Least and largest number of each field, far beyond what hands are like; choices of this project.
-# Those that stand in a denominator are above 0.
-_FINGER = {
-    "base_radius": (0.0, 1.0), "base_height": (-1.0, 1.0), "offset": (-1.0, 1.0),
-    "lean": (-np.pi, np.pi), "proximal": (1e-3, 1.0), "distal": (1e-3, 1.0),
-    "bend": (-np.pi, np.pi), "thickness": (1e-4, 0.1), "mass": (1e-6, 10.0),
-    "armature": (0.0, 1.0),
-}  # fmt: skip
-_DRIVE = {
-    "tau_max": (1e-6, 1e4), "braking": (1.0, 1e7), "settling": (1e-5, 1.0), "gain": (0.0, 1e4),
-    "closed": (1e-3, np.pi),
-}  # fmt: skip
-_CLOSING = {
-    "acceleration": (1.0, 1e7), "fastest": (1e-2, 1e3), "touch_speed": (1e-3, 1e3),
-    "margin": (0.0, np.pi), "firm": (0.0, 1.0), "passed": (0.0, 1.0), "near": (0.0, 1.0),
-    "squeeze": (0.0, np.pi),
-    "soft": (0.0, 1.0), "hard": (0.0, 1.0), "early": (0.0, 1.0),
-}  # fmt: skip
-_HAND = {
-    "mass": (1e-12, 100.0), "com": (-1.0, 1.0), "catch_offset": (-1.0, 2.0),
-    "palm_height": (0.0, 1.0), "fingers": (1, 12), "yaw": (-10.0, 10.0), "force": (1e-3, inf),
-}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,22 +50,22 @@ class Finger:
         armature: Rotor inertia of its drive at the joint [kg m^2].
     """
 
-    base_radius: float = 0.06
-    base_height: float = 0.07
-    offset: float = 0.0125
-    lean: float = np.deg2rad(65.0)
-    proximal: float = 0.055
-    distal: float = 0.045
-    bend: float = np.deg2rad(80.0)
-    thickness: float = 0.006
-    mass: float = 0.025
-    armature: float = 5e-5
+    base_radius: Annotated[float, Range(0.0, 1.0)] = 0.06
+    base_height: Annotated[float, Range(-1.0, 1.0)] = 0.07
+    offset: Annotated[float, Range(-1.0, 1.0)] = 0.0125
+    lean: Annotated[float, Range(-np.pi, np.pi)] = np.deg2rad(65.0)
+    proximal: Annotated[float, Range(1e-3, 1.0)] = 0.055
+    distal: Annotated[float, Range(1e-3, 1.0)] = 0.045
+    bend: Annotated[float, Range(-np.pi, np.pi)] = np.deg2rad(80.0)
+    thickness: Annotated[float, Range(1e-4, 0.1)] = 0.006
+    mass: Annotated[float, Range(1e-6, 10.0)] = 0.025
+    armature: Annotated[float, Range(0.0, 1.0)] = 5e-5
 
     __repr__ = brief
 
     def __post_init__(self) -> None:
         """Refuse what no finger can be; InputError names the field."""
-        fields.check(self, _FINGER)
+        check(self)
 
     def points(self, angle: float | Array) -> tuple[Array, Array, Array]:
         """Return joint, bend and tip [m], each shape (..., 2): outward and along the palm normal.
@@ -147,17 +125,17 @@ class FingerDrive:
         closed: Largest closing angle [rad].
     """
 
-    tau_max: float = 1.75
-    braking: float = 11_000.0
-    settling: float = 0.0025
-    gain: float = 0.12
-    closed: float = np.pi / 2
+    tau_max: Annotated[float, Range(1e-6, 1e4)] = 1.75
+    braking: Annotated[float, Range(1.0, 1e7)] = 11_000.0
+    settling: Annotated[float, Range(1e-5, 1.0)] = 0.0025
+    gain: Annotated[float, Range(0.0, 1e4)] = 0.12
+    closed: Annotated[float, Range(1e-3, np.pi)] = np.pi / 2
 
     __repr__ = brief
 
     def __post_init__(self) -> None:
         """Refuse what no drive can be; InputError names the field."""
-        fields.check(self, _DRIVE)
+        check(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -191,23 +169,23 @@ class Closing:
         early: That time [s].
     """
 
-    acceleration: float = 11_000.0
-    fastest: float = 200.0
-    touch_speed: float = 11.0
-    margin: float = 0.07
-    firm: float = 0.005
-    passed: float = 0.015
-    near: float = 0.0105
-    squeeze: float = 0.04
-    soft: float = 0.5
-    hard: float = 0.85
-    early: float = 0.0035
+    acceleration: Annotated[float, Range(1.0, 1e7)] = 11_000.0
+    fastest: Annotated[float, Range(1e-2, 1e3)] = 200.0
+    touch_speed: Annotated[float, Range(1e-3, 1e3)] = 11.0
+    margin: Annotated[float, Range(0.0, np.pi)] = 0.07
+    firm: Annotated[float, Range(0.0, 1.0)] = 0.005
+    passed: Annotated[float, Range(0.0, 1.0)] = 0.015
+    near: Annotated[float, Range(0.0, 1.0)] = 0.0105
+    squeeze: Annotated[float, Range(0.0, np.pi)] = 0.04
+    soft: Annotated[float, Range(0.0, 1.0)] = 0.5
+    hard: Annotated[float, Range(0.0, 1.0)] = 0.85
+    early: Annotated[float, Range(0.0, 1.0)] = 0.0035
 
     __repr__ = brief
 
     def __post_init__(self) -> None:
         """Refuse what no closing can be; InputError names the field."""
-        fields.check(self, _CLOSING)
+        check(self)
         if not self.soft < self.hard:
             raise InputError("Closing.soft", f"a number below hard, {self.hard:g}", self.soft)
 
@@ -255,17 +233,17 @@ class HandModel(Hand):
             of the severities of IEC 60068-2-27).
     """
 
-    mass: float = 0.8
-    com: float = 0.05
+    mass: Annotated[float, Range(1e-12, 100.0)] = 0.8
+    com: Annotated[float, Range(-1.0, 1.0)] = 0.05
     inertia: Array = field(default_factory=lambda: _cylinder(0.8, 0.06, 0.10))
-    catch_offset: float = 0.12
-    palm_height: float = 0.08
-    fingers: int = 3
-    yaw: float = 0.0
+    catch_offset: Annotated[float, Range(-1.0, 2.0)] = 0.12
+    palm_height: Annotated[float, Range(0.0, 1.0)] = 0.08
+    fingers: Annotated[int, Range(1, 12)] = 3
+    yaw: Annotated[float, Range(-10.0, 10.0)] = 0.0
     finger: Finger = field(default_factory=Finger)
     drive: FingerDrive = field(default_factory=FingerDrive)
     closing: Closing = field(default_factory=Closing)
-    force: float = 240.0
+    force: Annotated[float, Range(1e-3, inf)] = 240.0
     closes: ClassVar[bool] = True
 
     __repr__ = brief
@@ -278,7 +256,7 @@ class HandModel(Hand):
             InputError: A field is not what it may be; the message names it.
             ModelError: No body has such an inertia.
         """
-        fields.check(self, _HAND)
+        check(self)
         inertia = checks.array("HandModel.inertia", self.inertia, (3, 3), finite=True)
         if np.abs(inertia - inertia.T).max() > 1e-6 * np.abs(inertia).max():
             raise InputError("HandModel.inertia", "a symmetric matrix", inertia.tolist())

@@ -20,7 +20,6 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt import fields
 from mitt.arm.arm import Arm
 from mitt.arm.description import ArmModel, Capsule
 from mitt.arm.dynamics import AXIS, JOINT, SLIDES, P
@@ -41,7 +40,7 @@ from mitt.arm.kinematics import (
     vec_at,
 )
 from mitt.errors import InputError
-from mitt.fields import brief
+from mitt.fields import brief, check
 from mitt.kernels import kernel
 from mitt.signals import Array
 
@@ -76,7 +75,7 @@ class Surroundings:
 
     def __post_init__(self) -> None:
         """Refuse what cannot be; InputError names the field."""
-        fields.check(self)
+        check(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

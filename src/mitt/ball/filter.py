@@ -29,11 +29,11 @@ again with some freedom of velocity.
 
 from dataclasses import dataclass
 from math import isfinite, sqrt
-from typing import final
+from typing import Annotated, final
 
 import numpy as np
 
-from mitt import checks, fields
+from mitt import checks
 from mitt.ball.flight import acceleration, advance_uncertain
 from mitt.ball.motion_models import (
     FILTER,
@@ -42,7 +42,6 @@ from mitt.ball.motion_models import (
     MODELS,
     RING,
     ROW,
-    Fields,
     activate,
     deactivate,
     fit,
@@ -54,8 +53,8 @@ from mitt.ball.motion_models import (
     tells_position,
 )
 from mitt.errors import InputError
-from mitt.fields import brief
-from mitt.kernels import Record, kernel
+from mitt.fields import Range, brief, check
+from mitt.kernels import Fields, Record, kernel
 from mitt.signals import GRAVITY, Array, BallState, Sighting
 
 MAX_HORIZON = 2.0
@@ -69,18 +68,6 @@ SMALL_KICK = 1.0
 _REMEMBERED, _ELSEWHERE = 16, 0.05
 """Sightings among which a point that comes back is looked for, and distance from it, along an axis,
 at which another one lies elsewhere [m]: far beyond noise and steps of digits."""
-
-#: Least and largest value of each number; those that stand in a denominator are above 0. Choices of
-#: this project, far beyond what balls and sightings ask for.
-_RANGES: dict[str, tuple[float, float]] = {
-    "drag_mean": (0.0, 10.0), "drag_sigma": (0.0, 10.0), "drag_max": (1e-6, 10.0),
-    "drag_density": (0.0, 1e3), "accel_density": (0.0, 1e6), "speed_sigma": (1e-6, 1e3),
-    "min_sightings": (1, 1000), "gate": (1e-6, 1e6), "first_gate": (1e-6, 1e6),
-    "max_rejections": (1, 8), "max_rejection_time": (0.0, 1.0), "kick_sigma": (0.0, 1e3),
-    "max_gap": (1e-6, 10.0), "push_sigma": (0.0, 1e3), "push_time": (1e-6, 1e3),
-    "steady_density": (0.0, 1e6), "driven_sigma": (0.0, 1e4), "driven_time": (1e-6, 1e3),
-    "other_motion": (0.0, 0.999), "switch_time": (1e-6, 1e6), "speaks_after": (1, 1000),
-}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,28 +109,28 @@ class FilterConfig:
         speaks_after: Sightings after which there is an estimate; ``min_sightings`` if None.
     """
 
-    drag_mean: float = 0.06
-    drag_sigma: float = 0.05
-    drag_max: float = 0.3
-    drag_density: float = 1e-5
-    accel_density: float = 0.01
-    speed_sigma: float = 8.0
-    min_sightings: int = 6
-    gate: float = 25.0
-    first_gate: float = 100.0
-    max_rejections: int = 6
-    max_rejection_time: float = 0.008
-    kick_sigma: float = 6.0
-    max_gap: float = 0.6
-    push_sigma: float = 0.0
-    push_time: float = 1.0
-    steady_density: float = 0.02
-    driven_sigma: float = 12.0
-    driven_time: float = 0.2
-    other_motion: float = 0.1
-    switch_time: float = 2.0
+    drag_mean: Annotated[float, Range(0.0, 10.0)] = 0.06
+    drag_sigma: Annotated[float, Range(0.0, 10.0)] = 0.05
+    drag_max: Annotated[float, Range(1e-6, 10.0)] = 0.3
+    drag_density: Annotated[float, Range(0.0, 1e3)] = 1e-5
+    accel_density: Annotated[float, Range(0.0, 1e6)] = 0.01
+    speed_sigma: Annotated[float, Range(1e-6, 1e3)] = 8.0
+    min_sightings: Annotated[int, Range(1, 1000)] = 6
+    gate: Annotated[float, Range(1e-6, 1e6)] = 25.0
+    first_gate: Annotated[float, Range(1e-6, 1e6)] = 100.0
+    max_rejections: Annotated[int, Range(1, 8)] = 6
+    max_rejection_time: Annotated[float, Range(0.0, 1.0)] = 0.008
+    kick_sigma: Annotated[float, Range(0.0, 1e3)] = 6.0
+    max_gap: Annotated[float, Range(1e-6, 10.0)] = 0.6
+    push_sigma: Annotated[float, Range(0.0, 1e3)] = 0.0
+    push_time: Annotated[float, Range(1e-6, 1e3)] = 1.0
+    steady_density: Annotated[float, Range(0.0, 1e6)] = 0.02
+    driven_sigma: Annotated[float, Range(0.0, 1e4)] = 12.0
+    driven_time: Annotated[float, Range(1e-6, 1e3)] = 0.2
+    other_motion: Annotated[float, Range(0.0, 0.999)] = 0.1
+    switch_time: Annotated[float, Range(1e-6, 1e6)] = 2.0
     watchful: bool = False
-    speaks_after: int | None = None
+    speaks_after: Annotated[int | None, Range(1, 1000)] = None
 
     __repr__ = brief
 
@@ -154,7 +141,7 @@ class FilterConfig:
             InputError: A field is no number, or out of its range; ``drag_mean`` exceeds
                 ``drag_max``.
         """
-        fields.check(self, _RANGES)
+        check(self)
         if self.drag_mean > self.drag_max:
             raise InputError(
                 "FilterConfig.drag_mean", f"at most drag_max, {self.drag_max}", self.drag_mean

@@ -29,16 +29,12 @@ All that a filter knows is one record, ``FILTER``; its kernels take it as ``b``.
 """
 
 from math import exp, sqrt
-from typing import Any, TypeAlias
 
 import numpy as np
 
 from mitt.ball.flight import STATES, MotionModel, advance_uncertain
-from mitt.kernels import kernel
+from mitt.kernels import Fields, kernel
 from mitt.signals import Array
-
-Fields: TypeAlias = Any
-"""A record of one of the types below, in compiled code."""
 
 MODELS = 3
 """Motion models: flight, steady, driven."""

@@ -3,12 +3,12 @@
 from dataclasses import dataclass, field
 from enum import Enum
 from math import inf
+from typing import Annotated
 
-from mitt import fields
 from mitt.arm.shapes import Surroundings
 from mitt.ball.filter import THROWN_BALL, FilterConfig
 from mitt.control.encoders import Encoders
-from mitt.fields import brief
+from mitt.fields import Range, brief, check
 from mitt.verdict.holding import CaughtBall
 
 #: What the catcher is about, in the field ``phase``; the names are those of :class:`Phase`.
@@ -38,16 +38,6 @@ PASSES = 64
 PATIENCE = 0.1
 #: Time to the catch within which the hand may hide the ball, and it is not taken for lost [s].
 SOON = 0.1
-
-#: Least and largest number of each setting, far beyond what arms and balls ask for; choices of this
-#: project.
-RANGES = {
-    "bandwidth": (1.0, 1e4), "sigma_ready": (0.0, inf), "watch": (0.0, 1e3), "adapt_q": (0.0, inf),
-    "adapt_dq": (0.0, inf), "adapt_until": (0.0, 1e3), "review": (0.0, 1e3),
-    "ball_mass": (0.0, 1e3), "ball_radius": (1e-3, 1.0), "ball_restitution": (0.0, 1.0),
-    "ball_friction": (0.0, 100.0), "ball_doubt": (0.0, 1.0), "tolerance": (0.0, inf),
-    "max_tracking_error": (1e-6, inf), "torque_lead": (0.0, 1.0), "setpoint_delay": (0, 1000),
-}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,31 +72,31 @@ class CatcherSettings:
             setpoints, for the encoders' monitor; 0 where torques act.
     """
 
-    bandwidth: float = 80.0
-    sigma_ready: float = 0.02
-    watch: float = 0.08
-    adapt_q: float = 0.06
-    adapt_dq: float = 1.2
-    adapt_until: float = 0.05
-    review: float = 0.02
-    ball_mass: float = 0.07
-    ball_radius: float = 0.04
-    ball_restitution: float = 0.2
-    ball_friction: float = 1.0
-    ball_doubt: float = 0.1
+    bandwidth: Annotated[float, Range(1.0, 1e4)] = 80.0
+    sigma_ready: Annotated[float, Range(0.0, inf)] = 0.02
+    watch: Annotated[float, Range(0.0, 1e3)] = 0.08
+    adapt_q: Annotated[float, Range(0.0, inf)] = 0.06
+    adapt_dq: Annotated[float, Range(0.0, inf)] = 1.2
+    adapt_until: Annotated[float, Range(0.0, 1e3)] = 0.05
+    review: Annotated[float, Range(0.0, 1e3)] = 0.02
+    ball_mass: Annotated[float, Range(0.0, 1e3)] = 0.07
+    ball_radius: Annotated[float, Range(1e-3, 1.0)] = 0.04
+    ball_restitution: Annotated[float, Range(0.0, 1.0)] = 0.2
+    ball_friction: Annotated[float, Range(0.0, 100.0)] = 1.0
+    ball_doubt: Annotated[float, Range(0.0, 1.0)] = 0.1
     flight: FilterConfig = field(default_factory=lambda: THROWN_BALL)
     around: Surroundings = field(default_factory=Surroundings)
     encoders: Encoders = field(default_factory=Encoders)
-    tolerance: float = 0.02
-    max_tracking_error: float = 0.8
-    torque_lead: float = 0.001
-    setpoint_delay: int = 0
+    tolerance: Annotated[float, Range(0.0, inf)] = 0.02
+    max_tracking_error: Annotated[float, Range(1e-6, inf)] = 0.8
+    torque_lead: Annotated[float, Range(0.0, 1.0)] = 0.001
+    setpoint_delay: Annotated[int, Range(0, 1000)] = 0
 
     __repr__ = brief
 
     def __post_init__(self) -> None:
         """Refuse what cannot be; InputError names the field."""
-        fields.check(self, RANGES)
+        check(self)
 
     @property
     def caught(self) -> CaughtBall:

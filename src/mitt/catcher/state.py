@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from copy import deepcopy
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, NamedTuple, TypeAlias, final
+from typing import Any, NamedTuple, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,9 +42,6 @@ from mitt.kernels import Handle, Record, define, kernel, record_of
 from mitt.map.mapping import DirectMap
 from mitt.signals import TICK, ArmState, Array, BallState, Command, JointReference, MapStatus
 from mitt.verdict.feasibility import trusted, waiting_height
-
-Fields: TypeAlias = dict[str, Any]
-"""Arrays by name."""
 
 #: States and reasons in the order of their numbers.
 STATES, REASONS = tuple(State), tuple(Reason)
@@ -313,7 +310,7 @@ def prepare_holding(arm: Arm, settings: CatcherSettings) -> None:
         bounds_of(arm.holding(settings.caught.heaviest))
 
 
-def map_fields(f: DirectMap | None) -> Fields:
+def map_fields(f: DirectMap | None) -> dict[str, Any]:
     """Return a map as the kernels of :mod:`mitt.map.mapping` take it; empty without."""
     if f is None:
         empty = {name: np.zeros(0) for name in ("packed", "start", "map_work")}

@@ -18,8 +18,7 @@ import numpy as np
 
 from mitt.arm.description import Hand
 from mitt.arm.hands import HandModel, closing_angle
-from mitt.control.envelope import Fields
-from mitt.kernels import Record, kernel
+from mitt.kernels import Fields, Record, kernel
 from mitt.signals import PASSED, Array
 
 #: Following after the catch, while the fingers close on the ball [s]. Each millisecond costs

@@ -32,18 +32,18 @@ by the model from the last state that was trusted. Good readings end that once a
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from mitt import checks, fields
+from mitt import checks
 from mitt.arm.arm import Arm, Tables
 from mitt.arm.dynamics import bias_and_mass
-from mitt.control.envelope import Fields, bounds_of
+from mitt.control.envelope import bounds_of
 from mitt.control.stop import MassWork
 from mitt.errors import InputError
-from mitt.fields import brief
-from mitt.kernels import Record, kernel
+from mitt.fields import Range, brief, check
+from mitt.kernels import Fields, Record, kernel
 from mitt.signals import TICK, Array
 
 #: What is wrong with an encoder; the first two are not a fault yet.
@@ -162,13 +162,13 @@ class Encoders:
     """
 
     step: float | tuple[float, ...] | None = None
-    unknown: float = 2.0
+    unknown: Annotated[float, Range(0.0, 1e6)] = 2.0
 
     __repr__ = brief
 
     def __post_init__(self) -> None:
         """Refuse what cannot be; InputError names the field."""
-        fields.check(self, {"unknown": (0.0, 1e6)})
+        check(self)
 
     def steps(self, own: Array) -> Array:
         """Return the resolution of each joint's encoder [rad], shape (n,).

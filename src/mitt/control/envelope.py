@@ -36,18 +36,16 @@ acceleration that it takes for that, are such that a share of the jerk suffices 
 
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
 from mitt.arm.arm import Arm
 from mitt.arm.description import STOP_GAP
 from mitt.errors import InputError
-from mitt.kernels import Record, kernel
+from mitt.kernels import Fields, Record, kernel
 from mitt.signals import TICK, Array
 
-Fields: TypeAlias = Any
-"""A record in compiled code."""
 Motion: TypeAlias = tuple[float, float, float]
 """q, dq, ddq of a joint [rad, rad/s, rad/s^2]."""
 

@@ -17,9 +17,8 @@ import numpy as np
 
 from mitt.arm.arm import Arm
 from mitt.control.encoders import BEYOND, BRIDGED, BRIDGED_TIME, FINE, IN_TIME
-from mitt.control.envelope import Fields
 from mitt.fields import brief
-from mitt.kernels import Record, kernel
+from mitt.kernels import Fields, Record, kernel
 from mitt.signals import TICK, Array
 
 Plain: TypeAlias = str | float | bool | list[float | None] | None

@@ -16,8 +16,7 @@ from math import pi, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt.eyes.camera import Row
-from mitt.kernels import kernel
+from mitt.kernels import Fields, kernel
 from mitt.signals import Image
 
 Ints = NDArray[np.int64]
@@ -165,7 +164,7 @@ def _around(pixels: Image, top: int, rows: int, runs: Ints, threshold: int, leve
 
 @kernel
 def weigh(
-    pixels: Image, top: int, rows: int, runs: Ints, threshold: int, level: float, moments: Row
+    pixels: Image, top: int, rows: int, runs: Ints, threshold: int, level: float, moments: Fields
 ) -> bool:
     """Write the grey-weighted moments of runs, widened by a pixel every way.
 
@@ -218,7 +217,7 @@ def weigh(
 
 
 @kernel
-def is_merged(moments: Row) -> bool:
+def is_merged(moments: Fields) -> bool:
     """Tell by its second moments whether a target is more than one disc."""
     if moments.area < JUDGED:
         return False

@@ -15,18 +15,14 @@ tan(theta) / (1 - sin^2(rho) / cos^2(theta)), the mean of tan(theta + rho) and t
 
 from dataclasses import dataclass, field
 from math import pi
-from typing import Any, TypeAlias
 
 import numpy as np
 
 from mitt import checks
 from mitt.errors import InputError
 from mitt.fields import brief
-from mitt.kernels import Record, kernel
+from mitt.kernels import Fields, Record, kernel
 from mitt.signals import Array, all_of
-
-Row: TypeAlias = Any
-"""One record of an array: its fields are attributes in kernels, and keys in Python."""
 
 CAMERA = np.dtype([
     ("R", float, (3, 3)),  # axes of the optical frame as columns in the world [1]
@@ -275,7 +271,7 @@ def pack_cameras(rig: Rig) -> Record:
 
 
 @kernel
-def in_camera(camera: Row, r: Array) -> tuple[float, float, float]:
+def in_camera(camera: Fields, r: Array) -> tuple[float, float, float]:
     """Return a place of the world [m], shape (3,), in the optical frame of a camera [m]."""
     x, y, z, R = 0.0, 0.0, 0.0, camera.R
     for i in range(3):
@@ -288,7 +284,7 @@ def in_camera(camera: Row, r: Array) -> tuple[float, float, float]:
 
 @kernel
 def sphere_centroid(
-    camera: Row, place: tuple[float, float, float], radius: float
+    camera: Fields, place: tuple[float, float, float], radius: float
 ) -> tuple[float, float]:
     """Return the column and row [px] at which the centroid of a ball's image lies.
 
@@ -303,7 +299,7 @@ def sphere_centroid(
 
 
 @kernel
-def ray_of(camera: Row, u: float, v: float) -> tuple[float, float]:
+def ray_of(camera: Fields, u: float, v: float) -> tuple[float, float]:
     """Return the ideal point at unit distance [1] of an image point [px]."""
     return (u - camera.cu) / camera.f_px, (v - camera.cv) / camera.f_px
 

@@ -5,18 +5,18 @@ from copy import deepcopy
 from dataclasses import dataclass, field
 from enum import Enum
 from math import inf, isfinite
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
-from mitt import checks, fields
+from mitt import checks
 from mitt.errors import InputError
 from mitt.eyes import head, localization, segmentation, triangulation
 from mitt.eyes.camera import Rig, fixed_rig, pack_cameras
 from mitt.eyes.localization import EyesHandle, EyesMemory, eyes_handle, localize
 from mitt.eyes.segmentation import SegmenterConfig, forget, pack_segmenter
 from mitt.eyes.triangulation import TriangulatorConfig, pack_ball, unseen
-from mitt.fields import brief
+from mitt.fields import Range, brief, check
 from mitt.signals import Array, BallState, Frame, Image, Sighting
 
 
@@ -30,7 +30,7 @@ class EyesConfig:
         triangulator: How exact their centroids are.
     """
 
-    ball_radius: float = 0.04
+    ball_radius: Annotated[float, Range(1e-3, 1.0)] = 0.04
     segmenter: SegmenterConfig = field(default_factory=SegmenterConfig)
     triangulator: TriangulatorConfig = field(default_factory=TriangulatorConfig)
 
@@ -38,7 +38,7 @@ class EyesConfig:
 
     def __post_init__(self) -> None:
         """Refuse what cannot be; InputError names the field."""
-        fields.check(self, {"ball_radius": (1e-3, 1.0)})
+        check(self)
 
 
 class EyesStatus(Enum):

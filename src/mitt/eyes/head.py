@@ -23,10 +23,10 @@ from math import atan2, cos, hypot, pi, sin, sqrt
 import numpy as np
 
 from mitt.ball.flight import change_by_bounce
-from mitt.eyes.camera import CAMERA, Camera, Head, Rig, Row, look_at, ray_of
+from mitt.eyes.camera import CAMERA, Camera, Head, Rig, look_at, ray_of
 from mitt.eyes.localization import LARGE, EyesMemory
 from mitt.eyes.segmentation import GOOD
-from mitt.kernels import Record, kernel
+from mitt.kernels import Fields, Record, kernel
 from mitt.signals import Array
 
 HEAD = np.dtype([
@@ -71,7 +71,7 @@ SWEEP = 0.06
 
 
 @kernel
-def aim_one(head: Row, pan: float, tilt: float, camera: Row) -> None:
+def aim_one(head: Fields, pan: float, tilt: float, camera: Fields) -> None:
     """Write the pose of a camera at the angles of its head [rad] into a record of ``CAMERA``."""
     cp, sp, ct, st, base, lens = cos(pan), sin(pan), cos(tilt), sin(tilt), head.base, head.lens
     for i in range(3):
@@ -92,7 +92,7 @@ def aim(eyes: EyesMemory) -> None:
 
 
 @kernel
-def bearing(head: Row, r: Array, dr: Array, desired: Array) -> None:
+def bearing(head: Fields, r: Array, dr: Array, desired: Array) -> None:
     """Write the angles at which a head looks at a point, and how fast they change.
 
     Exact for a lens on the optical axis; one beside it sees the point that much beside the
@@ -123,7 +123,7 @@ def bearing(head: Row, r: Array, dr: Array, desired: Array) -> None:
 
 
 @kernel
-def _distance(head: Row, r: Array) -> float:
+def _distance(head: Fields, r: Array) -> float:
     """Return how far a point is from a head [m]."""
     x, y, z = r[0] - head.origin[0], r[1] - head.origin[1], r[2] - head.origin[2]
     return float(sqrt(x * x + y * y + z * z))
@@ -173,7 +173,7 @@ def lead(
 
 
 @kernel
-def _is_ball(target: Row) -> bool:
+def _is_ball(target: Fields) -> bool:
     """Return whether a camera follows what may be the ball: no more than twice as heavy as it."""
     ball = target.gain * target.expected
     light = target.weighed == 0.0 or ball == 0.0 or target.moments.mass < LARGE * ball
@@ -209,21 +209,21 @@ def _observe(n: int, eyes: EyesMemory, te: float, away: float) -> None:
 
 
 @kernel
-def _seen_at(track: Row, t: float) -> tuple[float, float]:
+def _seen_at(track: Fields, t: float) -> tuple[float, float]:
     """Return the direction in which a head saw the ball, carried on to ``t`` [rad]."""
     later = t - track.t
     return track.pan + later * track.dpan, track.tilt + later * track.dtilt
 
 
 @kernel
-def _take_image(track: Row, t: float, goal: Array) -> None:
+def _take_image(track: Fields, t: float, goal: Array) -> None:
     """Write the direction in which a head saw the ball, carried on to ``t``, and its rate."""
     goal[0], goal[1] = _seen_at(track, t)
     goal[2], goal[3] = track.dpan, track.dtilt
 
 
 @kernel
-def _along(head: Row, track: Row, t: float, far: float, camera: Row, point: Array) -> None:
+def _along(head: Fields, track: Fields, t: float, far: float, camera: Fields, point: Array) -> None:
     """Write the point that a head's line of sight reaches at a distance at ``t``."""
     pan, tilt = _seen_at(track, t)
     aim_one(head, pan, tilt, camera)
@@ -257,7 +257,7 @@ def _from_others(
 
 
 @kernel
-def _search(head: Row, motion: Array, silence: float, area: float, work: Row) -> None:
+def _search(head: Fields, motion: Array, silence: float, area: float, work: Fields) -> None:
     """Write where a ball that is not seen any more is looked for into ``work.sought``.
 
     If it bounced a time T ago, it is off its flight by what the bounce changed of its velocity,

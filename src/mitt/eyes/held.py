@@ -11,11 +11,11 @@ from math import ceil, floor, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt.eyes.camera import Row, in_camera
+from mitt.eyes.camera import in_camera
 from mitt.eyes.localization import EyesMemory
 from mitt.eyes.segmentation import LOST
 from mitt.eyes.triangulation import on_ray, triangulate
-from mitt.kernels import kernel
+from mitt.kernels import Fields, kernel
 from mitt.signals import Array, Image
 
 Edges = tuple[int, int, int, int]
@@ -38,7 +38,7 @@ rendered catches, at radii of 3 px."""
 
 @kernel
 def window_about(
-    camera: Row, r: Array, radius: float, slack: float, shape: tuple[int, ...],
+    camera: Fields, r: Array, radius: float, slack: float, shape: tuple[int, ...],
     window: NDArray[np.int64],
 ) -> float:  # fmt: skip
     """Write where in an image a held ball is looked for.
@@ -70,7 +70,7 @@ def window_about(
 
 @kernel
 def _middle(
-    pixels: Image, window: Edges, light: tuple[float, float], stride: int, point: Row
+    pixels: Image, window: Edges, light: tuple[float, float], stride: int, point: Fields
 ) -> bool:
     """Write the middle of what is bright in a window; return whether anything is."""
     level, gain = light
@@ -121,7 +121,7 @@ def _misfit(
 @kernel
 def _lay_disc(
     pixels: Image, window: Edges, light: tuple[float, float], radius: float, stride: int,
-    point: Row,
+    point: Fields,
 ) -> float:  # fmt: skip
     """Move a disc from the middle of what is bright to where it explains that best.
 

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, final
 import numpy as np
 
 from mitt.eyes.blobs import ROWS, find_boxes, is_merged
-from mitt.eyes.camera import Row, in_camera, sphere_centroid
+from mitt.eyes.camera import in_camera, sphere_centroid
 from mitt.eyes.segmentation import (
     GOOD,
     LOST,
@@ -25,7 +25,7 @@ from mitt.eyes.segmentation import (
     show,
 )
 from mitt.eyes.triangulation import NEAR, note, on_ray, triangulate
-from mitt.kernels import Handle, Record, define, kernel
+from mitt.kernels import Fields, Handle, Record, define, kernel
 from mitt.signals import Array, Image
 
 BLIND, ONE, BOTH, AT_ODDS = range(4)
@@ -158,7 +158,7 @@ def eyes_handle(memory: EyesMemory) -> Any:  # noqa: ANN401
 
 @kernel
 def guide(
-    rig: Row, r: Array, dr: Array, ahead: float, gap: float, sigma: float, alone: bool
+    rig: Fields, r: Array, dr: Array, ahead: float, gap: float, sigma: float, alone: bool
 ) -> None:
     """Tell cameras that do not both see the ball where it should be by its flight.
 
@@ -242,7 +242,7 @@ def localize(
 
 
 @kernel
-def _predict(rig: Row) -> None:
+def _predict(rig: Fields) -> None:
     """Move the last position on by one frame; forget it where it is old."""
     rig.since += 1.0
     rig.age += 1.0
@@ -302,7 +302,7 @@ def _look(
 
 
 @kernel
-def _is_elsewhere(target: Row) -> bool:
+def _is_elsewhere(target: Fields) -> bool:
     """Return whether a target is not where the ball is by its flight, or much heavier than it."""
     off = max(abs(target.u - target.at_u), abs(target.v - target.at_v))
     most = LARGE * (target.gain * target.expected)
@@ -310,7 +310,7 @@ def _is_elsewhere(target: Row) -> bool:
 
 
 @kernel
-def _is_inside(target: Row, pixels: Image) -> bool:
+def _is_inside(target: Fields, pixels: Image) -> bool:
     """Return whether the whole ball should be in an image."""
     rows, columns = pixels.shape
     rim = sqrt(target.expected / pi)
@@ -319,7 +319,7 @@ def _is_inside(target: Row, pixels: Image) -> bool:
 
 
 @kernel
-def _is_whole(target: Row, since: float, point: Row) -> bool:
+def _is_whole(target: Fields, since: float, point: Fields) -> bool:
     """Return whether a target is the whole ball and nothing else, by its mass.
 
     The mass over the area that the ball should have is its contrast, which changes slowly; a
@@ -411,7 +411,7 @@ def _locate_alone(one: int, hidden: bool, eyes: EyesMemory, r: Array, P: Array) 
 
 
 @kernel
-def _correct(rig: Row, r: Array) -> None:
+def _correct(rig: Fields, r: Array) -> None:
     """Correct position and motion from frame to frame by an alpha-beta filter."""
     frames = max(rig.age, 1.0)
     count = rig.known if frames < LIMITS.restart else 0.0
@@ -557,14 +557,14 @@ def _take_both(
 
 
 @kernel
-def _fits(target: Row, area: float) -> bool:
+def _fits(target: Fields, area: float) -> bool:
     """Return whether a target is as large as the ball should be; its rim adds half a pixel."""
     radius = sqrt(target.expected / pi)
     return bool(abs(sqrt(area / pi) - 0.5 - radius) < LIMITS.tall * radius + LIMITS.rough)
 
 
 @kernel
-def _meet(a: Row, b: Row, eyes: EyesMemory, r: Array, P: Array) -> float:
+def _meet(a: Fields, b: Fields, eyes: EyesMemory, r: Array, P: Array) -> float:
     """Write where two targets are if they are the ball; return the residual, or infinity [px]."""
     points, ball = eyes.points, eyes.ball[0]
     for n in range(len(points)):
@@ -582,7 +582,7 @@ def _meet(a: Row, b: Row, eyes: EyesMemory, r: Array, P: Array) -> float:
 
 
 @kernel
-def _match(work: Row) -> None:
+def _match(work: Fields) -> None:
     """Pair targets so that most have a partner, and then the residuals in sum are smallest.
 
     Two targets of different balls may meet by chance; their true partners would be left alone. The

@@ -30,10 +30,10 @@ Runs, boxes and moments: :mod:`mitt.eyes.blobs`.
 
 from dataclasses import asdict, dataclass
 from math import sqrt
+from typing import Annotated
 
 import numpy as np
 
-from mitt import fields
 from mitt.eyes.blobs import (
     EMPTY,
     MAX_BLOBS,
@@ -48,9 +48,8 @@ from mitt.eyes.blobs import (
     trim,
     weigh,
 )
-from mitt.eyes.camera import Row
-from mitt.fields import brief
-from mitt.kernels import Record, kernel, record_of, view
+from mitt.fields import Range, brief, check
+from mitt.kernels import Fields, Record, kernel, record_of, view
 from mitt.signals import Frame, Image, Moments
 
 LOST, GOOD, MERGED = 0, 1, 2
@@ -103,11 +102,6 @@ levels, to tell the light; sum of squares below which the background is too dark
 
 _NONE = np.empty((0, 0), np.uint8)
 """No background."""
-_RANGES = {
-    "min_area": (1, 10**6), "min_contrast": (0.0, 255.0), "noise_factor": (0.0, 1e3),
-    "reach": (0, 1000), "background_period": (1, 10**9), "frozen": (0, 10**6),
-}  # fmt: skip
-"""Least and largest number of each setting; choices of this project."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -127,18 +121,18 @@ class SegmenterConfig:
             as blind; 0 turns the test off, as for drawn images without noise.
     """
 
-    min_area: int = 2
-    min_contrast: float = 12.0
-    noise_factor: float = 6.0
-    reach: int = 3
-    background_period: int = 64
-    frozen: int = 3
+    min_area: Annotated[int, Range(1, 10**6)] = 2
+    min_contrast: Annotated[float, Range(0.0, 255.0)] = 12.0
+    noise_factor: Annotated[float, Range(0.0, 1e3)] = 6.0
+    reach: Annotated[int, Range(0, 1000)] = 3
+    background_period: Annotated[int, Range(1, 10**9)] = 64
+    frozen: Annotated[int, Range(0, 10**6)] = 3
 
     __repr__ = brief
 
     def __post_init__(self) -> None:
         """Refuse what cannot be; InputError names the field."""
-        fields.check(self, _RANGES)
+        check(self)
 
 
 def pack_segmenter(config: SegmenterConfig) -> Record:
@@ -162,7 +156,7 @@ def pace(place: float, motion: float) -> int:
 
 
 @kernel
-def region_of_interest(target: Row, settings: Row, window: Ints) -> bool:
+def region_of_interest(target: Fields, settings: Fields, window: Ints) -> bool:
     """Cut the window of the whole image down to what will be searched first in the next.
 
     Returns:
@@ -196,7 +190,7 @@ def whole_image(pixels: Image, window: Ints) -> None:
 
 
 @kernel
-def light_of(pixels: Image, background: Image, window: Ints, whole: bool, target: Row) -> float:
+def light_of(pixels: Image, background: Image, window: Ints, whole: bool, target: Fields) -> float:
     """Return the light of an image over that of the background [1].
 
     By least squares on the rim of a window, where the target is not, or on some rows of an image.
@@ -220,7 +214,7 @@ def light_of(pixels: Image, background: Image, window: Ints, whole: bool, target
 
 @kernel
 def subtract(
-    pixels: Image, background: Image, window: Ints, whole: bool, target: Row, difference: Image
+    pixels: Image, background: Image, window: Ints, whole: bool, target: Fields, difference: Image
 ) -> float:
     """Write the difference image within a window, which may be the whole image; return the light.
 
@@ -246,7 +240,7 @@ def subtract(
 
 @kernel
 def show(
-    pixels: Image, background: Image, difference: Image, target: Row, window: Ints, whole: bool
+    pixels: Image, background: Image, difference: Image, target: Fields, window: Ints, whole: bool
 ) -> Image:
     """Return what is searched of an image: within a window, or in all of it, its difference.
 
@@ -295,7 +289,7 @@ def measure_background(pixels: Image, counts: Ints) -> tuple[float, float]:
 
 
 @kernel
-def measure_if_due(shown: Image, target: Row, settings: Row, counts: Ints) -> None:
+def measure_if_due(shown: Image, target: Fields, settings: Fields, counts: Ints) -> None:
     """Measure level and threshold of the background where that is due."""
     if target.due == 0:
         target.level, noise = measure_background(shown, counts)
@@ -305,7 +299,7 @@ def measure_if_due(shown: Image, target: Row, settings: Row, counts: Ints) -> No
 
 
 @kernel
-def _choose_box(pixels: Image, target: Row, min_area: int, boxes: Ints) -> bool:
+def _choose_box(pixels: Image, target: Fields, min_area: int, boxes: Ints) -> bool:
     """Write the box of the best group of bright pixels into ``boxes[0]``; False if there is none.
 
     The nearest to the area that the ball should have; if that is not known the largest, the round
@@ -330,7 +324,7 @@ def _choose_box(pixels: Image, target: Row, min_area: int, boxes: Ints) -> bool:
 
 
 @kernel
-def outline(pixels: Image, target: Row, box: Ints, runs: Ints, moments: Row) -> int:
+def outline(pixels: Image, target: Fields, box: Ints, runs: Ints, moments: Fields) -> int:
     """Write runs and moments of the target in a box; return its rows, 0 if there is none."""
     rows, threshold = min(box[3] - box[1] + 1, ROWS), int(target.threshold)
     runs[0, :rows], runs[1, :rows] = box[0], box[2]
@@ -346,7 +340,7 @@ def outline(pixels: Image, target: Row, box: Ints, runs: Ints, moments: Row) -> 
 
 @kernel
 def _find_again(
-    pixels: Image, target: Row, settings: Row, new: Ints, moments: Row
+    pixels: Image, target: Fields, settings: Fields, new: Ints, moments: Fields
 ) -> tuple[int, int]:
     """Find the target in the dilated mask of the last frame; return its first row and its rows.
 
@@ -372,8 +366,8 @@ def _find_again(
 
 @kernel
 def suffices(
-    pixels: Image, background: Image, difference: Image, window: Ints, target: Row,
-    settings: Row, work: Row,
+    pixels: Image, background: Image, difference: Image, window: Ints, target: Fields,
+    settings: Fields, work: Fields,
 ) -> bool:  # fmt: skip
     """Return whether the target will be found in its region of interest.
 
@@ -389,13 +383,13 @@ def suffices(
 
 
 @kernel
-def _lose(target: Row) -> None:
+def _lose(target: Fields) -> None:
     """Note that there is no target."""
     target.u, target.v, target.state = np.nan, np.nan, LOST
 
 
 @kernel
-def _stay_merged(target: Row) -> None:
+def _stay_merged(target: Fields) -> None:
     """Move the mask of the ball that went into a merged target on as it last moved."""
     across = pace(target.u, target.du)
     target.top += pace(target.v, target.dv)
@@ -406,7 +400,7 @@ def _stay_merged(target: Row) -> None:
 
 
 @kernel
-def follow_target(target: Row, top: int, rows: int, runs: Ints) -> None:
+def follow_target(target: Fields, top: int, rows: int, runs: Ints) -> None:
     """Take the target whose moments are noted: its place, mass, area, and mask for the next."""
     moments = target.moments
     target.u, target.v, target.state = moments.u, moments.v, GOOD
@@ -418,8 +412,8 @@ def follow_target(target: Row, top: int, rows: int, runs: Ints) -> None:
 
 @kernel
 def _segment(
-    pixels: Image, background: Image, difference: Image, target: Row, settings: Row,
-    work: Row,
+    pixels: Image, background: Image, difference: Image, target: Fields, settings: Fields,
+    work: Fields,
 ) -> tuple[int, bool]:  # fmt: skip
     """Find the target in the dilated mask of the last, or else in the whole image; see detect."""
     window, new, moments, top, rows = work.window, work.runs, target.moments, 0, 0
@@ -460,7 +454,7 @@ def _segment(
 
 
 @kernel
-def _is_frozen(pixels: Image, target: Row, patience: int) -> bool:
+def _is_frozen(pixels: Image, target: Fields, patience: int) -> bool:
     """Return whether a target has been the same, noise and all, for ``patience`` frames or more.
 
     The pixels of one frame under the mask, each weighted by its place, are never those of the
@@ -480,8 +474,8 @@ def _is_frozen(pixels: Image, target: Row, patience: int) -> bool:
 
 @kernel
 def detect(
-    pixels: Image, background: Image, difference: Image, target: Row, settings: Row,
-    work: Row,
+    pixels: Image, background: Image, difference: Image, target: Fields, settings: Fields,
+    work: Fields,
 ) -> tuple[int, bool]:  # fmt: skip
     """Find the target in one frame of one camera; measure the background when that is due.
 

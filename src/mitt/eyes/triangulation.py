@@ -13,15 +13,15 @@ Maximum likelihood on the image points: Gauss-Newton steps from the point neares
 
 from dataclasses import dataclass
 from math import pi, sqrt
+from typing import Annotated
 
 import numpy as np
 
-from mitt import fields
 from mitt.ball.motion_models import invert_positive
 from mitt.errors import InputError
-from mitt.eyes.camera import Rig, Row, in_camera, pack_cameras, ray_of, sphere_centroid
-from mitt.fields import brief
-from mitt.kernels import Record, kernel
+from mitt.eyes.camera import Rig, in_camera, pack_cameras, ray_of, sphere_centroid
+from mitt.fields import Range, brief, check
+from mitt.kernels import Fields, Record, kernel
 from mitt.signals import Array, Moments, Sighting
 
 POINT = np.dtype([("u", float), ("v", float), ("sigma", float)])
@@ -47,9 +47,6 @@ ALONG = 1.0
 is known of it, and few enough digits away from what is seen across."""
 NEAR = 1.01
 """Depth over the radius below which a ball is not in front of a camera."""
-_RANGES = {"sigma_floor": (0.0, 1e3), "sigma_spread": (0.0, 1e3), "max_residual": (0.0, 1e6),
-           "max_skew": (0.0, 1.0)}  # fmt: skip
-"""Least and largest number of each setting; choices of this project."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,16 +64,16 @@ class TriangulatorConfig:
         max_skew: Largest difference of the exposures' times [s].
     """
 
-    sigma_floor: float = 0.0075
-    sigma_spread: float = 0.058
-    max_residual: float = 2.0
-    max_skew: float = 1e-4
+    sigma_floor: Annotated[float, Range(0.0, 1e3)] = 0.0075
+    sigma_spread: Annotated[float, Range(0.0, 1e3)] = 0.058
+    max_residual: Annotated[float, Range(0.0, 1e6)] = 2.0
+    max_skew: Annotated[float, Range(0.0, 1.0)] = 1e-4
 
     __repr__ = brief
 
     def __post_init__(self) -> None:
         """Refuse what cannot be; InputError names the field."""
-        fields.check(self, _RANGES)
+        check(self)
 
 
 def pack_ball(config: TriangulatorConfig, ball_radius: float, rig: Rig) -> Record:
@@ -100,7 +97,7 @@ def pack_ball(config: TriangulatorConfig, ball_radius: float, rig: Rig) -> Recor
 
 
 @kernel
-def note(point: Row, u: float, v: float, area: float, clipped: bool, ball: Row) -> bool:
+def note(point: Fields, u: float, v: float, area: float, clipped: bool, ball: Fields) -> bool:
     """Write what one camera sees into its record of ``points``; return whether it counts.
 
     A centroid [px] of a target of an area [px^2]; one that touches the border does not count, and
@@ -114,7 +111,7 @@ def note(point: Row, u: float, v: float, area: float, clipped: bool, ball: Row) 
 
 
 @kernel
-def _nearest(cameras: Record, points: Record, r: Array, work: Row) -> bool:
+def _nearest(cameras: Record, points: Record, r: Array, work: Fields) -> bool:
     """Write the point with the least squared distance to all rays; False if they are parallel."""
     H, inverse, b = work.H, work.inverse, work.b
     H[:, :] = 0.0
@@ -140,7 +137,9 @@ def _nearest(cameras: Record, points: Record, r: Array, work: Row) -> bool:
 
 
 @kernel
-def _refine(cameras: Record, points: Record, radius: float, r: Array, P: Array, work: Row) -> float:
+def _refine(
+    cameras: Record, points: Record, radius: float, r: Array, P: Array, work: Fields
+) -> float:
     """Move ``r`` by one Gauss-Newton step, write its covariance into ``P``.
 
     Returns:
@@ -176,7 +175,7 @@ def _refine(cameras: Record, points: Record, radius: float, r: Array, P: Array, 
 
 @kernel
 def triangulate(
-    cameras: Record, points: Record, radius: float, r: Array, P: Array, work: Row
+    cameras: Record, points: Record, radius: float, r: Array, P: Array, work: Fields
 ) -> float:
     """Write the ball's centre and its covariance, as in the module's table.
 
@@ -195,7 +194,7 @@ def triangulate(
 
 
 @kernel
-def on_ray(camera: Row, point: Row, radius: float, known: Array, r: Array, P: Array) -> bool:
+def on_ray(camera: Fields, point: Fields, radius: float, known: Array, r: Array, P: Array) -> bool:
     """Write where one camera alone sees the ball: on its ray, nearest to where it was known [m].
 
     The covariance is true across the ray, and ``ALONG``^2 along it.

@@ -13,23 +13,20 @@
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt import fields
 from mitt.arm.arm import Arm, trusted_deceleration
 from mitt.arm.dynamics import dynamics_scratch, inverse_dynamics, slopes_work
 from mitt.arm.limits import drive_asked, drives_of, torque_share
+from mitt.fields import Range, check
 from mitt.kernels import kernel
 from mitt.signals import Array
 
 #: Time after the catch in which the hand closes and the arm still follows [s].
 _GRASP = 0.012
-#: Least and largest share that may be tolerated; an infinite one refuses nothing.
-_TOLERANCES = {"torque": (1e-6, np.inf), "speed": (1e-6, np.inf), "acceleration": (1e-6, np.inf),
-               "strength": (1e-6, 1e3)}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,14 +46,14 @@ class Tolerance:
             before the end of its range; None where that is not looked at.
     """
 
-    torque: float = 1.6
-    speed: float = 1.6
-    acceleration: float = 1.6
-    strength: float | None = None
+    torque: Annotated[float, Range(1e-6, np.inf)] = 1.6
+    speed: Annotated[float, Range(1e-6, np.inf)] = 1.6
+    acceleration: Annotated[float, Range(1e-6, np.inf)] = 1.6
+    strength: Annotated[float | None, Range(1e-6, 1e3)] = None
 
     def __post_init__(self) -> None:
         """Refuse what cannot be; InputError names the field."""
-        fields.check(self, _TOLERANCES)
+        check(self)
 
 
 class Demand(NamedTuple):

@@ -20,14 +20,14 @@ is linear in alpha.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from mitt import checks, fields
+from mitt import checks
 from mitt.arm.arm import Arm
 from mitt.errors import InputError
-from mitt.fields import brief
+from mitt.fields import Range, brief, check
 from mitt.map.demand import demand
 from mitt.map.map_design import MapDesign
 from mitt.map.mapping import (
@@ -49,9 +49,6 @@ _RIDGE = 1e-9
 _HALVINGS, _PENALTY = 6, 300.0
 #: Least share of usable flights of a map that is called converged; a choice of this project.
 _FEWEST = 0.5
-#: Least and largest number of each setting; choices of this project.
-_RANGES = {"steps": (0, 10**4), "tolerance": (0.0, 1.0), "share": (0.01, 100.0),
-           "near": (0.0, 100.0)}  # fmt: skip
 #: Newton steps of the soft programme, and the relative step at which it has converged.
 _NEWTON_STEPS, _SMALL = 30, 1e-9
 #: Farthest from its end that the catch of a flight is looked for [s].
@@ -69,16 +66,16 @@ class LearnSettings:
         near: Share of a limit from which a row enters the programme.
     """
 
-    steps: int = 20
-    tolerance: float = 1e-3
-    share: float = 0.92
-    near: float = 0.6
+    steps: Annotated[int, Range(0, 10**4)] = 20
+    tolerance: Annotated[float, Range(0.0, 1.0)] = 1e-3
+    share: Annotated[float, Range(0.01, 100.0)] = 0.92
+    near: Annotated[float, Range(0.0, 100.0)] = 0.6
 
     __repr__ = brief
 
     def __post_init__(self) -> None:
         """Refuse what cannot be; InputError names the field."""
-        fields.check(self, _RANGES)
+        check(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,31 +13,24 @@ slightly wrongly at t_0.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 
-from mitt import checks, fields
+from mitt import checks
 from mitt.arm.arm import Arm
 from mitt.arm.description import ArmModel
 from mitt.ball.flight import acceleration, advance
 from mitt.catcher.generators import Direct
 from mitt.catcher.several import Several
 from mitt.errors import InputError
+from mitt.fields import Range, check
 from mitt.map.learn import Flight, Learned, LearnSettings
 from mitt.map.learn import learn as learn_from
 from mitt.map.map_design import MapDesign, catch_place, default_design, further_designs
 from mitt.map.mapping import DirectMap, unlearned
 from mitt.map.tangent import to_go
 from mitt.signals import Array
-
-#: Least and largest number of each setting; choices of this project.
-_RANGES = {
-    "flights": (1, 10**6), "instants": (2, 10**5), "kicked": (0.0, 1.0), "bounced": (0.0, 1.0),
-    "kick": (0.0, 100.0), "t_0": (0.0, 100.0), "after": (0.0, 10.0), "sigma_r": (0.0, 10.0),
-    "sigma_dr": (0.0, 100.0), "drag": (0.0, 10.0), "box": (0.0, 100.0), "arrival": (1e-3, 1e3),
-    "descent": (-1.6, 1.6), "azimuth": (-7.0, 7.0), "flight": (1e-3, 100.0),
-    "max_speed_share": (1e-6, np.inf),
-}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,26 +58,26 @@ class Neighbourhood:
             catches; such flights are redrawn. At the catch 1.3, if finite and no match is weighed.
     """
 
-    flights: int = 120
-    instants: int = 30
-    kicked: float = 0.25
-    bounced: float = 0.2
-    kick: float = 0.7
-    t_0: tuple[float, float] = (0.02, 0.085)
-    after: float = 0.01
-    sigma_r: float = 0.003
-    sigma_dr: float = 0.1
-    drag: tuple[float, float] = (0.03, 0.05)
-    box: tuple[float, float, float] = (0.08, 0.28, 0.24)
-    arrival: tuple[float, float] = (4.5, 7.3)
-    descent: tuple[float, float] = (0.24, 0.78)
-    azimuth: tuple[float, float] = (-0.15, 0.15)
-    flight: tuple[float, float] = (0.42, 0.65)
-    max_speed_share: float = np.inf
+    flights: Annotated[int, Range(1, 10**6)] = 120
+    instants: Annotated[int, Range(2, 10**5)] = 30
+    kicked: Annotated[float, Range(0.0, 1.0)] = 0.25
+    bounced: Annotated[float, Range(0.0, 1.0)] = 0.2
+    kick: Annotated[float, Range(0.0, 100.0)] = 0.7
+    t_0: Annotated[tuple[float, float], Range(0.0, 100.0)] = (0.02, 0.085)
+    after: Annotated[float, Range(0.0, 10.0)] = 0.01
+    sigma_r: Annotated[float, Range(0.0, 10.0)] = 0.003
+    sigma_dr: Annotated[float, Range(0.0, 100.0)] = 0.1
+    drag: Annotated[tuple[float, float], Range(0.0, 10.0)] = (0.03, 0.05)
+    box: Annotated[tuple[float, float, float], Range(0.0, 100.0)] = (0.08, 0.28, 0.24)
+    arrival: Annotated[tuple[float, float], Range(1e-3, 1e3)] = (4.5, 7.3)
+    descent: Annotated[tuple[float, float], Range(-1.6, 1.6)] = (0.24, 0.78)
+    azimuth: Annotated[tuple[float, float], Range(-7.0, 7.0)] = (-0.15, 0.15)
+    flight: Annotated[tuple[float, float], Range(1e-3, 100.0)] = (0.42, 0.65)
+    max_speed_share: Annotated[float, Range(1e-6, np.inf)] = np.inf
 
     def __post_init__(self) -> None:
         """Refuse what cannot be; InputError names the field."""
-        fields.check(self, _RANGES)
+        check(self)
 
 
 def neighbourhood_of_ball(drag: float) -> Neighbourhood:

@@ -2,15 +2,16 @@
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Annotated
 
 import numpy as np
 
-from mitt import fields
 from mitt.arm.arm import Arm
 from mitt.arm.basket import Basket
 from mitt.arm.hands import HandModel
 from mitt.control.closing import fingers_of, takes_of
 from mitt.control.stop import Brake
+from mitt.fields import Range, check
 from mitt.signals import GRAVITY, TICK, Array
 
 #: Share of what the fingers' drives hold at rest that holds a ball which has just struck: of 11
@@ -26,11 +27,6 @@ _INSTANTS, _STEP = 8, 1e-3
 #: Instants of the brake in which a ball's way in a basket is followed; share of a ball that is lost
 #: whatever the arm does, as one that is too large for the hand.
 _SPILLS, _LOST = 24, 10.0
-#: Least and largest number of what is known of a ball, far beyond what balls are like.
-_RANGES = {
-    "mass": (0.0, 1e4), "radius": (1e-4, 10.0), "restitution": (0.0, 1.0), "friction": (0.0, 100.0),
-    "doubt": (0.0, 1.0),
-}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,15 +41,15 @@ class CaughtBall:
         doubt: Relative error that the mass may have.
     """
 
-    mass: float
-    radius: float
-    restitution: float = 0.2
-    friction: float = 1.0
-    doubt: float = 0.1
+    mass: Annotated[float, Range(0.0, 1e4)]
+    radius: Annotated[float, Range(1e-4, 10.0)]
+    restitution: Annotated[float, Range(0.0, 1.0)] = 0.2
+    friction: Annotated[float, Range(0.0, 100.0)] = 1.0
+    doubt: Annotated[float, Range(0.0, 1.0)] = 0.1
 
     def __post_init__(self) -> None:
         """Refuse what no ball can be; InputError names the field."""
-        fields.check(self, _RANGES)
+        check(self)
 
     @property
     def heaviest(self) -> float:
