@@ -41,7 +41,7 @@ from mitt.design.evaluation import (
 from mitt.design.geometry import drawn, triples_of
 from mitt.design.poses import Touch
 from mitt.design.search import best_by_price, effort_of, ranked, surely
-from mitt.design.search_jobs import Evaluator, Job
+from mitt.design.search_jobs import Evaluator, Job, Procedure
 from mitt.design.task import BOX, FAR, REPORTED, Balls, Task, shifted
 from mitt.errors import InputError
 from mitt.files.arm_file import ArmFile, open_arm, read_arm_file, write_arm_file
@@ -292,15 +292,15 @@ def test_what_is_reported_was_thrown_with_seeds_that_no_search_uses(
     found, asked = searched
     names = [name for name, _ in asked]
     last = names.index("reporting")
-    thrown = [job for _, job in asked[:last] if job.throws]
+    thrown = [job for _, job in asked[:last] if job.by.throws]
     assert thrown
-    assert all(job.seed < REPORTED for job in thrown)
+    assert all(job.by.seed < REPORTED for job in thrown)
     job = asked[last][1]
-    assert (job.seed, job.throws, job.give_up) == (REPORTED, TINY.report, False)
+    assert (job.by.seed, job.by.throws, job.by.give_up) == (REPORTED, TINY.report, False)
     assert found.best is not None
     assert found.best.thrown == TINY.report
     assert set(names[last + 1 :]) == {"speeds", "fastest"}
-    assert all(job.seed > REPORTED for _, job in asked[last + 1 :])
+    assert all(job.by.seed > REPORTED for _, job in asked[last + 1 :])
 
 
 def test_a_share_is_told_with_its_interval(found: Design) -> None:
@@ -479,7 +479,7 @@ def test_an_error_of_one_candidate_is_counted_and_ends_nothing(
         raise InputError("throw", "a throw", "none")
 
     monkeypatch.setattr(search_jobs, "able_to_hold", broken)
-    assert bench.try_all("some", [c, c], throws=1, seed=1) == []
+    assert bench.try_all("some", [c, c], Procedure(throws=1, seed=1)) == []
     assert (bench.tally.errors, bench.tally.lost) == (2, 0)
     assert bench.tally.told() == [
         "left out for an error: 2 candidates; the first: throw: wanted a throw, got none"
@@ -500,17 +500,15 @@ def test_the_fastest_throws_are_the_last_before_the_first_failure(
     best, bench = found.best, Evaluator(whole, task, None, silent)
     limit, thrown_at = 5.3, list[tuple[float, int, int]]()
 
-    def each(
-        _: str, pairs: list[tuple[Candidate, Task]], *, throws: int, seed: int
-    ) -> list[Evaluation]:
+    def each(_: str, pairs: list[tuple[Candidate, Task]], by: Procedure) -> list[Evaluation]:
         out = []
         for _c, at in pairs:
-            thrown_at.append((release_speed(at), throws, seed))
-            good = throws if release_speed(at) < limit else 0
-            out.append(replace(best, thrown=throws, caught=good, clean=good))
+            thrown_at.append((release_speed(at), by.throws, by.seed))
+            good = by.throws if release_speed(at) < limit else 0
+            out.append(replace(best, thrown=by.throws, caught=good, clean=good))
         return out
 
-    monkeypatch.setattr(Evaluator, "try_each", lambda _, *a, **k: each(*a, **k))
+    monkeypatch.setattr(Evaluator, "try_each", lambda _, *a: each(*a))
 
     def of(rows: list[AtSpeed], own: float) -> Fastest:
         return arm_design.fastest(bench, best.candidate, task, rows, TINY, own=own)
@@ -580,7 +578,7 @@ def test_candidates_of_a_dead_worker_are_evaluated_by_themselves(
     monkeypatch.setattr(search_jobs, "run_tasks", run)
     engine = Processes(2)
     bench = Evaluator(whole, task, engine, silent)
-    worth = bench.try_all("some", [c, c, c])
+    worth = bench.try_all("some", [c, c, c], Procedure())
     engine.close(at_once=True)
     assert [w.able for w in worth] == [0.5, 0.5]
     assert windows[0] == 4

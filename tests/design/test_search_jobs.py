@@ -17,7 +17,7 @@ from mitt.cli.main import main
 from mitt.design.arm_design import Design, best_so_far, design
 from mitt.design.evaluation import Evaluation
 from mitt.design.search import EFFORTS, RATE, SearchProgress, search_of
-from mitt.design.search_jobs import Answers, Evaluator, Job
+from mitt.design.search_jobs import Answers, Evaluator, Job, Procedure
 from mitt.design.task import Task
 from mitt.errors import FileError, InputError
 from mitt.files.arm_file import open_arm
@@ -82,9 +82,11 @@ def test_answers_come_back_to_the_bit_and_none_for_another_question(
     worth = replace(
         found.best, able=1.0 / 3.0, speed=float("inf"), force=0.1 + 0.2, said="two\nlines"
     )
-    job = Job(number=0, whole=whole, candidate=c, task=task, throws=4, seed=7)
-    others = [replace(job, throws=5), replace(job, seed=8), replace(job, how="full"),
-              replace(job, give_up=False), replace(job, task=replace(task, seed=9)),
+    by = Procedure(throws=4, seed=7)
+    job = Job(number=0, whole=whole, candidate=c, task=task, by=by)
+    others = [replace(job, by=replace(by, throws=5)), replace(job, by=replace(by, seed=8)),
+              replace(job, by=replace(by, how="full")), replace(job, by=replace(by, least=0.2)),
+              replace(job, by=replace(by, give_up=False)), replace(job, task=replace(task, seed=9)),
               replace(job, candidate=replace(c, turn=c.turn + 1e-15))]  # fmt: skip
     answers = Answers.open(path, "x", resume=False)
     answers.add(job, worth)
@@ -151,7 +153,8 @@ def test_an_interrupt_writes_the_best_so_far_and_says_how_to_go_on(
     def broken(arm: Arm, task: Task, *_: object, answers: Answers, **__: object) -> Design:
         assert found.best is not None
         before.append(answers.best)
-        job = Job(number=0, whole=arm, candidate=found.best.candidate, task=task, seed=len(before))
+        job = Job(number=0, whole=arm, candidate=found.best.candidate, task=task,
+                  by=Procedure(seed=len(before)))  # fmt: skip
         answers.add(job, replace(found.best, clean=0))
         if len(before) == 2:
             answers.ended(task, [found.best])
@@ -224,7 +227,8 @@ def test_the_best_so_far_is_of_the_last_stage_that_caught_enough(
     assert found.best is not None
     answers, first = Answers(), replace(found.best, thrown=10, caught=9, clean=9)
     assert answers.best is None
-    job = Job(number=0, whole=whole, candidate=first.candidate, task=task, throws=10)
+    job = Job(number=0, whole=whole, candidate=first.candidate, task=task,
+              by=Procedure(throws=10))  # fmt: skip
     answers.add(job, replace(first, clean=2))
     assert answers.best is None
     answers.add(job, first)
@@ -289,7 +293,7 @@ def test_the_evaluator_asks_for_nothing_that_is_known(
     for more in (2, 3):
         answers = Answers.open(tmp_path / "a.jsonl", "x", resume=True)
         bench = Evaluator(whole, task, None, silent, answers=answers)
-        worth = bench.try_all("some", [replace(c, turn=0.1 * k) for k in range(more)])
+        worth = bench.try_all("some", [replace(c, turn=0.1 * k) for k in range(more)], Procedure())
         assert [w.speed for w in worth] == [1.0 + k for k in range(more)]
         answers.close(done=False)
     assert [job.number for job in asked] == [0, 1, 2]

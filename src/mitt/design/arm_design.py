@@ -27,7 +27,7 @@ from mitt.clock import monotonic
 from mitt.design.candidate import Candidate
 from mitt.design.evaluation import ENOUGH, FORCE, START, Evaluation, Verdicts, learned, verdicts
 from mitt.design.search import RATE, Effort, SearchProgress, ranked, reported, search
-from mitt.design.search_jobs import Answers, Evaluator, Progress
+from mitt.design.search_jobs import Answers, Evaluator, Procedure, Progress
 from mitt.design.task import (
     BOX,
     FAR,
@@ -220,9 +220,8 @@ def by_speed(
 
     Speeds are those at release [m/s].
     """
-    worth = evaluator.try_each(
-        "speeds", [(c, task_at(task, speed)) for speed in speeds], throws=throws, seed=_SPEEDS_SEED
-    )
+    by = Procedure(throws=throws, seed=_SPEEDS_SEED, give_up=False)
+    worth = evaluator.try_each("speeds", [(c, task_at(task, speed)) for speed in speeds], by)
     return [_at(speed, w) for speed, w in zip(speeds, worth, strict=True)]
 
 
@@ -260,10 +259,9 @@ def fastest(
                 good.add(middle)
             else:
                 failed = middle
+    by = Procedure(throws=effort.sure, seed=_SURE_SEED, give_up=False)
     for speed in sorted(good, reverse=True):
-        again = [(c, task_at(task, speed))]
-        worth = evaluator.try_each("fastest", again, throws=effort.sure, seed=_SURE_SEED)[0]
-        if worth.enough:
+        if evaluator.try_each("fastest", [(c, task_at(task, speed))], by)[0].enough:
             return Fastest(speed_m_s=speed, more=failed is None and speed == rows[-1].speed_m_s)
     return Fastest(speed_m_s=0.0)
 
@@ -292,7 +290,8 @@ def slower(
 
 def _accepted(evaluator: Evaluator, c: Candidate, effort: Effort) -> bool:
     """Say whether a design catches enough of throws that are neither its search's nor reported."""
-    worth = evaluator.try_all("accepting", [c], throws=effort.report, seed=_ACCEPT, how="full")
+    by = Procedure(throws=effort.report, seed=_ACCEPT, how="full")
+    worth = evaluator.try_all("accepting", [c], by)
     return bool(worth) and worth[0].enough
 
 

@@ -392,16 +392,8 @@ def _of_three(
 ) -> Rows:  # fmt: skip
     """Return poses in which three joints meet the typical ball, the others held."""
     chosen, row = _choices(len(of[0]), triples, _DRAW.alone, rng)
-    slope = _slopes(len(row), rng)
-    A = sloped(np.broadcast_to(np.eye(3), (len(row), 3, 3)), slope)
-    J, w = of[1].J[row[:, None], chosen], of[1].W[row, chosen[:, 2]]
-    J[:, :2] += slope[:, :, None] * J[:, 2:]
-    d, v = _into(of[1].palm[row], J[:, 2], w, rng), balls.velocity()
-    share = rng.uniform(*_DRAW.shares, (len(row), 1))
-    found = least_relative_velocity(J, w, v, d, share * whole.dq_max[chosen], A)
-    good = np.flatnonzero(found.sound & (found.s < balls.speed))
-    moving = chosen[good], sloped(alone(chosen[good], whole.n), slope[good])
-    return _rows(whole, of, moving, row[good], d[good], found.take(good), rng)
+    A = sloped(alone(chosen, whole.n), _slopes(len(row), rng))
+    return _met(whole, balls.velocity(), of, (chosen, A), row, rng)
 
 
 def _of_all(

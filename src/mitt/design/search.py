@@ -31,7 +31,7 @@ from mitt.design.geometry import (
     triples_of,
 )
 from mitt.design.poses import Touch
-from mitt.design.search_jobs import Evaluator, Progress, digest, plain_task
+from mitt.design.search_jobs import Evaluator, Procedure, Progress, digest, plain_task
 from mitt.design.task import REPORTED, Task
 from mitt.errors import ModelError
 from mitt.files.schema import to_plain
@@ -243,13 +243,12 @@ def search(
         return []
     first = best_of(rows, count=6 * effort.judged, each=2 * effort.judged)
     candidates = candidates_of(whole, task.balls, first, rng)
-    sound = [w.candidate for w in evaluator.try_all("on paper", candidates, how="paper")]
-    worth = evaluator.try_all("learning", sound[: 2 * effort.judged], how="glance")
+    sound = [w.candidate for w in evaluator.try_all("on paper", candidates, Procedure(how="paper"))]
+    worth = evaluator.try_all("learning", sound[: 2 * effort.judged], Procedure(how="glance"))
     worth = _softened(whole, task, effort, evaluator, worth)
     fresh = _distinct(worth, effort.thrown)
-    pool = evaluator.try_all(
-        "throwing", fresh, throws=effort.throws[0], seed=_COMPARE + effort.throws[0]
-    )
+    by = Procedure(throws=effort.throws[0], seed=_COMPARE + effort.throws[0])
+    pool = evaluator.try_all("throwing", fresh, by)
     pool = _refined(whole, task, effort, evaluator, pool)
     return _confirmed(evaluator, effort, best_by_price(pool, effort.last), rate)
 
@@ -271,12 +270,11 @@ def _confirmed(
         for c in (w.candidate for w in last)
         for x in (_WEIGHTS if c.match_weight > 0.0 else _WEIGHTS[:1])
     ]
-    once = evaluator.try_all("confirming", softer, throws=effort.confirm, seed=_CONFIRM, how="full")
+    by = Procedure(throws=effort.confirm, seed=_CONFIRM, how="full")
+    once = evaluator.try_all("confirming", softer, by)
     best = _likely(once, rate, effort.again)
-    again = evaluator.try_all(
-        "confirming again", [w.candidate for w in best],
-        throws=_MORE * effort.confirm, seed=_AGAIN, how="full", give_up=False,
-    )  # fmt: skip
+    by = Procedure(throws=_MORE * effort.confirm, seed=_AGAIN, how="full", give_up=False)
+    again = evaluator.try_all("confirming again", [w.candidate for w in best], by)
     before = {w.candidate: w for w in once}
     both = [before[w.candidate].with_more(w) for w in again]
     return ranked(both, surely(rate, (1 + _MORE) * effort.confirm))
@@ -309,9 +307,8 @@ def reported(evaluator: Evaluator, c: Candidate, effort: Effort) -> Evaluation |
     task = evaluator.task
     own = task.unseen or len(task.throws or task.recordings)  # 0 where throws are drawn
     throws = min(effort.report, own) if own else effort.report
-    worth = evaluator.try_all(
-        "reporting", [c], throws=throws, seed=REPORTED, how="full", give_up=False
-    )
+    by = Procedure(throws=throws, seed=REPORTED, how="full", give_up=False)
+    worth = evaluator.try_all("reporting", [c], by)
     return worth[0] if worth else None
 
 
@@ -350,7 +347,7 @@ def _softened(
         of = (_BY_VERDICTS, generation)
         children = _changed(whole, task, parents, effort.offspring, of)
         name = f"changing {generation + 1} of {effort.generations}"
-        pool += evaluator.try_all(name, children, how="glance")
+        pool += evaluator.try_all(name, children, Procedure(how="glance"))
     return pool
 
 
@@ -363,19 +360,15 @@ def _refined(
         if not parents:
             break
         name = f"improving {generation + 1} of {len(effort.throws) - 1}"
-        seed = _COMPARE + throws
         how: How = "quick" if throws == effort.throws[0] else "many"
+        by = Procedure(throws=throws, seed=_COMPARE + throws, how=how)
         if throws > parents[0].thrown:  # what was best on a few throws was lucky as well
-            parents = evaluator.try_all(
-                name, [w.candidate for w in parents], throws=throws, seed=seed, how=how,
-                give_up=False,
-            )  # fmt: skip
+            again = [w.candidate for w in parents]
+            parents = evaluator.try_all(name, again, replace(by, give_up=False))
             pool = list(parents)
         of = (_BY_THROWS, generation)
         children = _changed(whole, task, parents, effort.children, of)
-        pool += evaluator.try_all(
-            name, children, throws=throws, seed=seed, least=_WORTH_THROWING, how=how
-        )
+        pool += evaluator.try_all(name, children, replace(by, least=_WORTH_THROWING))
     return pool
 
 

@@ -12,7 +12,7 @@ import hashlib
 import json
 import os
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 from typing import Any, final
 
@@ -32,6 +32,25 @@ from mitt.trials.workers import Engine, run_tasks
 _DIGITS = 16
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Procedure:
+    """How candidates are tried.
+
+    Attributes:
+        throws: Number of throws; 0 to judge by verdicts alone.
+        seed: Seed of the throws.
+        least: Least share of balls caught by the verdicts from which a candidate is thrown at.
+        how: How thoroughly its map is learned.
+        give_up: Whether it is thrown at less where it catches few of the first throws.
+    """
+
+    throws: int = 0
+    seed: int = 0
+    least: float = -1e9
+    how: How = "quick"
+    give_up: bool = True
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Job:
     """What is to be tried of a candidate.
@@ -41,22 +60,14 @@ class Job:
         whole: The arm with all joints active.
         candidate: The candidate.
         task: What is to be caught.
-        throws: Number of throws; 0 to judge it by verdicts alone.
-        seed: Seed of the throws.
-        least: Least share of balls caught by the verdicts from which it is thrown at.
-        how: How thoroughly the map is learned.
-        give_up: Whether it is thrown at less where it catches few of the first throws.
+        by: How it is tried.
     """
 
     number: int
     whole: Arm
     candidate: Candidate
     task: Task
-    throws: int = 0
-    seed: int = 0
-    least: float = -1e9
-    how: How = "quick"
-    give_up: bool = True
+    by: Procedure
 
 
 def answer_of(w: Evaluation) -> dict[str, Any]:
@@ -176,8 +187,7 @@ class Answers:
         task = self._tasks.get(id(job.task))
         if task is None:  # keeps the task as well, so that no other takes its id
             task = self._tasks[id(job.task)] = job.task, digest(plain_task(job.task))
-        c = to_plain(job.candidate)
-        return digest(c, task[1], job.throws, job.seed, job.least, job.how, job.give_up)
+        return digest(to_plain(job.candidate), task[1], *astuple(job.by))
 
     def _take(self, head: str) -> int:
         """Take the answers of a file; return how many of its bytes are whole lines."""
@@ -232,18 +242,18 @@ def evaluated(job: Job) -> Evaluation:
 
 def _evaluated(job: Job) -> Evaluation:
     """Return what a candidate is worth, stage by stage."""
-    c = job.candidate
+    c, by = job.candidate, job.by
     if not able_to_hold(job.whole, c, job.task):
         return _failed(c, "no pose")
-    if job.how == "paper":
+    if by.how == "paper":
         return Evaluation(candidate=c, able=1.0, speed=0.0)
-    f = learned(job.whole, c, job.task, job.how)
+    f = learned(job.whole, c, job.task, by.how)
     if f is None:
         return _failed(c, "no map")
     worth = judged(c, f, job.task)
-    if job.throws == 0 or worth.share < job.least:
+    if by.throws == 0 or worth.share < by.least:
         return worth
-    return thrown(c, f, job.task, throws=job.throws, seed=job.seed, give_up=job.give_up)
+    return thrown(c, f, job.task, throws=by.throws, seed=by.seed, give_up=by.give_up)
 
 
 def _failed(c: Candidate, why: str, said: str = "") -> Evaluation:
@@ -307,34 +317,25 @@ class Evaluator:
         return Evaluator(self.whole, task, self._engine, self.progress, self.tally, self.answers)
 
     def try_all(
-        self, name: str, candidates: Sequence[Candidate], *, throws: int = 0, seed: int = 0,
-        least: float = -1e9, how: How = "quick", give_up: bool = True,
-    ) -> list[Evaluation]:  # fmt: skip
+        self, name: str, candidates: Sequence[Candidate], by: Procedure
+    ) -> list[Evaluation]:
         """Return what candidates are worth, in their order, without those that failed.
 
-        ``name`` is that of the stage, for the progress; all else is as in :class:`Job`.
+        ``name`` is that of the stage, for the progress.
         """
-        jobs = [
-            Job(number=k, whole=self.whole, candidate=c, task=self.task, throws=throws,
-                  seed=seed, least=least, how=how, give_up=give_up)
-            for k, c in enumerate(candidates)
-        ]  # fmt: skip
-        worth = [w for w in self._worth(name, jobs) if not w.failed]
+        pairs = [(c, self.task) for c in candidates]
+        worth = [w for w in self.try_each(name, pairs, by) if not w.failed]
         self.answers.ended(self.task, worth)
         return worth
 
     def try_each(
-        self, name: str, pairs: Sequence[tuple[Candidate, Task]], *, throws: int, seed: int
+        self, name: str, pairs: Sequence[tuple[Candidate, Task]], by: Procedure
     ) -> list[Evaluation]:
-        """Return what each candidate is worth for a task of its own, those that failed as well.
-
-        All throws are made, however many are caught.
-        """
+        """Return what each candidate is worth for a task of its own, those that failed as well."""
         jobs = [
-            Job(number=k, whole=self.whole, candidate=c, task=task, throws=throws, seed=seed,
-                  give_up=False)
+            Job(number=k, whole=self.whole, candidate=c, task=task, by=by)
             for k, (c, task) in enumerate(pairs)
-        ]  # fmt: skip
+        ]
         return self._worth(name, jobs)
 
     def _worth(self, name: str, jobs: Sequence[Job]) -> list[Evaluation]:
