@@ -11,7 +11,7 @@ from sysconfig import get_paths
 
 from mitt.arm.arm import Arm
 from mitt.arm.hands import HandModel
-from mitt.arm.load import load_arm
+from mitt.arm.load import build_arm
 from mitt.map.map_design import MapDesign
 
 _ROBOTS = Path(get_paths()["purelib"]) / "cmeel.prefix/share/example-robot-data/robots"
@@ -65,7 +65,7 @@ SETUPS = {
 
 def arm_of(setup: Setup) -> tuple[Arm, MapDesign]:
     """Load an arm and mount the hand."""
-    arm = load_arm(
+    arm = build_arm(
         _ROBOTS / setup.file,
         tip=setup.tip,
         joints=setup.joints,
@@ -78,4 +78,4 @@ def arm_of(setup: Setup) -> tuple[Arm, MapDesign]:
 
 def named(name: str) -> tuple[Arm, MapDesign | None]:
     """Return an arm by name, and the design of its map; None for that of its limit set."""
-    return (load_arm("wam", limits=name), None) if name in WAM else arm_of(SETUPS[name])
+    return (build_arm("wam", limits=name), None) if name in WAM else arm_of(SETUPS[name])

@@ -16,7 +16,7 @@ from collections import Counter
 import numpy as np
 
 from mitt.arm.hands import HandModel
-from mitt.arm.load import load_arm
+from mitt.arm.load import build_arm
 from mitt.ball.flight import advance
 from mitt.catcher.generators import Direct
 from mitt.map.mapping import DirectMap
@@ -73,7 +73,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--limits", default="paper")
     options = parser.parse_args()
-    scene, arm = Scene(), load_arm("wam", limits=options.limits)
+    scene, arm = Scene(), build_arm("wam", limits=options.limits)
     f = learn(arm).map
     hand = arm.model.hand
     lead = hand.closing_time(scene.ball.radius) if isinstance(hand, HandModel) else 0.0

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from mitt.arm.arm import Arm
-from mitt.arm.load import load_arm
+from mitt.arm.load import build_arm
 from mitt.ball.flight import acceleration
 from mitt.design.task import BOX, FAR
 from mitt.files.arm_file import ThrowSettings
@@ -140,7 +140,7 @@ def main() -> None:
     parser.add_argument("--starts", type=int, default=6)
     parser.add_argument("--seed", type=int, default=5)
     options = parser.parse_args()
-    arm = load_arm("wam", limits=options.limits, joints=options.joints.split(","))
+    arm = build_arm("wam", limits=options.limits, joints=options.joints.split(","))
     rng = np.random.default_rng(options.seed)
     aim = np.array([float(x) for x in options.aim.split(",")])
     palm = None if options.palm is None else float(np.deg2rad(options.palm))

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mitt.arm.load import load_arm
+from mitt import load_arm
 from mitt.cameras.least_squares import fit
 from mitt.eyes.camera import Rig, fixed_rig, look_at, turned
 from mitt.eyes.rig_calibration import HandProblem, placed

@@ -9,8 +9,8 @@ from hypothesis import HealthCheck, settings
 from support import parabola
 
 from mitt.arm.arm import Arm
-from mitt.arm.load import load_arm
-from mitt.map.learn import Flight, Learned, learn
+from mitt.arm.load import build_arm
+from mitt.map.learn import Flight, Learned, learn_from
 from mitt.map.map_design import MapDesign
 from mitt.map.mapping import DirectMap, unlearned
 
@@ -28,7 +28,7 @@ signal.signal(signal.SIGHUP, signal.SIG_DFL)
 @pytest.fixture(scope="session")
 def arm() -> Arm:
     """The WAM with the limits that the paper's experiment needs."""
-    return load_arm("wam", limits="paper")
+    return build_arm("wam", limits="paper")
 
 
 @pytest.fixture(scope="session")
@@ -47,7 +47,7 @@ def flights(arm: Arm) -> list[Flight]:
 @pytest.fixture(scope="session")
 def learned(arm: Arm, flights: list[Flight]) -> Learned:
     """A map learned from them."""
-    return learn(arm, MapDesign(), flights)
+    return learn_from(arm, MapDesign(), flights)
 
 
 @pytest.fixture(scope="session")

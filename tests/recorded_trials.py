@@ -6,7 +6,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from mitt.arm.load import load_arm
+from mitt.arm.load import build_arm
 from mitt.catcher.generators import Generator, refining
 from mitt.files.recordings import Recorded, write_recording
 from mitt.map.mapping import DirectMap
@@ -88,7 +88,7 @@ CASES = (
 @lru_cache(maxsize=4)
 def map_for(limits: str) -> DirectMap:
     """Return the map of the WAM for a limit set."""
-    return learn(load_arm("wam", limits=limits)).map
+    return learn(build_arm("wam", limits=limits)).map
 
 
 @lru_cache(maxsize=16)

@@ -10,9 +10,9 @@ import pytest
 from support import ball_state, parabola
 
 import mitt
-from mitt.arm.load import load_arm
+from mitt.arm.load import build_arm
 from mitt.map.demand import demand
-from mitt.map.learn import learn
+from mitt.map.learn import learn_from
 from mitt.map.map_design import MapDesign
 
 #: The paper prints 1 to 20 and 22; 21 is the summary of its section 3.6.
@@ -47,11 +47,11 @@ def executed_docstrings() -> list[str]:
             doc = code.co_consts[0] if code.co_consts else None
             docs.append(doc if isinstance(doc, str) else "")
 
-    arm, rng = load_arm("wam"), np.random.default_rng(0)
+    arm, rng = build_arm("wam"), np.random.default_rng(0)
     flights = [parabola(arm, rng, instants=8) for _ in range(4)]
     sys.setprofile(watch)
     try:
-        f = learn(arm, MapDesign(), flights).map
+        f = learn_from(arm, MapDesign(), flights).map
         r_o, dr_o, ddr_o = flights[0].ball[0]
         ball = ball_state(r_o, dr_o, ddr_o)
         adapted = f.adapt(ball, arm.q_ready, np.zeros(3))

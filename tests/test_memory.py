@@ -47,13 +47,13 @@ from mitt.map.map_design import default_design
 from mitt.catcher.generators import Unoptimised
 from mitt.map.mapping import unlearned
 from mitt.clock import Stopwatch
-from mitt.arm.load import load_arm
+from mitt.arm.load import build_arm
 from mitt.trials.play import play_out
 from mitt.trials.runner import TrialRunner
 from mitt.world.scene import Scene
 from mitt.world.simulation import World
 from mitt.world.throws import Throw
-arm = load_arm("wam")
+arm = build_arm("wam")
 throw = Throw(r=np.array([3.2, 0.05, 0.1]), dr=np.array([-5.0, -0.05, 2.4]))
 def played(alone):
     f = unlearned(arm, default_design(arm))

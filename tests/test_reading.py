@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from mitt.arm.arm import Arm
-from mitt.arm.load import load_arm
+from mitt.arm.load import build_arm
 from mitt.cameras.cameras import read_image
 from mitt.cameras.filtering import read_positions
 from mitt.cameras.stages import header_of
@@ -38,8 +38,8 @@ READERS: dict[str, Callable[[Path, Arm], object]] = {
     ".csv header": lambda path, _: header_of(path),
     ".json": lambda path, _: read_json(path),
     ".json map": read_map,
-    ".urdf": lambda path, _: load_arm(path, tip="hand", joints=["a"]),
-    ".xml": lambda path, _: load_arm(path, tip="hand", joints=["a"]),
+    ".urdf": lambda path, _: build_arm(path, tip="hand", joints=["a"]),
+    ".xml": lambda path, _: build_arm(path, tip="hand", joints=["a"]),
     ".png": lambda path, _: read_image(path),
 }
 

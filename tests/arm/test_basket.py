@@ -11,7 +11,7 @@ from mitt.arm.arm import difference, identity_of
 from mitt.arm.basket import HANDS, Basket, hand_named
 from mitt.arm.description import checked_hand, mounting
 from mitt.arm.hands import HandModel
-from mitt.arm.load import load_arm
+from mitt.arm.load import build_arm
 from mitt.errors import InputError, UnknownNameError
 
 ROUNDING = 1e-12
@@ -83,13 +83,13 @@ def test_hands_have_names() -> None:
 
 def test_an_arm_takes_a_hand_by_name() -> None:
     """The same arm as with the hand itself."""
-    named, given_ = load_arm("wam", hand="basket"), load_arm("wam", hand=Basket())
+    named, given_ = build_arm("wam", hand="basket"), build_arm("wam", hand=Basket())
     assert difference(identity_of(named), identity_of(given_)) is None
 
 
 def test_hands_tell_arms_apart() -> None:
     """Fingers, a basket, and the same basket tilted: no map of one is taken for another."""
-    arms = [load_arm("wam", hand=x) for x in (HandModel(), Basket(), Basket(tilt=0.5))]
+    arms = [build_arm("wam", hand=x) for x in (HandModel(), Basket(), Basket(tilt=0.5))]
     for k, one in enumerate(arms):
         for other in arms[k + 1 :]:
             assert difference(identity_of(one), identity_of(other)) is not None
@@ -97,7 +97,7 @@ def test_hands_tell_arms_apart() -> None:
 
 def test_a_tilted_basket_turns_the_palm_of_the_arm() -> None:
     """The palm's normal of the WAM leaves the forearm's direction by the tilt."""
-    straight, tilted = (load_arm("wam", hand=Basket(tilt=x)) for x in (0.0, -0.7))
+    straight, tilted = (build_arm("wam", hand=Basket(tilt=x)) for x in (0.0, -0.7))
     q = straight.q_ready
     cosine = straight.orientation(q)[:, 2] @ tilted.orientation(q)[:, 2]
     assert np.arccos(cosine) == pytest.approx(0.7)

@@ -12,7 +12,7 @@ from arm.test_load import urdf
 
 from mitt.arm.description import Link, checked_inertia, mended_inertia, transform
 from mitt.arm.limits import LimitSet
-from mitt.arm.load import load_arm
+from mitt.arm.load import build_arm
 from mitt.errors import MittError, ModelError
 from mitt.signals import Array
 
@@ -42,7 +42,7 @@ def _mjcf(path: Path, **parts: str) -> Path:
 
 def _notes(path: Path) -> tuple[str, ...]:
     """Return the notes of an arm of three joints."""
-    return load_arm(path, tip="palm", joints=_JOINTS).model.notes
+    return build_arm(path, tip="palm", joints=_JOINTS).model.notes
 
 
 def _in_mujoco(mass: float, inertia: Array) -> None:
@@ -115,7 +115,7 @@ def test_what_no_body_can_have_is_refused_by_name(tmp_path: Path, full: str, mjc
         path.write_text(f'{before}<inertia ixx="{xx}" iyy="{yy}" izz="{zz}" ixy="{xy}" ixz="{xz}"'
                         f' iyz="{yz}"/>{after}')  # fmt: skip
     with pytest.raises(MittError, match=r"(body 'three'|link 'l.'|joint).*principal moments"):
-        load_arm(path, tip=tip, joints=joints)
+        build_arm(path, tip=tip, joints=joints)
 
 
 def test_a_mass_below_zero_is_refused_also_where_it_is_carried(tmp_path: Path) -> None:
@@ -143,7 +143,7 @@ def test_capsules_hold_every_solid_of_an_mjcf(tmp_path: Path, kind: str) -> None
     """Points of its surface are inside, on a link and on what stands still; none stands far out."""
     size, surface = _GEOMS[kind]
     geom = f'<geom type="{kind}" size="{size}" pos="0.02 0.1 0.1" quat="1 0.5 0.2 0.1"/>'
-    arm = load_arm(_mjcf(tmp_path / "a.xml", geom=geom, world=geom), tip="palm", joints=_JOINTS)
+    arm = build_arm(_mjcf(tmp_path / "a.xml", geom=geom, world=geom), tip="palm", joints=_JOINTS)
     u = np.random.default_rng(0).normal(size=(2000, 3))
     points = surface(u / np.linalg.norm(u, axis=1)[:, None])
     turn = np.zeros(9)
@@ -211,7 +211,7 @@ def test_what_is_left_out_of_a_urdf_is_named(tmp_path: Path, element: str, word:
     """With the torque that friction takes at the largest speed."""
     path = urdf(tmp_path / "a.urdf")
     path.write_text(path.read_text().replace("</joint>", f"{element}</joint>", 1))
-    (note,) = load_arm(path, tip="l5", joints=_NAMES).model.notes
+    (note,) = build_arm(path, tip="l5", joints=_NAMES).model.notes
     assert f"j1 {word}" in note
 
 
@@ -235,10 +235,10 @@ def test_limits_of_a_file_are_doubted_both_ways(
 ) -> None:
     """One note each; none of the arm as it is."""
     path = urdf(tmp_path / "a.urdf")
-    assert load_arm(path, tip="l5", joints=_NAMES).model.notes == ()
+    assert build_arm(path, tip="l5", joints=_NAMES).model.notes == ()
     assert before in path.read_text()
     path.write_text(path.read_text().replace(before, after))
-    (note,) = load_arm(path, tip="l5", joints=_NAMES).model.notes
+    (note,) = build_arm(path, tip="l5", joints=_NAMES).model.notes
     assert re.search(word, note)
 
 
@@ -260,7 +260,7 @@ def test_a_limit_that_is_none_is_asked_for_in_one_line(
     before = {"effort": 'effort="50"', "velocity": 'velocity="5"'}[key]
     path.write_text(path.read_text().replace(before, f'{key}="{value}"'))
     with pytest.raises(ModelError, match=f"got {key} {value}; state <limit> {key}") as caught:
-        load_arm(path, tip="l5", joints=_NAMES)
+        build_arm(path, tip="l5", joints=_NAMES)
     assert "urdfdom" not in str(caught.value)
 
 
@@ -283,7 +283,7 @@ def test_a_torque_that_an_mjcf_states_otherwise_is_said(
 def test_a_gear_and_the_parents_frame_count(tmp_path: Path) -> None:
     """The torque of a motor is its control by its gear, in whichever frame of the joint."""
     for target, torque in (('joint="elbow" gear="2"', 120.0), ('jointinparent="elbow"', 60.0)):
-        arm = load_arm(_mjcf(tmp_path / "a.xml", target=target), tip="palm", joints=_JOINTS)
+        arm = build_arm(_mjcf(tmp_path / "a.xml", target=target), tip="palm", joints=_JOINTS)
         assert arm.tau_max[2] == torque
 
 
@@ -349,7 +349,7 @@ def test_another_kind_of_file_is_named_in_one_line(
     path = tmp_path / name
     path.write_text(content)
     with pytest.raises(MittError) as caught:
-        load_arm(path, tip="l5", joints=_NAMES)
+        build_arm(path, tip="l5", joints=_NAMES)
     text = str(caught.value)
     for word in (str(path), *words):
         assert word in text
@@ -388,7 +388,7 @@ def test_a_broken_urdf_is_told_in_our_words(
     assert before in text, text[:900]
     path.write_text(text.replace(before, after, 1))
     with pytest.raises(MittError) as caught:
-        load_arm(path, tip="l5", joints=_NAMES)
+        build_arm(path, tip="l5", joints=_NAMES)
     for word in words:
         assert word in str(caught.value)
     assert ".cpp" not in str(caught.value)
@@ -402,10 +402,10 @@ def test_a_file_is_read_in_its_own_encoding_and_by_its_name_in_capitals(tmp_path
         path = tmp_path / name
         declared = "utf-8" if encoding == "utf-8-sig" else encoding
         path.write_bytes(f'<?xml version="1.0" encoding="{declared}"?>{text}'.encode(encoding))
-        assert load_arm(path, tip="l5", joints=_NAMES).names == ("j1", "j2", "j4")
+        assert build_arm(path, tip="l5", joints=_NAMES).names == ("j1", "j2", "j4")
     path.write_bytes(f'<?xml version="1.0"?>{text}'.encode("iso-8859-1"))
     with pytest.raises(MittError, match=r"a bad byte.*save it as UTF-8"):
-        load_arm(path, tip="l5", joints=_NAMES)
+        build_arm(path, tip="l5", joints=_NAMES)
 
 
 def _set(**bounds: float) -> LimitSet:
@@ -429,7 +429,7 @@ def test_a_limit_set_in_degrees_is_refused(
     """One line that names set, joint and degrees, though the file has ranges and speeds itself."""
     path = urdf(tmp_path / "a.urdf")
     with pytest.raises(ModelError, match=wanted) as caught:
-        load_arm(path, tip="l5", joints=_NAMES, limits=_set(**bounds))
+        build_arm(path, tip="l5", joints=_NAMES, limits=_set(**bounds))
     text = str(caught.value)
     assert "limits own of joint 'j1'" in text
     assert "degrees" in text
@@ -440,7 +440,7 @@ def test_a_sliding_joint_has_metres(tmp_path: Path) -> None:
     """Its numbers say nothing of degrees."""
     path = urdf(tmp_path / "a.urdf", kind="prismatic")
     own = LimitSet(name="own", joints=("j2",), bounds={"speed": np.array([180.0])})
-    arm = load_arm(path, tip="l5", joints=_NAMES, limits=own)
+    arm = build_arm(path, tip="l5", joints=_NAMES, limits=own)
     assert arm.dq_max.tolist() == [5.0, 180.0, 5.0]
     assert not any("degrees" in x for x in arm.model.notes)
 
@@ -450,7 +450,7 @@ def test_a_large_speed_of_a_file_is_doubted(tmp_path: Path, speed: str, doubted:
     """The note names the joints that move, two of them at most, and says what it would be."""
     path = urdf(tmp_path / "a.urdf")
     path.write_text(path.read_text().replace('velocity="5"', f'velocity="{speed}"'))
-    notes = load_arm(path, tip="l5", joints=_NAMES).model.notes
+    notes = build_arm(path, tip="l5", joints=_NAMES).model.notes
     assert len(notes) == doubted
     for note in notes:
         assert f"j1 {speed} rad/s, j2 {speed} rad/s and 1 more" in note
@@ -461,5 +461,5 @@ def test_a_set_settles_the_doubt(tmp_path: Path) -> None:
     """It goes before the speeds of the file."""
     path = urdf(tmp_path / "a.urdf")
     path.write_text(path.read_text().replace('velocity="5"', 'velocity="180"'))
-    arm = load_arm(path, tip="l5", joints=_NAMES, limits=_set(speed=3.0))
+    arm = build_arm(path, tip="l5", joints=_NAMES, limits=_set(speed=3.0))
     assert arm.model.notes == ()

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from mitt.arm.basket import Basket
 from mitt.arm.description import Capsule
 from mitt.arm.hands import Closing, Finger, FingerDrive, HandModel
-from mitt.arm.load import load_arm
+from mitt.arm.load import build_arm
 from mitt.errors import InputError, MittError
 from mitt.signals import Array
 
@@ -115,8 +115,8 @@ def test_what_a_hand_holds_is_bounded_by_its_drives(hand: HandModel, friction: f
 
 def test_none_mounts_nothing_and_left_out_mounts_what_the_arm_has() -> None:
     """The tool plate is the catch point then, and the hand weighs nothing."""
-    bare, basket = (load_arm("wam", hand=x) for x in ("none", "basket"))
-    usual, same = load_arm("wam"), load_arm("wam", hand="three-finger")
+    bare, basket = (build_arm("wam", hand=x) for x in ("none", "basket"))
+    usual, same = build_arm("wam"), build_arm("wam", hand="three-finger")
     assert bare.model.hand is None
     assert isinstance(basket.model.hand, Basket)
     assert isinstance(usual.model.hand, HandModel)

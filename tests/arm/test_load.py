@@ -8,7 +8,7 @@ import pytest
 
 import mitt
 from mitt.arm.hands import HandModel
-from mitt.arm.load import load_arm
+from mitt.arm.load import build_arm
 from mitt.errors import FileError, MittError, ModelError, UnknownNameError
 
 LINK = """<link name="l{k}"><inertial><origin xyz="0 0 0.2"/><mass value="{mass}"/>
@@ -33,7 +33,7 @@ def urdf(path: Path, *, mass: str = "2.0", kind: str = "revolute", effort: str =
 def test_a_file_arm_is_where_its_file_says(tmp_path: Path) -> None:
     """Position, Jacobian and torque of the active joints agree with Pinocchio on the file."""
     path = urdf(tmp_path / "five.urdf")
-    arm = load_arm(path, tip="l5", joints=["j1", "j2", "j4"])
+    arm = build_arm(path, tip="l5", joints=["j1", "j2", "j4"])
     full = pin.buildModelFromUrdf(str(path))
     data, at = full.createData(), [0, 1, 3]
     q, dq, ddq = (np.random.default_rng(k).standard_normal(3) for k in range(3))
@@ -53,7 +53,7 @@ def test_a_mounted_hand_catches_at_the_tip(tmp_path: Path) -> None:
     """A hand adds its weight but leaves the catch point at the tip."""
     path = urdf(tmp_path / "five.urdf")
     names = ["j1", "j2", "j4"]
-    bare, armed = (load_arm(path, tip="l5", joints=names, hand=h) for h in (None, HandModel()))
+    bare, armed = (build_arm(path, tip="l5", joints=names, hand=h) for h in (None, HandModel()))
     q = np.array([0.3, 0.4, -0.5])
     assert np.allclose(bare.position(q), armed.position(q), atol=1e-12)
     assert armed.mass_matrix(q)[1, 1] > bare.mass_matrix(q)[1, 1] + 0.1
@@ -89,7 +89,7 @@ def test_bad_files_are_refused_in_one_line(tmp_path: Path) -> None:
     ]
     for path, tip, joints, kind in cases:
         with pytest.raises(kind) as caught:
-            load_arm(path, tip=tip, joints=joints)
+            build_arm(path, tip=tip, joints=joints)
         assert "\n" not in str(caught.value)
 
 
@@ -100,7 +100,7 @@ def test_an_axis_without_a_direction_is_refused(tmp_path: Path, axis: str) -> No
     path = urdf(tmp_path / "arm.urdf")
     path.write_text(path.read_text().replace('xyz="0.6 0 0.8"', f'xyz="{axis}"'))
     with pytest.raises(FileError, match="joint axes with a direction"):
-        load_arm(path, tip="l5", joints=["j1", "j2", "j4"])
+        build_arm(path, tip="l5", joints=["j1", "j2", "j4"])
 
 
 def test_a_parser_in_c_is_heard_not_seen(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
@@ -108,7 +108,7 @@ def test_a_parser_in_c_is_heard_not_seen(tmp_path: Path, capfd: pytest.CaptureFi
     path = urdf(tmp_path / "five.urdf")
     path.write_text(path.read_text().replace('xyz="0.1 0 0.4"', 'xyz="0.1 up 0.4"'))
     with pytest.raises(FileError, match="up"):
-        load_arm(path, tip="l5", joints=["j1", "j2", "j4"])
+        build_arm(path, tip="l5", joints=["j1", "j2", "j4"])
     assert capfd.readouterr().err == ""
 
 
@@ -125,39 +125,39 @@ def test_an_mjcf_states_its_speeds_among_its_own_numbers(tmp_path: Path) -> None
     """MJCF knows no limit of speed: ``velocity_limit_JOINT`` is one; without it, it is refused."""
     path = tmp_path / "two.xml"
     path.write_text(MJCF)
-    arm = load_arm(path, tip="two", joints=["a", "b"])
+    arm = build_arm(path, tip="two", joints=["a", "b"])
     assert arm.dq_max.tolist() == [8.0, 12.0]
     assert arm.tau_max.tolist() == [80.0, 60.0]
     assert arm.q_min.tolist() == [-2.0, -1.0]
     for bad in ("nan", "-1", "fast", "inf"):
         path.write_text(MJCF.replace('data="12"', f'data="{bad}"'))
         with pytest.raises(FileError, match="velocity_limit_b"):
-            load_arm(path, tip="two", joints=["a", "b"])
+            build_arm(path, tip="two", joints=["a", "b"])
     path.write_text(MJCF.replace("velocity_limit_b", "other"))
     with pytest.raises(ModelError, match="velocity_limit_JOINT"):
-        load_arm(path, tip="two", joints=["a", "b"])
+        build_arm(path, tip="two", joints=["a", "b"])
 
 
 def test_encoders_have_the_resolution_of_their_joint() -> None:
     """4096 counts a motor turn over the joint's ratio, or what the caller says."""
     turn = 2.0 * np.pi / 4096.0
-    assert np.allclose(load_arm("wam").encoder_step, [turn / 42.0, turn / 28.25, turn / 18.0])
-    assert np.allclose(load_arm("wam", encoder_step=1e-4).encoder_step, 1e-4)
-    assert np.allclose(load_arm("wam", encoder_step=[1e-4, 2e-4, 3e-4]).encoder_step[1], 2e-4)
+    assert np.allclose(build_arm("wam").encoder_step, [turn / 42.0, turn / 28.25, turn / 18.0])
+    assert np.allclose(build_arm("wam", encoder_step=1e-4).encoder_step, 1e-4)
+    assert np.allclose(build_arm("wam", encoder_step=[1e-4, 2e-4, 3e-4]).encoder_step[1], 2e-4)
     for bad in (0.0, -1.0, [1e-4, 1e-4], float("nan")):
         with pytest.raises(ModelError, match=r"encoder"):
-            load_arm("wam", encoder_step=bad)
+            build_arm("wam", encoder_step=bad)
 
 
 def test_an_unknown_arm_says_which_files_may_be_named(tmp_path: Path) -> None:
     """Arm file, URDF and MJCF; a file that an arm file names is no arm file."""
-    for load in (load_arm, mitt.load_arm):
+    for load in (build_arm, mitt.load_arm):
         with pytest.raises(UnknownNameError) as caught:
             load("panda")
         for kind in ("wam", "arm file (.toml)", "URDF (.urdf)", "MJCF (.xml)"):
             assert kind in str(caught.value)
     with pytest.raises(UnknownNameError) as caught:
-        load_arm(tmp_path / "other.toml", tip="l5", joints=["j1"])
+        build_arm(tmp_path / "other.toml", tip="l5", joints=["j1"])
     assert "arm file" not in str(caught.value)
 
 
@@ -166,18 +166,18 @@ def test_a_tip_without_joints_is_told_what_there_is(tmp_path: Path) -> None:
     path = urdf(tmp_path / "five.urdf")
     path.write_text(path.read_text().replace('"l5"', '"palm_link"'))
     with pytest.raises(UnknownNameError, match=r"did you mean 'palm_link'\?") as unknown:
-        load_arm(path, tip="palm")
+        build_arm(path, tip="palm")
     assert unknown.value.available == ("l0", "l1", "l2", "l3", "l4", "palm_link")
     with pytest.raises(ModelError, match=r"base to 'l4': j1, j2, j3, j4$"):
-        load_arm(path, tip="l4")
+        build_arm(path, tip="l4")
     with pytest.raises(ModelError, match="links of the file: l0, l1"):
-        load_arm(path)
+        build_arm(path)
     with pytest.raises(FileError):
-        load_arm(tmp_path / "absent.urdf")
+        build_arm(tmp_path / "absent.urdf")
 
 
 def test_a_held_angle_in_degrees_is_told_its_unit(tmp_path: Path) -> None:
     """As a ready pose is."""
     path = urdf(tmp_path / "five.urdf")
     with pytest.raises(MittError, match="angles are in rad"):
-        load_arm(path, tip="l5", joints=["j1", "j2", "j4"], held={"j3": 90.0})
+        build_arm(path, tip="l5", joints=["j1", "j2", "j4"], held={"j3": 90.0})

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from mitt.arm.description import Capsule
 from mitt.arm.hands import HandModel
-from mitt.arm.load import load_arm
+from mitt.arm.load import build_arm
 from mitt.arm.meshes import behind, capsules_about, find_mesh, volume
 from mitt.arm.shapes import Surroundings, gap, place_shapes, shapes_of
 from mitt.errors import FileError, ModelError
@@ -44,7 +44,7 @@ def test_solids_become_capsules_of_their_link(tmp_path: Path) -> None:
         l2='<cylinder radius="0.03" length="0.4"/>',
         l4='<box size="0.02 0.02 0.3"/>',
     )
-    arm = load_arm(path, tip="l5", joints=_NAMES)
+    arm = build_arm(path, tip="l5", joints=_NAMES)
     (base,) = arm.model.base_capsules
     assert np.allclose([*base.start, base.radius], [0.0, 0.0, 0.2, 0.1], atol=1e-6)
     (cylinder,) = arm.model.links[1].capsules
@@ -72,7 +72,7 @@ def test_meshes_are_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where
     monkeypatch.setenv("ROS_PACKAGE_PATH", f"{tmp_path / 'none'}:{tmp_path / 'share'}")
     name = "meshes/a.stl" if where == "below" else "package://robot/meshes/a.stl"
     solid = f'<mesh filename="{name}" scale="0.001 0.001 0.001"/>'
-    arm = load_arm(_shaped(folder / "a.urdf", l2=solid), tip="l5", joints=_NAMES)
+    arm = build_arm(_shaped(folder / "a.urdf", l2=solid), tip="l5", joints=_NAMES)
     assert arm.model.notes == ()
     (capsule,) = arm.model.links[1].capsules
     assert 0.02 * 2.0**0.5 - 1e-6 < capsule.radius < 0.04
@@ -84,7 +84,7 @@ def test_a_missing_mesh_is_a_note(tmp_path: Path) -> None:
     (tmp_path / "secret.txt").write_text("solid")
     for name in ("package://robot/a.stl", "broken.stl", "secret.txt", "../a.stl", "/a.stl", ""):
         path = _shaped(tmp_path / "a.urdf", l2=f'<mesh filename="{name}"/>')
-        arm = load_arm(path, tip="l5", joints=_NAMES)
+        arm = build_arm(path, tip="l5", joints=_NAMES)
         assert len(arm.model.notes) == 1
         assert "l2" in arm.model.notes[0]
         assert arm.model.links[1].capsules == ()
@@ -108,7 +108,7 @@ def test_the_first_missing_mesh_is_named_with_a_remedy(
     """The file as the description names it, why it is not there, and what to do."""
     (tmp_path / "broken.stl").write_text("no mesh")
     solids = {"l2": f'<mesh filename="{mesh}"/>', "l3": '<mesh filename="other.stl"/>'}
-    arm = load_arm(_shaped(tmp_path / "a.urdf", **solids), tip="l5", joints=_NAMES)
+    arm = build_arm(_shaped(tmp_path / "a.urdf", **solids), tip="l5", joints=_NAMES)
     (note,) = arm.model.notes
     assert "for l2, l3: " in note
     assert f"{mesh!r}: " in note
@@ -125,7 +125,7 @@ def test_a_missing_mesh_of_an_mjcf_is_named(tmp_path: Path) -> None:
     path.write_text(
         text.replace('<body name="two" pos="0 0 0.4">', f'{mesh}<body name="two" pos="0 0 0.4">')
     )
-    (note,) = load_arm(path, tip="two", joints=["a", "b"]).model.notes
+    (note,) = build_arm(path, tip="two", joints=["a", "b"]).model.notes
     assert "for one: " in note
     assert "'parts/a.stl': no such file below the folder" in note
 
@@ -137,8 +137,8 @@ def test_a_gripper_makes_room_for_the_hand(tmp_path: Path) -> None:
         l5='<cylinder radius="0.03" length="0.1"/>',
         l4='<sphere radius="0.1"/>',
     )
-    bare = load_arm(path, tip="l5", joints=_NAMES)
-    armed = load_arm(path, tip="l5", joints=_NAMES, hand=HandModel())
+    bare = build_arm(path, tip="l5", joints=_NAMES)
+    armed = build_arm(path, tip="l5", joints=_NAMES, hand=HandModel())
     assert len(bare.model.links[4].capsules) == 1
     assert armed.model.links[4].capsules == ()
     assert len(armed.model.links[3].capsules) == 1
@@ -157,7 +157,7 @@ def test_a_link_through_the_plate_is_cut_there(tmp_path: Path, kind: str) -> Non
     path = urdf(tmp_path / "a.urdf")
     link = '<link name="l5">'
     path.write_text(path.read_text().replace(link, f"{link}{shape}</collision>"))
-    arm = load_arm(path, tip="l5", joints=_NAMES, hand=HandModel())
+    arm = build_arm(path, tip="l5", joints=_NAMES, hand=HandModel())
     (capsule,) = arm.model.links[4].capsules
     bottom, top = sorted([capsule.start, capsule.end], key=lambda x: x[2])
     assert np.allclose([*bottom[:2], *top[:2]], 0.0, atol=0.005)
@@ -174,7 +174,7 @@ def test_a_ball_at_the_plate_is_cut_there(tmp_path: Path, height: float) -> None
              f'<sphere radius="{radius}"/></geometry></collision>')  # fmt: skip
     path = urdf(tmp_path / "a.urdf")
     path.write_text(path.read_text().replace('<link name="l5">', f'<link name="l5">{shape}'))
-    arm = load_arm(path, tip="l5", joints=_NAMES, hand=HandModel())
+    arm = build_arm(path, tip="l5", joints=_NAMES, hand=HandModel())
     found = arm.model.links[4].capsules
     assert len(found) == (height < radius)
     for capsule in found:
@@ -192,7 +192,7 @@ def test_shapes_that_never_meet_are_not_watched(tmp_path: Path) -> None:
     text[2] = text[2].replace('xyz="0.1 0 0.4"', 'xyz="0.1 0 0.0"')
     text[3] = text[3].replace('xyz="0.1 0 0.4"', 'xyz="0.05 0 0.0"')
     path.write_text("<joint ".join(text))
-    arm = load_arm(path, tip="l5", joints=_NAMES)
+    arm = build_arm(path, tip="l5", joints=_NAMES)
     shapes = shapes_of(arm, Surroundings())
     carriers = [tuple(shapes.table[list(pair), 0].astype(int)) for pair in shapes.pairs]
     assert (0, 2) not in carriers
@@ -221,7 +221,7 @@ def test_sizes_that_no_link_has_are_refused(tmp_path: Path, solid: str) -> None:
     """Negative, endless and in millimetres; one line."""
     _mesh(tmp_path / "a.stl")
     with pytest.raises(FileError, match=r"100 m") as caught:
-        load_arm(_shaped(tmp_path / "a.urdf", l2=solid), tip="l5", joints=_NAMES)
+        build_arm(_shaped(tmp_path / "a.urdf", l2=solid), tip="l5", joints=_NAMES)
     assert "\n" not in str(caught.value)
 
 
@@ -243,10 +243,10 @@ def test_a_mesh_is_read_once_and_all_have_a_bound(
     size = (tmp_path / "a.stl").stat().st_size
     monkeypatch.setattr("mitt.arm.meshes._MAX_TOTAL", int(1.5 * size))
     one, two = ('<mesh filename="a.stl"/>', '<mesh filename="b.stl"/>')
-    arm = load_arm(_shaped(tmp_path / "a.urdf", l1=one, l2=one, l3=one), tip="l5", joints=_NAMES)
+    arm = build_arm(_shaped(tmp_path / "a.urdf", l1=one, l2=one, l3=one), tip="l5", joints=_NAMES)
     assert [len(x.capsules) for x in arm.model.links[:3]] == [1, 1, 1]
     with pytest.raises(FileError, match="bytes together"):
-        load_arm(_shaped(tmp_path / "a.urdf", l1=one, l2=two), tip="l5", joints=_NAMES)
+        build_arm(_shaped(tmp_path / "a.urdf", l1=one, l2=two), tip="l5", joints=_NAMES)
 
 
 def _gap(points: Array, capsule: object) -> Array:

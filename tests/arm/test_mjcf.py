@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from mitt.arm.load import load_arm
+from mitt.arm.load import build_arm
 from mitt.arm.mjcf import read_mjcf
 from mitt.errors import MittError
 
@@ -58,7 +58,7 @@ def _written(path: Path, *changes: tuple[str, str]) -> Path:
 
 def test_classes_and_actuators_give_the_limits(tmp_path: Path) -> None:
     """Ranges of classes, torques of forcerange or of a motor's range by its gear."""
-    arm = load_arm(_written(tmp_path / "a.xml"), tip="tcp", joints=_NAMES)
+    arm = build_arm(_written(tmp_path / "a.xml"), tip="tcp", joints=_NAMES)
     assert arm.q_min.tolist() == [-2.8, -2.0, -2.8]
     assert arm.q_max.tolist() == [2.8, 1.0, 2.8]
     assert arm.tau_max.tolist() == [87.0, 12.0, 10.0]
@@ -71,7 +71,7 @@ def test_the_arm_moves_as_mujoco_moves_it(tmp_path: Path, ref: str) -> None:
     """Position of the site and inverse dynamics agree with MuJoCo on the same file."""
     joint = '<joint name="b" class="small" pos="0 0 0.05"'
     path = _written(tmp_path / "a.xml", (joint, joint + ref))
-    arm = load_arm(path, tip="tcp", joints=_NAMES)
+    arm = build_arm(path, tip="tcp", joints=_NAMES)
     spec = mujoco.MjSpec.from_string(path.read_text())
     for geom in list(spec.geoms):
         spec.delete(geom)
@@ -116,7 +116,7 @@ def test_what_cannot_be_is_refused(tmp_path: Path, before: str, after: str, want
         changes.append(('<key name="home" qpos="0.1 -0.5 0.2 0 0" ctrl="0.1 0 0"/>', ""))
     path = _written(tmp_path / "a.xml", *changes)
     with pytest.raises(MittError, match=wanted) as caught:
-        load_arm(path, tip="tcp", joints=_NAMES)
+        build_arm(path, tip="tcp", joints=_NAMES)
     assert "\n" not in str(caught.value)
 
 
@@ -146,7 +146,7 @@ def test_other_files_and_endless_copies_are_refused(
     """One line each, before MuJoCo sees the file."""
     monkeypatch.setattr(mujoco.MjSpec, "from_string", lambda _: pytest.fail("parsed"))
     with pytest.raises(MittError, match=wanted) as caught:
-        load_arm(_written(tmp_path / "a.xml", (before, after)), tip="tcp", joints=_NAMES)
+        build_arm(_written(tmp_path / "a.xml", (before, after)), tip="tcp", joints=_NAMES)
     assert "\n" not in str(caught.value)
 
 
@@ -156,7 +156,7 @@ def test_a_loop_of_the_gripper_alone_does_no_harm(tmp_path: Path) -> None:
     path = _written(
         tmp_path / "a.xml", ('<joint joint1="f" joint2="g" polycoef="0 1 0 0 0"/>', joined)
     )
-    assert load_arm(path, tip="tcp", joints=_NAMES).names == ("a", "b", "c")
+    assert build_arm(path, tip="tcp", joints=_NAMES).names == ("a", "b", "c")
 
 
 def test_geoms_become_capsules(tmp_path: Path) -> None:
@@ -166,7 +166,7 @@ def test_geoms_become_capsules(tmp_path: Path) -> None:
         '<geom type="box" size="1 1 1" contype="0" conaffinity="0"/>'
     )
     path = _written(tmp_path / "a.xml", ('<geom class="visual" mesh="l1"/>', solid))
-    arm = load_arm(path, tip="tcp", joints=_NAMES)
+    arm = build_arm(path, tip="tcp", joints=_NAMES)
     (capsule,) = arm.model.links[0].capsules
     ends = sorted([capsule.start, capsule.end], key=lambda x: x[2])
     assert np.allclose(ends, [[0.0, 0.0, 0.0], [0.0, 0.0, 0.25]], atol=1e-6)
@@ -185,7 +185,7 @@ def test_what_names_a_mesh_may_stay(tmp_path: Path) -> None:
     path = _written(
         tmp_path / "a.xml", ('<geom class="visual" mesh="l1"/>', named), ("</contact>", more)
     )
-    assert load_arm(path, tip="tcp", joints=_NAMES).names == ("a", "b", "c")
+    assert build_arm(path, tip="tcp", joints=_NAMES).names == ("a", "b", "c")
 
 
 def test_a_joint_without_a_name_is_called_by_its_number(tmp_path: Path) -> None:
@@ -196,12 +196,12 @@ def test_a_joint_without_a_name_is_called_by_its_number(tmp_path: Path) -> None:
         ('<general class="small" name="b1" joint="b" gainprm="450" biasprm="0 -450 -45"/>', ""),
         ("velocity_limit_b", "velocity_limit_joint 1"),
     )  # fmt: skip
-    arm = load_arm(path, tip="tcp", joints=["a", "joint 1", "c"])
+    arm = build_arm(path, tip="tcp", joints=["a", "joint 1", "c"])
     assert arm.names == ("a", "joint 1", "c")
     assert arm.q_max.tolist() == [2.8, 1.0, 2.8]
     assert arm.tau_max.tolist() == [87.0, 9.0, 10.0]
     path.write_text(path.read_text().replace('name="two"', 'name="joint 1"'))
-    assert load_arm(path, tip="tcp", joints=["a", "joint 1", "c"]).n == 3
+    assert build_arm(path, tip="tcp", joints=["a", "joint 1", "c"]).n == 3
 
 
 def test_a_joint_that_follows_another_is_read(tmp_path: Path) -> None:
@@ -218,7 +218,7 @@ def test_a_joint_that_follows_another_is_read(tmp_path: Path) -> None:
         assert stated.mimics["b"].offset == offset
         assert sum("tangent" in x for x in stated.notes) == notes
         with pytest.raises(MittError, match="a drive of its own"):
-            load_arm(path, tip="tcp", joints=_NAMES)
+            build_arm(path, tip="tcp", joints=_NAMES)
     off = '<joint joint1="b" joint2="a" active="false"/>'
     assert read_mjcf(_written(tmp_path / "a.xml", (equality, off))).mimics == {}
 
@@ -237,7 +237,7 @@ _WELDED = '<site name="tcp" pos="0 0 0.2"/>'
 def test_mass_that_meshes_would_give_is_not_lost(tmp_path: Path, before: str, after: str) -> None:
     """Of a body welded to one that moves, and where meshes go before what is stated."""
     with pytest.raises(MittError, match="<inertial>") as caught:
-        load_arm(_written(tmp_path / "a.xml", (before, after)), tip="tcp", joints=_NAMES)
+        build_arm(_written(tmp_path / "a.xml", (before, after)), tip="tcp", joints=_NAMES)
     assert "\n" not in str(caught.value)
 
 
@@ -253,7 +253,7 @@ def test_meshes_that_give_no_mass_need_no_inertial(tmp_path: Path) -> None:
         tmp_path / "a.xml", (base, ""), (_WELDED, _WELDED + light),
         ('angle="radian"', 'angle="radian" inertiagrouprange="0 3"'),
     )  # fmt: skip
-    arm = load_arm(path, tip="tcp", joints=_NAMES)
+    arm = build_arm(path, tip="tcp", joints=_NAMES)
     assert arm.model.links[2].mass == pytest.approx(1.0 + 0.2 + 1.5)
 
 
@@ -264,7 +264,7 @@ def test_meshes_of_an_mjcf_lie_where_they_lie(tmp_path: Path) -> None:
     box.export(tmp_path / "assets" / "l1.stl")
     at = '<geom class="visual" mesh="l1" pos="0.1 0 0" quat="1 0 0 1"/>'
     path = _written(tmp_path / "a.xml", ('<geom class="visual" mesh="l1"/>', at))
-    arm = load_arm(path, tip="tcp", joints=_NAMES)
+    arm = build_arm(path, tip="tcp", joints=_NAMES)
     (capsule,) = arm.model.links[0].capsules
     ends = np.array([capsule.start, capsule.end])
     assert np.allclose(ends[:, [0, 2]], [[0.1, 0.0], [0.1, 0.0]], atol=1e-6)

@@ -12,7 +12,7 @@ from arm.test_load import urdf
 from defusedxml import ElementTree
 
 from mitt.arm.hands import HandModel
-from mitt.arm.load import load_arm
+from mitt.arm.load import build_arm
 from mitt.arm.urdf import read_urdf
 from mitt.errors import FileError, MittError, ModelError
 from mitt.signals import Array
@@ -74,10 +74,10 @@ def test_every_arm_of_example_robot_data_loads(path: Path) -> None:
     joints = chain[:3] if len(chain) < 7 else chain[-6:-3]
     if path.name in _REFUSED:
         with pytest.raises(MittError, match=_REFUSED[path.name]) as caught:
-            load_arm(path, tip=tip or "tip", joints=joints)
+            build_arm(path, tip=tip or "tip", joints=joints)
         assert "\n" not in str(caught.value)
         return
-    arm = load_arm(path, tip=tip, joints=joints, hand=HandModel())
+    arm = build_arm(path, tip=tip, joints=joints, hand=HandModel())
     held = {x.name: x.held for x in arm.model.links if x.held is not None}
     q = read_urdf(path).neutral(held | dict(zip(arm.names, arm.q_ready.tolist(), strict=True)))
     assert np.allclose(arm.position(arm.q_ready), _by_pinocchio(path, q, tip), atol=1e-9)
@@ -101,12 +101,12 @@ def test_an_axis_of_a_fixed_joint_has_no_meaning(tmp_path: Path) -> None:
     """Zeros there are what some exporters write."""
     path = _changed(tmp_path / "a.urdf", ('name="j5" type="revolute"', 'name="j5" type="fixed"'),
                     ("0.6 0 0.8", "0 0 0"))  # fmt: skip
-    assert load_arm(path, tip="l5", joints=_NAMES).names == ("j1", "j2", "j4")
+    assert build_arm(path, tip="l5", joints=_NAMES).names == ("j1", "j2", "j4")
 
 
 def test_a_continuous_joint_turns_once_about_zero(tmp_path: Path) -> None:
     """Its range is -pi to pi, whatever ends the file writes beside it."""
-    arm = load_arm(urdf(tmp_path / "a.urdf", kind="continuous"), tip="l5", joints=_NAMES)
+    arm = build_arm(urdf(tmp_path / "a.urdf", kind="continuous"), tip="l5", joints=_NAMES)
     assert arm.q_min[1] == -np.pi
     assert arm.q_max[1] == np.pi
 
@@ -115,19 +115,19 @@ def test_a_mimic_joint_stays_where_the_other_takes_it(tmp_path: Path) -> None:
     """It is no active joint, and follows none; it is held at twice the held one's angle."""
     mimic = '<mimic joint="j5" multiplier="2.0" offset="0.1"/></joint><joint name="j4"'
     path = _changed(tmp_path / "a.urdf", ('</joint><joint name="j4"', mimic))
-    arm = load_arm(path, tip="l5", joints=_NAMES, held={"j5": 0.3})
+    arm = build_arm(path, tip="l5", joints=_NAMES, held={"j5": 0.3})
     assert {x.name: x.held for x in arm.model.links}["j3"] == pytest.approx(0.7)
     with pytest.raises(ModelError, match="mimics 'j5'"):
-        load_arm(path, tip="l5", joints=["j1", "j3", "j4"])
+        build_arm(path, tip="l5", joints=["j1", "j3", "j4"])
     with pytest.raises(ModelError, match="do not follow"):
-        load_arm(path, tip="l5", joints=["j1", "j4", "j5"])
+        build_arm(path, tip="l5", joints=["j1", "j4", "j5"])
 
 
 def test_a_joint_called_like_a_link_is_told_apart(tmp_path: Path) -> None:
     """The tip is the link."""
-    plain = load_arm(urdf(tmp_path / "a.urdf"), tip="l5", joints=_NAMES)
+    plain = build_arm(urdf(tmp_path / "a.urdf"), tip="l5", joints=_NAMES)
     path = _changed(tmp_path / "b.urdf", ('name="j3"', 'name="l5"'))
-    named = load_arm(path, tip="l5", joints=_NAMES)
+    named = build_arm(path, tip="l5", joints=_NAMES)
     q = np.array([0.3, -0.2, 0.5])
     assert np.allclose(named.position(q), plain.position(q), atol=1e-12)
 
@@ -156,7 +156,7 @@ def test_what_cannot_be_is_refused_with_the_remedy(
     """Two roots, closed chains, other joints, degrees, missing limits: one line each."""
     path = _changed(tmp_path / "a.urdf", (before, after))
     with pytest.raises(MittError, match=wanted) as caught:
-        load_arm(path, tip="l5", joints=_NAMES)
+        build_arm(path, tip="l5", joints=_NAMES)
     assert "\n" not in str(caught.value)
     assert ";" in str(caught.value) or isinstance(caught.value, FileError)
 
@@ -168,24 +168,24 @@ def test_limits_are_asked_for_where_they_are_needed(tmp_path: Path) -> None:
     joints[3] = joints[3].replace(' effort="50"', "")
     path = tmp_path / "b.urdf"
     path.write_text("<joint ".join(joints))
-    arm = load_arm(path, tip="l5", joints=_NAMES)
+    arm = build_arm(path, tip="l5", joints=_NAMES)
     assert [x.name for x in arm.model.links] == ["j1", "j2", "j4", "j5"]
     assert len(arm.model.notes) == 1
     assert "held joint 'j3': no torque known" in arm.model.notes[0]
     assert "<limit> effort of 'j3' in the file, or torque in a limits file" in arm.model.notes[0]
-    whole = load_arm(urdf(tmp_path / "a.urdf"), tip="l5", joints=_NAMES)
+    whole = build_arm(urdf(tmp_path / "a.urdf"), tip="l5", joints=_NAMES)
     for q in np.random.default_rng(1).uniform(-1.0, 1.0, (5, 3)):
         zero = np.zeros(3)
         assert np.allclose(arm.inverse_dynamics(q, zero, q), whole.inverse_dynamics(q, zero, q))
     with pytest.raises(ModelError, match="'j3'"):
-        load_arm(path, tip="l5", joints=["j1", "j2", "j3"])
+        build_arm(path, tip="l5", joints=["j1", "j2", "j3"])
 
 
 def test_held_angles_and_ready_pose(tmp_path: Path) -> None:
     """Joints stay where they are held; the ready pose goes by name, in any order."""
     path = urdf(tmp_path / "a.urdf")
     held = {"j3": 0.4, "j5": -0.7}
-    arm = load_arm(path, tip="l5", joints=["j4", "j1", "j2"], held=held, ready=[0.3, 0.1, 0.2])
+    arm = build_arm(path, tip="l5", joints=["j4", "j1", "j2"], held=held, ready=[0.3, 0.1, 0.2])
     assert arm.names == ("j1", "j2", "j4")
     assert arm.q_ready.tolist() == [0.1, 0.2, 0.3]
     full = pin.buildModelFromUrdf(str(path))
@@ -195,10 +195,10 @@ def test_held_angles_and_ready_pose(tmp_path: Path) -> None:
     assert np.allclose(arm.position(arm.q_ready), expected, atol=1e-12)
     for wrong in ({"j1": 0.1}, {"j3": 9.0}, {"jx": 0.0}, {"j3": float("nan")}):
         with pytest.raises(MittError):
-            load_arm(path, tip="l5", joints=_NAMES, held=wrong)
+            build_arm(path, tip="l5", joints=_NAMES, held=wrong)
     for ready in ([0.1, 0.2], [0.1, 0.2, float("inf")]):
         with pytest.raises(MittError):
-            load_arm(path, tip="l5", joints=_NAMES, ready=ready)
+            build_arm(path, tip="l5", joints=_NAMES, ready=ready)
 
 
 def test_a_held_joint_is_moved_into_its_range(tmp_path: Path) -> None:
@@ -207,7 +207,7 @@ def test_a_held_joint_is_moved_into_its_range(tmp_path: Path) -> None:
     text[5] = text[5].replace('lower="-2"', 'lower="0.5"')
     path = tmp_path / "b.urdf"
     path.write_text("<joint ".join(text))
-    arm = load_arm(path, tip="l5", joints=_NAMES)
+    arm = build_arm(path, tip="l5", joints=_NAMES)
     assert [x.held for x in arm.model.links] == [None, None, 0.0, None, 0.5]
 
 
@@ -215,7 +215,7 @@ def test_the_hand_turns_about_the_palm(tmp_path: Path) -> None:
     """Catch point and palm stay where they are; the fingers turn."""
     path = urdf(tmp_path / "a.urdf")
     turns = (0.0, 0.4, 1.0)
-    arms = [load_arm(path, tip="l5", joints=_NAMES, hand=HandModel(), hand_turn=x) for x in turns]
+    arms = [build_arm(path, tip="l5", joints=_NAMES, hand=HandModel(), hand_turn=x) for x in turns]
     q = np.array([0.2, 0.3, -0.4])
     for first, second in pairwise(arms):
         assert np.allclose(first.position(q), second.position(q), atol=1e-12)

@@ -11,7 +11,7 @@ from support import arrays_in, ball_state
 
 from mitt.arm.arm import Arm
 from mitt.arm.description import Capsule
-from mitt.arm.load import load_arm
+from mitt.arm.load import build_arm
 from mitt.arm.shapes import Surroundings
 from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
 from mitt.catcher.generators import Direct, Unoptimised, refining
@@ -257,7 +257,7 @@ def test_an_unreachable_throw_leaves_arm_and_hand_still(runner: TrialRunner, arm
 
 def test_no_catch_waits_for_what_is_known_of_the_arm_with_the_ball() -> None:
     """It takes some 25 ms to work out, which is done before the first tick."""
-    arm = load_arm("wam")
+    arm = build_arm("wam")
     catcher = Catcher(
         arm, Direct(unlearned(arm, default_design(arm))), Eyes(fixed_rig()),
         settings=CatcherSettings(ball_mass=0.123),

@@ -5,11 +5,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from ruckig import InputParameter, Ruckig, Synchronization, Trajectory
 
-from mitt.arm.load import load_arm
+from mitt.arm.load import build_arm
 from mitt.cell.live import sampled, slow_motion
 from mitt.signals import TICK
 
-ARM = load_arm("wam", limits="paper")
+ARM = build_arm("wam", limits="paper")
 SHARES = st.lists(st.floats(0.0, 1.0), min_size=6, max_size=6)
 
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mitt.arm.arm import Arm
-from mitt.arm.load import load_arm
+from mitt.arm.load import build_arm
 from mitt.cell.live import slow_motion
 from mitt.control.envelope import (
     bound_acceleration,
@@ -179,7 +179,7 @@ def test_a_wish_that_is_not_finite_is_no_wish(arm: Arm, row: int, bad: float) ->
 @pytest.mark.parametrize("limits", ["paper", "wam-48v", "wam-80v"])
 def test_every_limit_set_has_its_own_bounds(limits: str) -> None:
     """Ranges shrink by a gap, speeds to just below the set's own, decelerations are positive."""
-    other = load_arm("wam", limits=limits)
+    other = build_arm("wam", limits=limits)
     b = bounds_of(other)
     assert np.all(b["q_min"] > other.q_min)
     assert np.all(b["q_max"] < other.q_max)

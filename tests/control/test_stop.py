@@ -13,7 +13,7 @@ from stages import SafetyFilter
 
 from mitt.arm.arm import Arm
 from mitt.arm.hands import HandModel
-from mitt.arm.load import load_arm
+from mitt.arm.load import build_arm
 from mitt.arm.shapes import Surroundings
 from mitt.control.stop import (
     EASIEST,
@@ -287,7 +287,7 @@ def panda() -> Arm:
     """A Panda that stretches out over joints 1, 2 and 4: gravity takes most of joint 2."""
     joints = [f"panda_joint{k}" for k in (1, 2, 4, 6)]
     path = Path(get_paths()["purelib"]) / PANDA
-    arm = load_arm(path, tip="panda_hand_tcp", joints=joints, hand=HandModel())
+    arm = build_arm(path, tip="panda_hand_tcp", joints=joints, hand=HandModel())
     links = [replace(x, held=3.1416) if x.name == joints[3] else x for x in arm.model.links]
     ready = np.array([0.0, 0.785, -0.3])
     return Arm(replace(arm.model, links=tuple(links), q_ready=ready), arm.limits)

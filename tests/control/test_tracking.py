@@ -10,7 +10,7 @@ from stages import Tracker
 
 from mitt.arm.arm import Arm
 from mitt.arm.limits import bound_of
-from mitt.arm.load import load_arm
+from mitt.arm.load import build_arm
 from mitt.control.encoders import Encoders, monitor_of, predict_acceleration
 from mitt.control.stop import mass_work
 from mitt.control.tracking import derate, tracking_of
@@ -33,7 +33,7 @@ seeds = st.integers(0, 2**31)
 @pytest.fixture(scope="module")
 def arms() -> dict[str, Arm]:
     """The WAM with each limit set."""
-    return {name: load_arm("wam", limits=name) for name in SETS}
+    return {name: build_arm("wam", limits=name) for name in SETS}
 
 
 def acceleration(arm: Arm, q: Array, dq: Array, tau: Array) -> Array:
@@ -220,7 +220,7 @@ def test_a_motor_that_can_hold_nothing_more_does_not_keep_the_others_from_brakin
     beyond: float,
 ) -> None:
     """At the no-load speed of a differential of which one motor also holds a joint's weight."""
-    arm = load_arm("wam", limits="wam-80v", joints=["j1", "j3", "j4"], held={"j2": np.pi / 2})
+    arm = build_arm("wam", limits="wam-80v", joints=["j1", "j3", "j4"], held={"j2": np.pi / 2})
     q, dq = np.array([0.6, -0.8, 2.1]), np.array([-2.0, beyond * arm.dq_max[1], 3.0])
     assert arm.limits.torque_ratio(
         arm.torque(q, dq, np.zeros(3)), arm.all_joints(dq)
@@ -281,7 +281,7 @@ LEAD = 0.0023
 @pytest.fixture(scope="module")
 def motors() -> Arm:
     """The arm with its 80 V motors, joints 2 and 3 on one differential."""
-    return load_arm("wam", limits="wam-80v")
+    return build_arm("wam", limits="wam-80v")
 
 
 def derated(arm: Arm, given: dict[str, np.ndarray], *, struck: bool) -> np.ndarray:
@@ -334,7 +334,7 @@ def test_a_brake_and_a_drive_without_a_line_keep_their_torque(motors: Arm) -> No
     lower = derated(motors, given, struck=True)
     for m, w in enumerate(speeds(motors, given["dq"])):
         assert bound_of(lower, m, -w, w, 0.0) == motors.limits.tau_peak[m]
-    plain = load_arm("wam", limits="paper")
+    plain = build_arm("wam", limits="paper")
     assert np.array_equal(derated(plain, given, struck=True), plain.limits.packed)
 
 

@@ -10,7 +10,7 @@ from mitt.catcher.settings import CatcherSettings
 from mitt.design.evaluation import balls_of as thrown
 from mitt.design.evaluation import verdicts
 from mitt.design.task import Balls, Task
-from mitt.map.learn import Flight, Learned, learn
+from mitt.map.learn import Flight, Learned, learn_from
 from mitt.map.map_design import MapDesign, catch_place
 from mitt.map.mapping import unlearned
 from mitt.signals import GRAVITY, BallState
@@ -39,8 +39,8 @@ def test_the_map_of_the_paper_meets_the_ball_without_relative_speed(
 
 def test_an_inward_map_meets_it_faster_and_near_the_normal(arm: Arm, flights: list[Flight]) -> None:
     """The ball comes in within 25 degrees of the palm's normal; with kappa = 3 it crosses it."""
-    inward = learn(arm, MapDesign(q_catch=0.6, inward=3.0), flights).map
-    across = learn(arm, MapDesign(kappa=3.0), flights).map
+    inward = learn_from(arm, MapDesign(q_catch=0.6, inward=3.0), flights).map
+    across = learn_from(arm, MapDesign(kappa=3.0), flights).map
     straight = verdicts(inward, balls_of(flights), arm, SETTINGS)
     aslant = verdicts(across, balls_of(flights), arm, SETTINGS)
     assert straight.angle.max() < np.deg2rad(25.0)
@@ -70,7 +70,7 @@ def test_a_ball_that_does_not_come_to_the_map_has_no_share(arm: Arm, flights: li
 
 def test_the_hand_is_no_faster_than_its_joints(arm: Arm, flights: list[Flight]) -> None:
     """A map asks for what it likes; with joints at 0.4 of the speed the ball comes in faster."""
-    found = learn(arm, MapDesign(), flights).map
+    found = learn_from(arm, MapDesign(), flights).map
     slow = Arm(arm.model, replace(arm.limits, dq_max=0.4 * arm.limits.dq_max))
     usual = verdicts(found, balls_of(flights), arm, SETTINGS)
     said = verdicts(replace(found, arm=slow), balls_of(flights), slow, SETTINGS)

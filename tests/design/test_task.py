@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mitt.arm.arm import Arm
-from mitt.arm.load import load_arm
+from mitt.arm.load import build_arm
 from mitt.cli.designing import _task
 from mitt.cli.main import main
 from mitt.cli.options import DesignOptions
@@ -39,7 +39,7 @@ PLACE = 0.77
 @pytest.fixture(scope="module")
 def throws() -> tuple[Throw, ...]:
     """Sixty default throws of the WAM."""
-    rng, aim = np.random.default_rng(4), aim_of(load_arm("wam"))
+    rng, aim = np.random.default_rng(4), aim_of(build_arm("wam"))
     return tuple(default_throw(rng, aim) for _ in range(60))
 
 

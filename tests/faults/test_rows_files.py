@@ -19,7 +19,7 @@ from small_study import TEXT, Here, quiet, ready, thrown_again, write_study
 
 import mitt
 from mitt.arm.arm import Arm
-from mitt.arm.load import load_arm
+from mitt.arm.load import build_arm
 from mitt.catcher.catcher import Catcher
 from mitt.catcher.generators import Direct
 from mitt.clock import uncollected
@@ -76,9 +76,9 @@ def test_row_24_malformed_urdf(tmp_path: Path, found: str, instead: str) -> None
     path = tmp_path / "arm.urdf"
     path.write_text(re.sub(found, instead, text, count=0))
     tip, joints = _names(text)
-    load_arm(OWN_ARM, tip=tip, joints=joints)
+    build_arm(OWN_ARM, tip=tip, joints=joints)
     with pytest.raises(MittError) as caught:
-        load_arm(path, tip=tip, joints=joints)
+        build_arm(path, tip=tip, joints=joints)
     assert one_line(caught.value)
 
 
@@ -181,7 +181,7 @@ def test_row_30_xml_bombs_and_paths(tmp_path: Path, name: str, text: str) -> Non
     """Entities, files outside and endless nesting are refused in one line."""
     (tmp_path / name).write_text(text)
     with pytest.raises(MittError) as caught:
-        load_arm(tmp_path / name, tip="tip", joints=["a", "b", "c"])
+        build_arm(tmp_path / name, tip="tip", joints=["a", "b", "c"])
     assert one_line(caught.value)
 
 

@@ -13,7 +13,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from mitt.arm.arm import Arm
-from mitt.arm.load import load_arm
+from mitt.arm.load import build_arm
 from mitt.errors import FileError
 from mitt.files.maps import read_map, save_map
 from mitt.map.learn import Learned
@@ -121,7 +121,7 @@ def test_the_checksum_is_named_where_it_does_not_fit(tmp_path: Path, saved: Path
 def test_a_map_of_other_limits_is_refused(saved: Path) -> None:
     """Learned for one limit set, it is no map for another; both are named."""
     with pytest.raises(FileError, match=r"limits wam-48v.*limits paper"):
-        read_map(saved, load_arm("wam", limits="wam-48v"))
+        read_map(saved, build_arm("wam", limits="wam-48v"))
 
 
 def _other_link(arm: Arm, **changed: Any) -> Arm:  # noqa: ANN401
@@ -149,7 +149,7 @@ def _others(arm: Arm) -> dict[str, Arm]:
     }
 
 
-@pytest.mark.parametrize("what", sorted(_others(load_arm("wam"))))
+@pytest.mark.parametrize("what", sorted(_others(build_arm("wam"))))
 def test_a_map_knows_its_arm_by_its_numbers(saved: Path, arm: Arm, what: str) -> None:
     """An arm of the same name is refused, in one line that says what differs."""
     with pytest.raises(FileError, match=f"its {what} ") as caught:

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mitt.arm.arm import Arm
-from mitt.arm.load import load_arm
+from mitt.arm.load import build_arm
 from mitt.arm.plant import add_arm
 from mitt.arm.wam import wam
 from mitt.map.demand import Tolerance, demand, shares_of
@@ -80,7 +80,7 @@ def test_torque_shares_agree_with_mujoco(arm: Arm, mujoco_arm: mujoco.MjModel, s
 def test_a_joint_at_its_own_limit_asks_all_of_it() -> None:
     """At dq_max the share of speed is 1, in every limit set."""
     for name in ("paper", "wam-48v", "wam-80v"):
-        arm = load_arm("wam", limits=name)
+        arm = build_arm("wam", limits=name)
         for k in range(arm.n):
             motion = np.array([[arm.q_ready, arm.dq_max * np.eye(arm.n)[k], np.zeros(arm.n)]])
             assert demand(arm, motion).speed.max() == pytest.approx(1.0, rel=EXACT)
@@ -148,7 +148,7 @@ def test_the_brake_is_left_out_where_it_is_not_asked_for(arm: Arm) -> None:
 @given(seed=seeds)
 def test_verdict_and_learning_agree_on_shares_of_the_torque(limits: str, seed: int) -> None:
     """Also beyond a motor's no-load speed, where its bound is 0: one floor keeps shares finite."""
-    arm = load_arm("wam", limits=limits)
+    arm = build_arm("wam", limits=limits)
     motion = motion_of(arm, seed)
     motion[:, 1] *= 1.5
     asked = demand(arm, motion)

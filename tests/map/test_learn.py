@@ -17,7 +17,7 @@ from mitt.map.learn import (
     Flight,
     Learned,
     cost,
-    learn,
+    learn_from,
     lift_flight,
     limit_rows,
     sensitivity,
@@ -81,7 +81,7 @@ def test_the_more_a_match_weighs_the_softer_the_catch(
     few, speeds, costs = flights[:24], [], []
     for weight in (0.0, 0.03, 3.0):
         design = MapDesign(kappa=1.4, match_weight=weight)
-        found = learn(learned.map.arm, design, few)
+        found = learn_from(learned.map.arm, design, few)
         speeds.append(np.mean([np.linalg.norm(met_at(found.map, x)) for x in few]))
         costs.append(found.steps[-1].cost_torque + found.steps[-1].cost_speed)
     assert speeds[0] > 1.5
@@ -186,9 +186,9 @@ def test_flights_that_leave_the_domain_are_left_out(arm: Arm, flights: Sequence[
     through = Flight(
         t=flights[0].t, ball=flights[0].ball * [[[0.2], [1.0], [1.0]]], seen=flights[0].seen
     )
-    assert learn(arm, MapDesign(), [*flights[:5], through]).left_out == 1
+    assert learn_from(arm, MapDesign(), [*flights[:5], through]).left_out == 1
     with pytest.raises(InputError):
-        learn(arm, MapDesign(), [through])
+        learn_from(arm, MapDesign(), [through])
 
 
 def test_a_map_is_called_converged_only_where_the_limits_hold(
@@ -196,7 +196,7 @@ def test_a_map_is_called_converged_only_where_the_limits_hold(
 ) -> None:
     """A tenth of the torque: the cost settles far beyond the limits, and the status says so."""
     weak = Arm(arm.model, replace(arm.limits, tau_peak=0.1 * arm.limits.tau_peak))
-    found = learn(weak, MapDesign(), flights)
+    found = learn_from(weak, MapDesign(), flights)
     assert found.steps[-1].worst > 1.0
     assert found.status == "limits"
 
@@ -204,7 +204,7 @@ def test_a_map_is_called_converged_only_where_the_limits_hold(
 def test_a_map_of_few_of_its_flights_says_so(arm: Arm, flights: Sequence[Flight]) -> None:
     """One flight that passes, and many too near to the shoulder."""
     away = [Flight(t=x.t, ball=0.02 * x.ball, seen=0.02 * x.seen) for x in flights[:6]]
-    found = learn(arm, MapDesign(), [flights[0], *away])
+    found = learn_from(arm, MapDesign(), [flights[0], *away])
     assert (found.flights, found.left_out) == (1, 6)
     assert found.status == "domain"
 

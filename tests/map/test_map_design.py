@@ -9,7 +9,7 @@ import pytest
 
 from mitt.arm.arm import Arm
 from mitt.arm.hands import HandModel
-from mitt.arm.load import load_arm
+from mitt.arm.load import build_arm
 from mitt.errors import MittError
 from mitt.map.map_design import (
     MapDesign,
@@ -29,7 +29,7 @@ def test_the_paper_s_arm_has_the_paper_s_design(arm: Arm) -> None:
 @pytest.mark.parametrize("limits", ["wam-48v", "wam-80v"])
 def test_an_arm_slower_than_the_ball_lets_it_in_along_the_palm_s_normal(limits: str) -> None:
     """A chosen design has an inward line, what is stated replaces it, another joint drops it."""
-    arm = load_arm("wam", limits=limits)
+    arm = build_arm("wam", limits=limits)
     chosen = default_design(arm)
     assert chosen.inward > 0.0
     stated = default_design(arm, q_catch=1.1, inward=0.0, kappa=3.0, order=3)
@@ -63,7 +63,7 @@ def test_a_slope_or_a_weight_that_cannot_be_is_named(arm: Arm, field: str, value
 def test_throws_are_the_same_for_every_limit_set(arm: Arm) -> None:
     """The nominal catch depends on the arm alone."""
     for limits in ("wam-48v", "wam-80v"):
-        other = load_arm("wam", limits=limits)
+        other = build_arm("wam", limits=limits)
         assert np.array_equal(nominal_catch(other), nominal_catch(arm))
 
 
@@ -86,7 +86,7 @@ def test_an_elbow_is_bent_towards_the_thrower_whichever_way_it_turns(
     parts.append(tip + '<origin xyz="0 0 0.4"/></joint>')
     path = tmp_path / "arm.urdf"
     path.write_text(f'<robot name="three">{"".join(parts)}</robot>')
-    arm = load_arm(path, tip="l4", joints=["j1", "j2", "j3"])
+    arm = build_arm(path, tip="l4", joints=["j1", "j2", "j3"])
     q = nominal_catch(arm)
     assert abs(q[2]) == pytest.approx(np.pi / 2)
     assert arm.position(q)[0] > 0.3
@@ -99,14 +99,14 @@ _PANDA = ["panda_joint1", "panda_joint2", "panda_joint4"]
 
 def panda(**given: object) -> Arm:
     """Return a Panda of joints 1, 2 and 4."""
-    return load_arm(_ROBOTS / "panda_description/urdf/panda.urdf", tip="panda_hand_tcp",
+    return build_arm(_ROBOTS / "panda_description/urdf/panda.urdf", tip="panda_hand_tcp",
                     joints=_PANDA, hand=HandModel(), **given)  # type: ignore[arg-type] # fmt: skip
 
 
 @pytest.mark.parametrize("limits", ["paper", "wam-48v", "wam-80v"])
 def test_the_wam_makes_sense(limits: str) -> None:
     """No warning."""
-    assert warnings_of(load_arm("wam", limits=limits)) == ()
+    assert warnings_of(build_arm("wam", limits=limits)) == ()
 
 
 def test_a_palm_that_faces_away_is_told() -> None:
@@ -130,7 +130,7 @@ def test_a_heavy_ready_pose_is_told() -> None:
 
 def test_a_ready_pose_without_room_is_told() -> None:
     """Within a twentieth of the end of a range; outside it is refused."""
-    arm = load_arm("wam")
+    arm = build_arm("wam")
     for angle, words in ((3.0, "near the end"), (2.5, "")):
         q_ready = np.array([0.0, np.pi / 4, angle])
         said = warnings_of(Arm(replace(arm.model, q_ready=q_ready), arm.limits))
@@ -140,6 +140,6 @@ def test_a_ready_pose_without_room_is_told() -> None:
 
 def test_notes_of_the_import_come_first() -> None:
     """As they stand on the arm."""
-    arm = load_arm("wam")
+    arm = build_arm("wam")
     noted = Arm(replace(arm.model, notes=("a note",)), arm.limits)
     assert warnings_of(noted)[0] == "a note"

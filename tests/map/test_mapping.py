@@ -11,7 +11,7 @@ from support import ball_state
 
 from mitt.arm.arm import Arm
 from mitt.arm.hands import HandModel
-from mitt.arm.load import load_arm
+from mitt.arm.load import build_arm
 from mitt.catcher.generators import Direct
 from mitt.errors import InputError, MittError, ModelError, ShapeError
 from mitt.map.learn import Learned
@@ -196,7 +196,7 @@ def test_adapting_at_the_catch_itself_stays_finite(learned: Learned) -> None:
 def test_the_law_holds_for_an_arm_from_a_file(seed: int) -> None:
     """A Panda's axes 1, 2, 4 meet the ball by Newton's inverse as the WAM does in closed form."""
     path = Path(pytest.__file__).parents[1] / PANDA
-    panda = load_arm(
+    panda = build_arm(
         path, tip="panda_hand_tcp", joints=["panda_joint1", "panda_joint2", "panda_joint4"]
     )
     rng = np.random.default_rng(seed)

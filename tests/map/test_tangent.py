@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mitt.arm.arm import Arm
-from mitt.arm.load import load_arm
+from mitt.arm.load import build_arm
 from mitt.errors import MittError, ModelError
 from mitt.map.map_design import MapDesign, tangent_of
 from mitt.map.mapping import DirectMap, unlearned, virtual
@@ -39,7 +39,7 @@ seeds = st.integers(0, 2**31)
 def panda() -> Arm:
     """A Panda with four joints: the catch joint can be in the middle."""
     path = Path(pytest.__file__).parents[1] / PANDA
-    return load_arm(path, tip="panda_hand_tcp", joints=[f"panda_joint{k}" for k in (1, 2, 4, 6)])
+    return build_arm(path, tip="panda_hand_tcp", joints=[f"panda_joint{k}" for k in (1, 2, 4, 6)])
 
 
 @pytest.mark.parametrize("slope", [(0.0, 0.0), (0.6, -1.2)])
@@ -189,7 +189,7 @@ def test_another_geometry_has_no_closed_form() -> None:
     """A Panda's axes 1, 2, 4 stand off the plane: plane_of says None, the map uses Newton."""
     path = Path(pytest.__file__).parents[1] / PANDA
     joints = ["panda_joint1", "panda_joint2", "panda_joint3", "panda_joint4"]
-    panda = load_arm(path, tip="panda_hand_tcp", joints=joints)
+    panda = build_arm(path, tip="panda_hand_tcp", joints=joints)
     assert plane_of(panda, 3, q_catch=-1.8, kappa=1.0) is None
 
 
@@ -209,7 +209,7 @@ def maps(plain: DirectMap) -> dict[str, DirectMap]:
     found = {"wam": plain}
     for n, joints in JOINTS.items():
         names = [f"panda_joint{k}" for k in joints]
-        arm = load_arm(path, tip="panda_hand_tcp", joints=names)
+        arm = build_arm(path, tip="panda_hand_tcp", joints=names)
         i = joints.index(4)
         free = (0, 1, i)
         design = MapDesign(catch_joint=i, q_catch=-1.8, free=free)

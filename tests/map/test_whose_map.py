@@ -9,7 +9,7 @@ import pytest
 from mitt.arm.arm import Arm
 from mitt.arm.hands import HandModel
 from mitt.arm.limits import Limits
-from mitt.arm.load import load_arm
+from mitt.arm.load import build_arm
 from mitt.catcher.catcher import Catcher
 from mitt.catcher.generators import Direct, Generator, check_arm, for_arm, refining
 from mitt.catcher.several import Several
@@ -129,7 +129,7 @@ def test_a_map_of_another_arm_among_several_is_found(arm: Arm, learned: Learned)
 
 def test_the_same_arm_passes(arm: Arm, learned: Learned) -> None:
     """Loaded anew, and with a little of its torque in reserve."""
-    for same in (arm, load_arm("wam", limits="paper"), reserved(arm)):
+    for same in (arm, build_arm("wam", limits="paper"), reserved(arm)):
         for generator in generators(learned):
             Catcher(same, generator)
         check_arm(same, learned.map)

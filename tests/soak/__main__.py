@@ -10,7 +10,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from mitt.arm.load import load_arm
+from mitt.arm.load import build_arm
 from mitt.trials.learning import learn
 from soak import arrays, commands, files, kills, runs, studies, ticks
 
@@ -30,7 +30,7 @@ def main() -> int:
     faulthandler.enable()  # a crash of the interpreter says where
     sent = commands.soak(options.commands, seed=options.seed)
     print(sent)  # noqa: T201
-    made = ticks.soak(options.ticks, seed=options.seed, f=learn(load_arm("wam")).map)
+    made = ticks.soak(options.ticks, seed=options.seed, f=learn(build_arm("wam")).map)
     print(dict(made.phases), dict(made.states), f"{made.recovered} recoveries")  # noqa: T201
     called = arrays.soak(options.calls, seed=options.seed)
     print(f"{called.calls} calls of {len(called.functions)} functions, {called.refused} refused")  # noqa: T201

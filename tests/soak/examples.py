@@ -11,7 +11,7 @@ import numpy as np
 
 import mitt
 from mitt.arm.arm import Arm
-from mitt.arm.load import load_arm
+from mitt.arm.load import build_arm
 from mitt.ball.filter import BallFilter
 from mitt.ball.flight import forecast
 from mitt.catcher.catcher import Catcher, CatcherSettings
@@ -47,7 +47,7 @@ class Examples:
 
     def __init__(self, f: DirectMap | None = None) -> None:
         """Build them around a map, an unlearned one by default."""
-        arm = load_arm("wam") if f is None else f.arm
+        arm = build_arm("wam") if f is None else f.arm
         self.f = f = unlearned(arm, default_design(arm)) if f is None else f
         self.arm = arm
         n, links = arm.n, len(arm.model.links)
@@ -130,7 +130,7 @@ class Examples:
             "learn": (mitt.learn, {"arm": arm, "design": f.design, "seed": 1}),
             "simulate": (mitt.simulate, {"f": f, "throws": 1, "seed": 0, "scene": Scene(),
                                          "pixels": False}),
-            "load_arm": (load_arm, {"name_or_path": "wam"}),
+            "build_arm": (build_arm, {"name_or_path": "wam"}),
             "Catcher": (Catcher, parts),
             "Arm": (Arm, {"model": arm.model, "limits": arm.limits}),
             "World": (World, {"scene": Scene(), "arm": arm.model}),

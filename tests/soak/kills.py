@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mitt.arm.load import load_arm
+from mitt.arm.load import build_arm
 from mitt.files.maps import read_map, save_map
 from mitt.files.writing import write_json, write_text
 from mitt.map.learn import Learned
@@ -77,7 +77,7 @@ def _unreadable(place: Path) -> list[str]:
     if not (text.startswith("<p>") and text.endswith("</p>")):
         found.append(PAGE)
     try:
-        read_map(place / MAP, load_arm("wam"))
+        read_map(place / MAP, build_arm("wam"))
     except ValueError:
         found.append(MAP)
     return found
@@ -85,7 +85,7 @@ def _unreadable(place: Path) -> list[str]:
 
 def _victim(place: Path) -> None:
     """Save for ever."""
-    arm = load_arm("wam")
+    arm = build_arm("wam")
     f = replace(unlearned(arm, default_design(arm)), region=np.array([arm.q_min, arm.q_max]))
     learned = Learned(map=f, maps=(f,), steps=(), flights=0, left_out=0, status="converged")
     k = 0

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mitt.arm.load import load_arm
+from mitt.arm.load import build_arm
 from mitt.files.maps import save_map
 from mitt.map.learn import Learned
 from mitt.map.map_design import default_design
@@ -118,7 +118,7 @@ def _flights() -> bytes:
 
 def no_learning() -> Learned:
     """Return the map of the WAM with alpha = 0, as if it had been learned."""
-    arm = load_arm("wam")
+    arm = build_arm("wam")
     f = unlearned(arm, default_design(arm))
     f = replace(f, region=np.array([arm.q_min, arm.q_max]))
     return Learned(map=f, maps=(f,), steps=(), flights=0, left_out=0, status="converged")

@@ -14,7 +14,7 @@ import numpy as np
 from exact_plant import ExactPlant
 
 from mitt.arm.arm import Arm
-from mitt.arm.load import load_arm
+from mitt.arm.load import build_arm
 from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
 from mitt.catcher.generators import Direct, Generator, Unoptimised
 from mitt.errors import InputError, ShapeError
@@ -135,7 +135,7 @@ def setting(f: DirectMap, seed: int) -> Setting:
     throws = [default_throw(rng, aim_of(arm)) for _ in range(_FLIGHTS)]
     flights = [np.array([fly(x.r, x.dr, drag=0.04, duration=k * TICK)[0] for k in range(_EPISODE)])
                for x in throws]  # fmt: skip
-    weaker = load_arm("wam", limits="wam-48v", hand=arm.model.hand)
+    weaker = build_arm("wam", limits="wam-48v", hand=arm.model.hand)
     return Setting((arm, arm, weaker), f, flights)
 
 

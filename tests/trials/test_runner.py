@@ -10,7 +10,7 @@ import pytest
 
 from mitt.arm.arm import Arm
 from mitt.arm.hands import HandModel
-from mitt.arm.load import load_arm
+from mitt.arm.load import build_arm
 from mitt.ball.filter import FilterConfig
 from mitt.catcher.generators import Direct, Unoptimised
 from mitt.errors import InputError, StoppedError
@@ -126,7 +126,7 @@ def test_a_lighter_ball_is_believed_less_steady(mass: float, density: float) -> 
 @pytest.mark.parametrize("limits", ["wam-48v", "wam-80v"])
 def test_real_motors_catch_with_the_design_chosen_for_them(limits: str) -> None:
     """Four default throws each: caught, within every limit, motors below continuous torque."""
-    arm = load_arm("wam", limits=limits, hand=HandModel())
+    arm = build_arm("wam", limits=limits, hand=HandModel())
     trials = simulate(learn(arm).map, throws=4, seed=31, pixels=False)
     assert [trial.status for trial in trials] == ["caught"] * 4
     assert sum(trial.limit_violations for trial in trials) == 0
@@ -136,7 +136,7 @@ def test_real_motors_catch_with_the_design_chosen_for_them(limits: str) -> None:
 @pytest.mark.parametrize("limits", ["paper", "wam-80v"])
 def test_a_ball_that_springs_back_from_the_palm_is_caught(limits: str) -> None:
     """A ball that keeps 70 % of its speed, met by motors that cannot match it: four of four."""
-    arm = load_arm("wam", limits=limits, hand=HandModel())
+    arm = build_arm("wam", limits=limits, hand=HandModel())
     scene = scene_of({"contact": {"restitution": 0.7}}, place="test", base="lab")
     trials = simulate(learn(arm).map, throws=4, seed=11, pixels=False, scene=scene)
     assert [trial.status for trial in trials] == ["caught"] * 4
@@ -152,7 +152,7 @@ def test_a_ball_that_rolls_before_the_thrown_one_does_not_end_the_throw(arm: Arm
 
 def test_a_ball_that_leaves_the_images_upwards_is_caught() -> None:
     """It is not seen for 0.4 s, beside an arm that waits: caught, as no new track is begun."""
-    arm = load_arm("wam", limits="wam-80v", hand=HandModel())
+    arm = build_arm("wam", limits="wam-80v", hand=HandModel())
     runner = TrialRunner(arm, Direct(learn(arm).map), named_scene("lab"))
     throw = Throw(r=np.array([2.97, 0.25, 0.21]), dr=np.array([-2.21, -0.21, 5.46]))
     assert [runner.run(0, throw, seed=seed).trial.status for seed in range(3)] == ["caught"] * 3

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from mitt.arm.arm import Arm
 from mitt.arm.basket import Basket
 from mitt.arm.hands import HandModel
-from mitt.arm.load import load_arm
+from mitt.arm.load import build_arm
 from mitt.catcher.settings import Phase
 from mitt.catcher.state import Result, fresh_result, room_for
 from mitt.signals import Array, Command
@@ -198,7 +198,7 @@ def test_an_arm_that_hits_itself_or_the_floor_violates(arm: Arm, seen: int, coun
 
 def test_a_drive_beyond_its_limit_counts_though_no_joint_alone_is() -> None:
     """With the differential, torques at joint 2 and in motor 3 are held drive by drive."""
-    motors = load_arm("wam", limits="wam-48v")
+    motors = build_arm("wam", limits="wam-48v")
     most = motors.limits.tau_peak[0]
     drive = np.abs(motors.limits.drive_torque(motors.all_joints(motors.tau_max)))
     assert np.all(drive <= most * (1.0 + 1e-9))
@@ -240,7 +240,7 @@ def test_the_excess_is_the_farthest_reference_beyond_its_range(arm: Arm) -> None
 @given(seed=st.integers(0, 2**31), limits=st.sampled_from(["paper", "wam-48v"]))
 def test_the_sums_over_a_trial_are_those_of_its_arrays(seed: int, limits: str) -> None:
     """Peaks, continuous torque and violations are what NumPy says of all ticks at once."""
-    arm, rng = load_arm("wam", limits=limits), np.random.default_rng(seed)
+    arm, rng = build_arm("wam", limits=limits), np.random.default_rng(seed)
     truth, wide = trace(arm), 1.1 * (arm.q_max - arm.q_min)
     truth.qpos[:, :3] = arm.q_min + wide * rng.uniform(-0.05, 1.0, (TICKS + 1, 3))
     truth.qvel[:, :3] = arm.dq_max * rng.uniform(-1.1, 1.1, (TICKS + 1, 3))
@@ -312,7 +312,7 @@ def test_a_ball_that_stays_in_a_basket_lies_in_it() -> None:
     for depth, seen, out, wanted in (
         (0.1, BALL_HAND, None, True), (0.1, 0, None, False), (0.1, BALL_HAND, -5, False),
     ):  # fmt: skip
-        arm = load_arm("wam", hand=BASKET)
+        arm = build_arm("wam", hand=BASKET)
         normal, position = arm.orientation(arm.q_ready)[:, 2], arm.position(arm.q_ready)
         ball = np.tile(position + (BASKET.catch_depth - depth) * normal, (LYING, 1))
         if out is not None:
@@ -330,7 +330,7 @@ def test_a_ball_that_stays_in_a_basket_lies_in_it() -> None:
 @pytest.fixture(name="motors", scope="module")
 def _motors() -> Arm:
     """A WAM with its motors, joint 3 held."""
-    return load_arm("wam", limits="wam-48v", hand=HandModel())
+    return build_arm("wam", limits="wam-48v", hand=HandModel())
 
 
 @settings(max_examples=30)

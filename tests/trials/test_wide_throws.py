@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from mitt.arm.load import load_arm
+from mitt.arm.load import build_arm
 from mitt.map.learn import Learned
 from mitt.trials.learning import learn
 from mitt.trials.registry import make_generator
@@ -24,7 +24,7 @@ SEED, COUNT = 5100, 8
 @pytest.fixture(scope="module")
 def maps() -> dict[str, Learned]:
     """A map for each limit set."""
-    return {name: learn(load_arm("wam", limits=name)) for name in ("paper", "wam-80v", "wam-48v")}
+    return {name: learn(build_arm("wam", limits=name)) for name in ("paper", "wam-80v", "wam-48v")}
 
 
 def lab(**ball: float) -> Scene:

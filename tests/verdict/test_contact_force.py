@@ -12,7 +12,7 @@ from mitt.arm.arm import Arm
 from mitt.arm.basket import Basket
 from mitt.arm.description import Hand
 from mitt.arm.hands import HandModel
-from mitt.arm.load import load_arm
+from mitt.arm.load import build_arm
 from mitt.verdict.contact_force import (
     contact_force,
     force_of,
@@ -202,7 +202,7 @@ def test_a_basket_takes_what_a_hand_does_not() -> None:
     """The same ball, arm and motion: the net keeps far below a palm that no finger saves."""
     way = approach(np.array([0.2, 1.2, 0.6]), np.array([0.0, 0.5, 3.5]), V)
     share = [
-        shares_after(_with(load_arm("wam", hand=hand), hand, 100.0), way, ball())["force"]
+        shares_after(_with(build_arm("wam", hand=hand), hand, 100.0), way, ball())["force"]
         for hand in (TOO_LATE, Basket())
     ]
     assert share[1] < 0.2 * share[0]

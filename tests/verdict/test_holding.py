@@ -8,7 +8,7 @@ import pytest
 from mitt.arm.arm import Arm
 from mitt.arm.basket import Basket
 from mitt.arm.hands import Finger, HandModel
-from mitt.arm.load import load_arm
+from mitt.arm.load import build_arm
 from mitt.control.stop import Brake, plan_brake
 from mitt.errors import InputError
 from mitt.verdict.holding import CaughtBall, pull, spill
@@ -36,7 +36,7 @@ def braking(arm: Arm) -> Brake:
 @pytest.mark.parametrize("hand", HANDS, ids=range(len(HANDS)))
 def test_a_ball_that_does_not_fit_the_fingers_is_refused(hand: HandModel) -> None:
     """From 5 to 500 mm: a finite share, beyond 1 exactly where nothing can hold the ball."""
-    arm = load_arm("wam", hand=hand)
+    arm = build_arm("wam", hand=hand)
     stop = braking(arm)
     for radius in RADII:
         share = pull(arm, stop, ball(radius))
@@ -47,7 +47,7 @@ def test_a_ball_that_does_not_fit_the_fingers_is_refused(hand: HandModel) -> Non
 @pytest.mark.parametrize("basket", BASKETS, ids=range(len(BASKETS)))
 def test_a_ball_that_does_not_fit_a_basket_is_refused(basket: Basket) -> None:
     """The share rises with the radius, and is beyond 1 from the ring's own on."""
-    arm = load_arm("wam", hand=basket)
+    arm = build_arm("wam", hand=basket)
     stop, v_rel = braking(arm), np.array([0.0, 0.0, -3.0])
     shares = [spill(arm, stop, ball(radius), basket, v_rel) for radius in RADII]
     assert np.all(np.isfinite(shares))
@@ -59,7 +59,7 @@ def test_a_ball_that_does_not_fit_a_basket_is_refused(basket: Basket) -> None:
 
 def test_a_ball_without_mass_moves_no_arm() -> None:
     """And the lighter it is the less, down to nothing, without a NaN."""
-    arm, v = load_arm("wam"), np.array([-5.0, 0.4, -1.0])
+    arm, v = build_arm("wam"), np.array([-5.0, 0.4, -1.0])
     jumps = [float(np.abs(speed_jump(arm, arm.q_ready, v, m)).max())
              for m in (1.0, 1e-3, 1e-8, 1e-9, 1e-12, 1e-310, 0.0)]  # fmt: skip
     assert jumps == sorted(jumps, reverse=True)

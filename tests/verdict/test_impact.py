@@ -9,7 +9,7 @@ from mitt.arm.arm import Arm
 from mitt.arm.basket import Basket
 from mitt.arm.hands import HandModel
 from mitt.arm.limits import joint_level
-from mitt.arm.load import load_arm
+from mitt.arm.load import build_arm
 from mitt.control.envelope import bounds_of
 from mitt.signals import Array
 from mitt.verdict.feasibility import Approach, Outcome, Verdict
@@ -29,7 +29,7 @@ V = np.array([-5.0, 0.4, -1.0])
 @pytest.fixture(scope="module")
 def motors() -> Arm:
     """The arm with its 48 V motors."""
-    return load_arm("wam", limits="wam-48v")
+    return build_arm("wam", limits="wam-48v")
 
 
 def approach(q: np.ndarray, dq: np.ndarray, dr_o: np.ndarray) -> Approach:
@@ -182,7 +182,7 @@ def test_a_ball_from_behind_the_palm_is_refused(motors: Arm) -> None:
 
 def test_a_basket_that_comes_to_rest_facing_down_spills(motors: Arm) -> None:
     """Its share is beyond any; one that faces up, with the arm at rest, keeps the ball."""
-    baskets = [load_arm("wam", limits="wam-80v", hand=Basket(tilt=x)) for x in (0.0, -np.pi / 2)]
+    baskets = [build_arm("wam", limits="wam-80v", hand=Basket(tilt=x)) for x in (0.0, -np.pi / 2)]
     q, still = np.array([0.0, 0.9, 1.4]), np.zeros(3)
     down, up = (shares_after(a, approach(q, still, still), ball(0.07)) for a in baskets)
     assert baskets[0].orientation(q)[2, 2] < 0.0 < baskets[1].orientation(q)[2, 2]
@@ -199,7 +199,7 @@ CLOSE = 1e-3
 @pytest.fixture(scope="module")
 def strong() -> Arm:
     """The arm with its 80 V motors."""
-    return load_arm("wam", limits="wam-80v")
+    return build_arm("wam", limits="wam-80v")
 
 
 def swing(arm: Arm, way: Array, duration: float) -> Approach:
@@ -241,7 +241,7 @@ def test_torque_beyond_all_limits_leaves_the_hand_behind(strong: Arm) -> None:
 
 def test_what_a_weak_arm_cannot_follow_it_misses() -> None:
     """With limits of speed alone out of the way, torque makes the hand late: eq. (14) is obeyed."""
-    strong = load_arm("wam", limits="paper")
+    strong = build_arm("wam", limits="paper")
     tau = np.array([8.0, 60.0, 60.0, 9.0])
     weak = Arm(strong.model, joint_level("weak", tau=tau, speed=np.full(4, 50.0)))
     approach = swing(strong, np.array([0.5, 0.0, 1.0]), 0.25)

@@ -10,13 +10,13 @@ from hypothesis import strategies as st
 
 from mitt.arm.arm import Arm
 from mitt.arm.description import Capsule
-from mitt.arm.load import load_arm
+from mitt.arm.load import build_arm
 from mitt.errors import ModelError
 from mitt.signals import Array
 from mitt.world.build import PlantDraw, build_scene, describe
 from mitt.world.scene import Mismatch, Scene, exact_scene
 
-ARM = load_arm("wam")
+ARM = build_arm("wam")
 PLANT = build_scene(exact_scene(), ARM.model)
 TORQUE = 1e-9  # [N m]
 PLACE = 1e-12  # [m]
@@ -116,7 +116,7 @@ def test_a_ball_of_another_radius_touches_at_that_radius(seed: int) -> None:
 
 def test_links_that_overlap_when_ready_do_not_push_each_other() -> None:
     """Capsules about a wrist's meshes are wider than the wrist: no contact while the arm waits."""
-    arm = load_arm("wam")
+    arm = build_arm("wam")
     links = list(arm.model.links)
     ends = {0: (0.42, 0.0, 0.36), 3: (0.0, 0.0, 0.2)}
     for k, end in ends.items():

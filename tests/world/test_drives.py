@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mitt.arm.arm import Arm
-from mitt.arm.load import load_arm
+from mitt.arm.load import build_arm
 from mitt.catcher.generators import Direct
 from mitt.control.setpoints import Setpoints
 from mitt.errors import InputError
@@ -73,7 +73,7 @@ def test_a_drive_follows_a_step_with_its_bandwidth() -> None:
 
 def test_the_arm_s_own_encoders_are_those_of_its_motors() -> None:
     """4096 counts a motor turn through the WAM's ratios; a number is that for all joints."""
-    arm, turn = load_arm("wam").model, 2.0 * np.pi / 4096.0
+    arm, turn = build_arm("wam").model, 2.0 * np.pi / 4096.0
     assert np.allclose(encoder_steps(named_scene("lab"), arm), turn / np.array([42.0, 28.25, 18.0]))
     assert np.all(encoder_steps(Scene(sensing=Sensing(encoder_step=1e-4)), arm) == 1e-4)
     assert not np.any(encoder_steps(Scene(), arm))
@@ -99,7 +99,7 @@ def test_encoders_count_and_their_velocity_is_the_difference_of_counts() -> None
 
 def test_a_ball_differs_from_its_model_and_nothing_else_is_drawn_otherwise() -> None:
     """Radius and mass within their bounds, others in other trials; the arm as without them."""
-    arm = load_arm("wam").model
+    arm = build_arm("wam").model
     plain = World(Scene(), arm)
     varied = World(Scene(mismatch=Mismatch(ball_mass=0.1, ball_radius=0.03)), arm)
     radii = []

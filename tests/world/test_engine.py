@@ -4,12 +4,12 @@ import mujoco
 import numpy as np
 from numba import njit
 
-from mitt.arm.load import load_arm
+from mitt.arm.load import build_arm
 from mitt.world.build import build_scene
 from mitt.world.engine import MOST, Plant, contact_force, plant_of, step1, step2
 from mitt.world.scene import exact_scene
 
-SCENE = build_scene(exact_scene(), load_arm("wam").model)
+SCENE = build_scene(exact_scene(), build_arm("wam").model)
 
 
 @njit
@@ -29,7 +29,7 @@ def _force(plant: Plant, contact: int, six: np.ndarray) -> None:
 def falling() -> mujoco.MjData:
     """Return a ball that is about to meet the hand of an arm that sinks."""
     data, ball = mujoco.MjData(SCENE.model), SCENE.joints + SCENE.fingers
-    data.qpos[: SCENE.joints] = load_arm("wam").q_ready
+    data.qpos[: SCENE.joints] = build_arm("wam").q_ready
     mujoco.mj_kinematics(SCENE.model, data)
     data.qpos[ball : ball + 3] = data.site_xpos[SCENE.site]
     return data

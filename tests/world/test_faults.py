@@ -7,7 +7,7 @@ import pytest
 
 from mitt.arm.arm import Arm
 from mitt.arm.hands import HandModel
-from mitt.arm.load import load_arm
+from mitt.arm.load import build_arm
 from mitt.errors import InputError
 from mitt.eyes.camera import fixed_rig
 from mitt.signals import TICK, ArmState, Array, Command, Frame, Senses, Sighting
@@ -90,7 +90,7 @@ def still(t: float) -> Command:
 
 def _world(scene: Scene) -> World:
     """Return a world with the WAM."""
-    arm = load_arm("wam", limits="paper", hand=HandModel())
+    arm = build_arm("wam", limits="paper", hand=HandModel())
     return World(scene, arm.model, limits=arm.limits)
 
 

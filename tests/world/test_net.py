@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mitt.arm.arm import Arm
 from mitt.arm.basket import Basket
-from mitt.arm.load import load_arm
+from mitt.arm.load import build_arm
 from mitt.signals import Array
 from mitt.world.build import SceneModel, build_scene
 from mitt.world.capsules import body_of, lay_capsules
@@ -63,7 +63,7 @@ def thrown(
 
 def world(radius: float = 0.04, *, weight: bool = False) -> tuple[SceneModel, Arm]:
     """Return a scene with a basket on the WAM; its ready pose has the opening upwards a little."""
-    arm = load_arm("wam", hand="basket")
+    arm = build_arm("wam", hand="basket")
     built = build_scene(Scene(ball=Ball(radius=radius)), arm.model)
     if not weight:
         built.model.opt.gravity[:] = 0.0
@@ -145,7 +145,7 @@ def test_the_cameras_see_the_basket() -> None:
 @pytest.mark.parametrize("tilt", [-1.57, -0.8, 0.8, 1.57])
 def test_a_tilted_basket_is_held_by_a_bracket_outside_its_net(tilt: float) -> None:
     """It begins at the arm's plate, and no part of the net is in its way."""
-    arm = load_arm("wam", hand=Basket(tilt=tilt))
+    arm = build_arm("wam", hand=Basket(tilt=tilt))
     model = build_scene(Scene(), arm.model).model
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from mitt.arm.arm import Arm
-from mitt.arm.load import load_arm
+from mitt.arm.load import build_arm
 from mitt.signals import TICK, Array, Command, Frame, Senses
 from mitt.world.engine import plant_of, survey
 from mitt.world.flights import builtin_flights, place_flight
@@ -35,13 +35,13 @@ def run(world: World, arm: Arm, ticks: int, q: Array | None = None) -> None:
 @pytest.fixture(name="exact", scope="module")
 def _exact() -> World:
     """A world without mismatch and noise."""
-    return World(exact_scene(), load_arm("wam").model)
+    return World(exact_scene(), build_arm("wam").model)
 
 
 @pytest.fixture(name="rough", scope="module")
 def _rough() -> World:
     """A world with the default mismatch and noise."""
-    return World(Scene(), load_arm("wam").model)
+    return World(Scene(), build_arm("wam").model)
 
 
 def test_a_thrown_ball_flies_as_reckoned(exact: World, arm: Arm) -> None:
@@ -77,7 +77,7 @@ def test_a_trial_is_its_seed(rough: World, arm: Arm) -> None:
 
 def test_mismatch_stays_within_its_spread_and_never_adds_up(rough: World) -> None:
     """After many resets each link's mass is still within 5 % of the table; the ball's is exact."""
-    before = World(exact_scene(), load_arm("wam").model).model.body_mass.copy()
+    before = World(exact_scene(), build_arm("wam").model).model.body_mass.copy()
     ball = rough.model.body("ball").id
     for seed in range(30):
         rough.reset(THROW, seed)

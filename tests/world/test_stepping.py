@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mitt.arm.arm import Arm
-from mitt.arm.load import load_arm
+from mitt.arm.load import build_arm
 from mitt.signals import Command
 from mitt.world.motion import NEAR
 from mitt.world.scene import exact_scene
@@ -19,7 +19,7 @@ FLIGHT_M = 1e-6
 VELOCITY = 1e-10
 """Catch point's velocity against MuJoCo's own [m/s]."""
 
-WORLD = World(exact_scene(), load_arm("wam").model)
+WORLD = World(exact_scene(), build_arm("wam").model)
 G = np.array([0.0, 0.0, -9.81])
 rates = st.tuples(*[st.floats(-20.0, 20.0)] * 3).map(np.array)
 

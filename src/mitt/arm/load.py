@@ -48,7 +48,7 @@ _LIMITS = {"range": "a range", "torque": "an effort limit above 0",
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Wanted:
-    """What is wanted of an arm from a file; see :func:`load_arm`."""
+    """What is wanted of an arm from a file; see :func:`build_arm`."""
 
     name: str
     tip: str
@@ -61,7 +61,7 @@ class _Wanted:
     mount: Mount
 
 
-def load_arm(
+def build_arm(
     name_or_path: str | Path = "wam",
     *,
     tip: str | None = None,
@@ -147,7 +147,7 @@ def _from_file(
     limits: str | LimitSet | None,
     rest: tuple[Mapping[str, float], Hand | None, float, Mount],
 ) -> Arm:
-    """Return an arm from a description file; arguments as of :func:`load_arm`."""
+    """Return an arm from a description file; arguments as of :func:`build_arm`."""
     check_described(path)
     if isinstance(limits, str) and limits != "model":
         wanted = ("model",) if limits in LIMIT_SETS else ("model", *LIMIT_SETS)

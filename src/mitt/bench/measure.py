@@ -17,7 +17,7 @@ import numpy as np
 import mitt
 from mitt.arm.arm import Arm
 from mitt.arm.hands import HandModel
-from mitt.arm.load import load_arm
+from mitt.arm.load import build_arm
 from mitt.bench import libraries as by
 from mitt.bench.problem import (
     SETUPS,
@@ -88,7 +88,7 @@ def measure(settings: BenchSettings, *, progress: Progress, say: Say) -> Result:
         progress: Is told what is being done.
         say: Is told in one line what is left out, and why.
     """
-    arm = load_arm("wam", hand=HandModel())
+    arm = build_arm("wam", hand=HandModel())
     progress("learning", 0, 1)
     f = learn(arm).map
     progress("learning", 1, 1)

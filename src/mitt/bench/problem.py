@@ -22,8 +22,7 @@ from mitt.arm.arm import Arm
 from mitt.arm.dynamics import slopes_work, torque_slopes
 from mitt.kernels import kernel
 from mitt.map.demand import Plant, plant_of
-from mitt.map.learn import LearnSettings, lift_flight
-from mitt.map.learn import learn as learn_from
+from mitt.map.learn import LearnSettings, learn_from, lift_flight
 from mitt.map.map_design import default_design
 from mitt.map.mapping import initial_matrix, shift, unlearned
 from mitt.rivals.clairvoyant import Expression, casadi, symbolic

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from mitt.arm.arm import Arm
 from mitt.arm.description import Hand
 from mitt.arm.limits import LimitSet
-from mitt.arm.load import Mount, bounded, check_active, is_described, load_arm, read_described
+from mitt.arm.load import Mount, bounded, build_arm, check_active, is_described, read_described
 from mitt.arm.wam import LIMIT_SETS
 from mitt.errors import ModelError
 from mitt.files.arm_file import limits_of
@@ -45,13 +45,13 @@ def whole_arm(
     """
     given = limits_of(limits)
     if str(arm) == "wam":
-        return load_arm("wam", tip=tip, joints=_WAM, limits=given, hand=hand or "none")
+        return build_arm("wam", tip=tip, joints=_WAM, limits=given, hand=hand or "none")
     if tip is None and is_described(Path(arm)):
         links = ", ".join(read_described(Path(arm)).tree.links) or "none"
         raise ModelError("--tip", "the link or site of the palm", "none",
                          do=f"links of {arm}: {links}")  # fmt: skip
     names = None if tip is None else driven_joints(Path(arm), tip, given, joints)
-    whole = load_arm(arm, tip=tip, joints=names, limits=given, hand=hand,
+    whole = build_arm(arm, tip=tip, joints=names, limits=given, hand=hand,
                      hand_mount=mount)  # fmt: skip
     endless = [link.name for link in whole.model.links if link.held is not None]
     if endless:

@@ -16,14 +16,13 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from mitt import checks
-from mitt.arm import load
 from mitt.arm.arm import Arm
 from mitt.arm.basket import MOST_TILT, Basket, hand_named
 from mitt.arm.description import Hand
 from mitt.arm.description_files import MAX_BYTES
 from mitt.arm.hands import HandModel
 from mitt.arm.limits import KINDS, LimitSet
-from mitt.arm.load import Mount
+from mitt.arm.load import Mount, build_arm, with_encoders
 from mitt.arm.wam import LIMIT_SETS
 from mitt.errors import FileError, InputError, MittError, UnknownNameError, printable
 from mitt.files.schema import Finite, Part, Settings, parsed
@@ -231,7 +230,7 @@ class ArmFile:
                 raise FileError(str(self.arm), f"the file of SHA-256 {self.sha256[:16]}...",
                                 f"{given[:16]}...", do="take that file, or sha256 out of the arm"
                                 " file and try whether the arm still catches")  # fmt: skip
-        arm = load.load_arm(
+        arm = build_arm(
             self.arm,
             tip=self.tip,
             joints=self.joints or None,
@@ -450,9 +449,9 @@ def load_arm(
     if isinstance(name_or_path, str | Path) and is_arm_file(name_or_path):
         _check_alone(tip=tip, joints=joints, held=held, ready=ready, hand=hand)
         arm = read_arm_file(Path(name_or_path)).load(limits=limits_of(limits))
-        arm = arm if encoder_step is None else load.with_encoders(arm, encoder_step)
+        arm = arm if encoder_step is None else with_encoders(arm, encoder_step)
     else:
-        arm = load.load_arm(
+        arm = build_arm(
             name_or_path, tip=tip, joints=joints, held=held, ready=ready, limits=limits_of(limits),
             hand=hand, hand_turn=hand_turn, hand_mount=hand_mount, encoder_step=encoder_step,
         )  # fmt: skip

@@ -324,7 +324,7 @@ def solve(H: Array, gradient: Array, limits: tuple[Array, Array], *, weight: flo
     return x if np.all(np.isfinite(x)) else None
 
 
-def learn(
+def learn_from(
     arm: Arm,
     design: MapDesign,
     flights: Sequence[Flight],

@@ -25,8 +25,7 @@ from mitt.catcher.generators import Direct
 from mitt.catcher.several import Several
 from mitt.errors import InputError
 from mitt.fields import Range, check
-from mitt.map.learn import Flight, Learned, LearnSettings
-from mitt.map.learn import learn as learn_from
+from mitt.map.learn import Flight, Learned, LearnSettings, learn_from
 from mitt.map.map_design import MapDesign, catch_place, default_design, further_designs
 from mitt.map.mapping import DirectMap, unlearned
 from mitt.map.tangent import to_go
