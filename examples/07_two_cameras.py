@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from mitt import load_arm
+from mitt.cameras.hand_calibration import HandProblem, placed
 from mitt.cameras.least_squares import fit
 from mitt.eyes.camera import Rig, fixed_rig, look_at, turned
-from mitt.eyes.rig_calibration import HandProblem, placed
 from mitt.eyes.segmentation import Segmenter
 from mitt.world.imaging import Imager, ImageSensor
 

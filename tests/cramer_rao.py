@@ -6,12 +6,11 @@ from dataclasses import replace
 import numpy as np
 from boards import SPEC, many_views, true_lens, true_stereo
 
-from mitt.cameras.board_calibration import board_problem, free_numbers
+from mitt.cameras.board_calibration import BoardProblem, board_problem, free_numbers
 from mitt.cameras.charuco import Board
 from mitt.cameras.least_squares import fit
 from mitt.eyes.camera import applied, inverse
 from mitt.eyes.lens import Lens
-from mitt.eyes.rig_calibration import BoardProblem
 from mitt.signals import Array
 
 VIEWS, NOISE = 20, 0.2

@@ -13,8 +13,8 @@ from mitt.arm.arm import Arm
 from mitt.arm.load import build_arm
 from mitt.cameras.cameras import read_image
 from mitt.cameras.filtering import read_positions
-from mitt.cameras.stages import header_of
 from mitt.errors import FileError
+from mitt.files.csv_table import header_of
 from mitt.files.maps import read_map
 from mitt.files.rig import read_rig
 from mitt.map.mapping import DirectMap

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mitt.ball.filter import THROWN_BALL, BallFilter
-from mitt.ball.measurement_noise import fresh_noise, learn
 from mitt.ball.motion_models import RING, ROW
+from mitt.cameras.filtering import fresh_noise, learn_noise
 from mitt.errors import InputError
 from mitt.signals import GRAVITY, Array, Sighting
 
@@ -220,7 +220,7 @@ def learned(t: Array, z: Array) -> Array:
     """Return the variances that are learned from positions [m^2], shape (3,)."""
     noise = fresh_noise()
     for k in range(len(t)):
-        learn(noise, t[k], z[k])
+        learn_noise(noise, t[k], z[k])
     variance: Array = noise["variance"][0]
     return variance
 

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mitt.cameras.hand_calibration import ClockProblem, clock_problem
 from mitt.cameras.least_squares import fit
 from mitt.errors import InputError
-from mitt.eyes.clock_offset import ClockProblem, clock_problem
 from mitt.signals import Array
 
 #: A millisecond is 6 mm of flight: a quarter of one is what calibration should leave.

@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 from boards import SPEC, seen_by, true_lens
 
-from mitt.cameras.board_calibration import calibrate_head, head_problem
 from mitt.cameras.charuco import Board, Seen
+from mitt.cameras.head_calibration import calibrate_head, head_problem
 from mitt.cameras.least_squares import fit
 from mitt.errors import InputError
 from mitt.eyes.camera import inverse, turned
-from mitt.eyes.rig_calibration import HeadAxes
-from mitt.files.rig import RigCamera
+from mitt.files.rig import HeadAxes, RigCamera
 from mitt.signals import Array
 
 #: Camera at encoder zero: 1.8 m above the face of the board, which is the world.

@@ -9,9 +9,9 @@ import pytest
 
 from mitt.arm.arm import Arm
 from mitt.cell import ros2_messages as messages
-from mitt.cell.orders import Orders, joints_of
-from mitt.cell.ros2_messages import Reader
+from mitt.cell.ros2_messages import Orders, joints_of
 from mitt.errors import InputError
+from mitt.files.cdr import Reader
 from mitt.files.cell import Cell, arm_of, read_cell
 from mitt.signals import Array, Command
 

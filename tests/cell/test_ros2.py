@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from mitt.cell import ros2_messages as messages
-from mitt.cell.ros2_messages import Writer
 from mitt.errors import InputError
+from mitt.files.cdr import Writer
 from mitt.files.cell import Cell, arm_of, cell_of, read_cell
 from mitt.signals import Command
 

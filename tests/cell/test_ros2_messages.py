@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mitt.cell import ros2_messages as m
-from mitt.cell.ros2_messages import Reader, Writer
 from mitt.errors import InputError
+from mitt.files.cdr import Reader, Writer
 
 try:
     from mitt.cell import dds as dds_types

@@ -23,6 +23,7 @@ from mitt.errors import FileError
 from mitt.files import messages as of
 from mitt.files import recordings as recorded_file
 from mitt.files.about import about_of
+from mitt.files.cdr import text
 from mitt.files.recordings import ABOUT, Recorded
 
 
@@ -117,8 +118,8 @@ def _channel(number: int, topic: str) -> bytes:
 
 #: A message for every topic of which something is kept.
 MESSAGES = {
-    of.TICKS: of.ticks(3, 0).tobytes(), of.POINTS: of.points().tobytes(), of.CALLS: of.text(""),
-    of.TRUTH: of.point_stamped().tobytes(), of.EVENT: of.text(""), of.PHASE: of.text("x" * 9),
+    of.TICKS: of.ticks(3, 0).tobytes(), of.POINTS: of.points().tobytes(), of.CALLS: text(""),
+    of.TRUTH: of.point_stamped().tobytes(), of.EVENT: text(""), of.PHASE: text("x" * 9),
     of.STATES: b"", "/unknown": b"",
 }  # fmt: skip
 

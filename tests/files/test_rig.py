@@ -15,8 +15,7 @@ from throws_on_film import calibrated
 
 from mitt.errors import FileError
 from mitt.eyes.camera import turned
-from mitt.eyes.rig_calibration import HeadAxes
-from mitt.files.rig import CalibratedRig, read_rig, write_rig
+from mitt.files.rig import CalibratedRig, HeadAxes, read_rig, write_rig
 
 
 def full() -> CalibratedRig:

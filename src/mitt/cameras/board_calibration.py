@@ -1,25 +1,22 @@
-"""Cameras from images of a ChArUco board: lenses, stereo pose, and axes of pan-tilt heads.
+"""Cameras from images of a ChArUco board that all see at once: lenses and stereo pose.
 
-All cameras see the board at once; a head's camera sees one that stands still, at known angles.
+Bundle adjustment over the corners of the flat board in many views: every corner that any camera saw
+counts, also where the others did not see the board. The rig's frame is the optical frame of the
+first camera.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt import checks
-from mitt.cameras.cameras import Camera, read_image
+from mitt.cameras.cameras import Camera
 from mitt.cameras.charuco import Board, Seen, Sight, between, plain, shown_instead
-from mitt.cameras.least_squares import Fit, fit
-from mitt.cameras.stages import Stage, weak
-from mitt.errors import FileError, InputError
-from mitt.eyes.camera import inverse
-from mitt.eyes.lens import NUMBERS, Lens
-from mitt.eyes.rig_calibration import BoardProblem, Corners, HeadProblem, first_head
-from mitt.files.csv_table import number, read_rows
+from mitt.cameras.least_squares import POSE, Fit, Stage, fit, weak
+from mitt.errors import InputError
+from mitt.eyes.camera import by_pose, inverse, turned
+from mitt.eyes.lens import NUMBERS, Lens, distort
 from mitt.files.rig import CalibratedRig, RigCamera
 from mitt.signals import Array, Image
 
@@ -32,11 +29,126 @@ _APART = 0.02
 #: Most images without a board that are looked at for what they show, of each camera; share of all
 #: from which they are told of; and difference of two stamps that is one instant [s].
 _BARE, _MANY, _AT_ONCE = 8, 0.2, 2e-3
-#: The board seen from below its back: z up out of its face.
-FACE_UP = np.diag((1.0, -1.0, -1.0, 1.0))
 
 View = tuple[Seen | None, ...]
 """What each camera saw of the board at one instant; None where it saw no board."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Corners:
+    """Corners of the board that were seen, all views and cameras in one list.
+
+    Attributes:
+        camera: Index of the camera, shape (n,).
+        view: Index of the view, shape (n,).
+        on_board: Where the corner lies on the board, z = 0 [m], shape (n, 3).
+        uv: Where it was seen [px], shape (n, 2).
+    """
+
+    camera: NDArray[np.int64]
+    view: NDArray[np.int64]
+    on_board: Array
+    uv: Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class BoardProblem:
+    """Corners, and a rig that should explain them.
+
+    Attributes:
+        corners: What was seen.
+        lenses: Numbers of the lenses, shape (c, 9).
+        T_cam_rig: Poses of the cameras; the first is fixed, shape (c, 4, 4).
+        T_rig_board: Poses of the board, shape (k, 4, 4).
+        free: Which numbers of a lens are to be found, shape (9,).
+        cameras: Names of the cameras.
+    """
+
+    corners: Corners
+    lenses: Array
+    T_cam_rig: Array
+    T_rig_board: Array
+    free: NDArray[np.bool_]
+    cameras: tuple[str, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Lens numbers of each camera, poses of the cameras after the first, poses of the board."""
+        lens = [n for n, free in zip(NUMBERS, self.free, strict=True) if free]
+        return (
+            *(f"{camera}.{name}" for camera in self.cameras for name in lens),
+            *(f"{camera}.{name}" for camera in self.cameras[1:] for name in POSE),
+            *(f"view{k}.{name}" for k in range(len(self.T_rig_board)) for name in POSE),
+        )
+
+    def _chain(self) -> tuple[Array, Array, Array, Array]:
+        """Return R_board p, R_cam p_rig, p_cam, each shape (n, 3), and R_cam, shape (n, 3, 3)."""
+        c = self.corners
+        board, cam = self.T_rig_board[c.view], self.T_cam_rig[c.camera]
+        on_rig = np.einsum("nij,nj->ni", board[:, :3, :3], c.on_board)
+        in_cam = np.einsum("nij,nj->ni", cam[:, :3, :3], on_rig + board[:, :3, 3])
+        return on_rig, in_cam, in_cam + cam[:, :3, 3], cam[:, :3, :3]
+
+    def _bent(self, xy: Array) -> tuple[Array, Array, Array]:
+        """Return ``distort`` with each corner's own lens."""
+        bent, by_xy, by_k = np.empty_like(xy), np.empty((len(xy), 2, 2)), np.empty((len(xy), 2, 5))
+        for k, numbers in enumerate(self.lenses):
+            mine = self.corners.camera == k
+            bent[mine], by_xy[mine], by_k[mine] = distort(xy[mine], numbers[4:])
+        return bent, by_xy, by_k
+
+    def residuals(self) -> Array:
+        """Return seen minus predicted [px], shape (2 n,)."""
+        p = self._chain()[2]
+        if np.any(p[:, 2] <= 0.0) or self.lenses[:, :2].min() < 1.0:
+            return np.full(2 * len(p), np.inf)
+        lens = self.lenses[self.corners.camera]
+        uv = self._bent(p[:, :2] / p[:, 2:])[0] * lens[:, :2] + lens[:, 2:4]
+        return np.asarray((self.corners.uv - uv).ravel())
+
+    def jacobian(self) -> Array:
+        """Return the derivative of the image points with respect to a step, shape (2 n, p)."""
+        on_rig, in_cam, p, R_cam = self._chain()
+        c, n = self.corners, len(p)
+        focal = self.lenses[c.camera, :2]
+        xy = p[:, :2] / p[:, 2:]
+        bent, by_xy, by_k = self._bent(xy)
+        by_lens = np.zeros((n, 2, 9))
+        by_lens[:, 0, 0], by_lens[:, 1, 1] = bent[:, 0], bent[:, 1]
+        by_lens[:, 0, 2] = by_lens[:, 1, 3] = 1.0
+        by_lens[:, :, 4:] = focal[:, :, None] * by_k
+        by_p = np.zeros((n, 2, 3))
+        by_p[:, 0, 0] = by_p[:, 1, 1] = 1.0 / p[:, 2]
+        by_p[:, :, 2] = -p[:, :2] / p[:, 2:] ** 2
+        by_p = focal[:, :, None] * (by_xy @ by_p)
+        cameras, views = len(self.lenses), len(self.T_rig_board)
+        each = np.arange(n)
+        lens = np.zeros((n, 2, cameras, int(self.free.sum())))
+        lens[each, :, c.camera] = by_lens[:, :, self.free]
+        camera = np.zeros((n, 2, cameras, 6))
+        camera[each, :, c.camera] = by_p @ by_pose(in_cam)
+        board = np.zeros((n, 2, views, 6))
+        board[each, :, c.view] = by_p @ R_cam @ by_pose(on_rig)
+        parts = lens, camera[:, :, 1:], board  # the first camera is fixed
+        return np.concatenate([part.reshape(2 * n, -1) for part in parts], axis=1)
+
+    def moved(self, step: Array) -> "BoardProblem":
+        """Return the problem with lenses and poses moved by a step."""
+        count, cameras = int(self.free.sum()), len(self.lenses)
+        lenses = self.lenses.copy()
+        lenses[:, self.free] += step[: cameras * count].reshape(cameras, count)
+        poses = step[cameras * count :].reshape(-1, 6)
+        return replace(
+            self,
+            lenses=lenses,
+            T_cam_rig=np.array(
+                [self.T_cam_rig[0]]
+                + [turned(T, s) for T, s in zip(self.T_cam_rig[1:], poses, strict=False)]
+            ),
+            T_rig_board=np.array(
+                [turned(T, s) for T, s in zip(self.T_rig_board, poses[cameras - 1 :], strict=True)]
+            ),
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -295,61 +407,3 @@ def _limits(rig: CalibratedRig, problem: BoardProblem) -> dict[str, tuple[float,
             limits[f"{camera.name}.turn_{axis}"] = (3e-3, shared)
             limits[f"{camera.name}.{axis}"] = (0.01 * base, shared)
     return limits
-
-
-def read_head_views(
-    path: Path, board: Board, size: tuple[int, int]
-) -> tuple[Array, list[Seen], int]:
-    """Return angles [rad], shape (k, 2), and corners of the views that a table lists.
-
-    The table has columns image,pan_rad,tilt_rad, images of one size [px] relative to its folder.
-    The last of what is returned is how many of its images show no board, and are left out.
-    """
-    path = checks.path("table of views", path)
-    angles, sights = [], []
-    for line, cells in read_rows(path, ("image", "pan_rad", "tilt_rad")):
-        at = path.parent / cells["image"]
-        pixels = read_image(at)
-        if pixels.shape != (size[1], size[0]):
-            given = f"{pixels.shape[1]} x {pixels.shape[0]}"
-            raise FileError(str(at), f"an image of {size[0]} x {size[1]} pixels", given)
-        sights.append(board.sight(pixels))
-        angles.append([number(path, line, name, cells[name], limit=7.0)
-                       for name in ("pan_rad", "tilt_rad")])  # fmt: skip
-    board.settle(sights)
-    views = [sight[board.legacy] for sight in sights]
-    kept = [k for k, view in enumerate(views) if view is not None]
-    found = [view for view in views if view is not None]
-    return np.array(angles).reshape(-1, 2)[kept], found, len(views) - len(kept)
-
-
-def head_problem(camera: RigCamera, board: Board, angles: Array, views: list[Seen]) -> HeadProblem:
-    """Return the problem of a camera's head at its first guess."""
-    poses = np.array([inverse(board.pose(v, camera.lens)) for v in views]).reshape(-1, 4, 4)
-    numbers = [np.full(len(v.ids), k) for k, v in enumerate(views)]
-    return HeadProblem(
-        lens=camera.lens, angles=angles, head=first_head(angles, poses),
-        view=np.concatenate([np.zeros(0, dtype=np.int64), *numbers]),
-        on_board=np.concatenate([np.zeros((0, 3)), *(board.corners[v.ids] for v in views)]),
-        uv=np.concatenate([np.zeros((0, 2)), *(v.uv for v in views)]),
-    )  # fmt: skip
-
-
-def calibrate_head(
-    camera: RigCamera, board: Board, angles: Array, views: list[Seen]
-) -> tuple[RigCamera, Fit[HeadProblem], Stage]:
-    """Return the camera with its head, the world being the board, z up out of its face."""
-    solved = fit(head_problem(camera, board, angles, views))
-    wider = (2e-3, "add views at angles farther apart, pan and tilt in turn")
-    limits = {f"{axis}_{what}_{k}": wider for axis in ("pan", "tilt")
-              for what in ("direction", "place") for k in (1, 2)}  # fmt: skip
-    warnings = tuple(f"{camera.name}: {text}" for text in weak(solved, limits))
-    head = solved.problem.head
-    apart = abs(float(head.pan_axis @ head.tilt_axis))
-    numbers: dict[str, float] = {
-        "views": len(views), "rms_px": solved.rms,
-        "axes_deg": float(np.rad2deg(np.arccos(min(apart, 1.0)))),
-    }  # fmt: skip
-    turned = head.seen_from(FACE_UP)
-    moved = replace(camera, T_world_cam=turned.T_world_cam, head=turned, rms_px=solved.rms)
-    return moved, solved, Stage(f"head {camera.name}", solved.status, numbers, warnings)

@@ -1,4 +1,4 @@
-"""The ball filter on recorded positions, and the tables of both.
+"""The ball filter on recorded positions, whose noise it learns from them; the tables of both.
 
 Each row of a track uses only rows up to itself.
 """
@@ -7,13 +7,13 @@ import csv
 import io
 from collections.abc import Iterable
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from mitt.ball.filter import FilterConfig, doubt, fresh_filter, predict, update
-from mitt.ball.measurement_noise import fresh_noise, learn
 from mitt.errors import FileError
 from mitt.files.csv_table import number, read_rows
 from mitt.files.writing import write_text
@@ -36,6 +36,75 @@ UNKNOWN_BALL = FilterConfig(
     other_motion=0.3, watchful=True, speaks_after=1,
 )  # fmt: skip
 """Any ball, and whatever else moves: the other laws of motion count from the first position."""
+
+
+#: Standard deviation of a position that is assumed at first, of a good pair of cameras at a few
+#: metres, and the smallest that is believed [m].
+_SIGMA_START, _SIGMA_LEAST = 1.5e-3, 5e-5
+#: Samples of the variance that the first value is worth, and that are remembered.
+_SAMPLES_BEFORE, _SAMPLES_KEPT = 6.0, 100.0
+#: Times the variance that a sample counts for at most: an outlier of 5 sigma is rare.
+_CLIP = 5.0
+
+NOISE = np.dtype(
+    [
+        ("variance", float, (3,)),  # of the axes [m^2]
+        ("seen", int),  # positions so far
+        ("in_a_row", int),  # positions in a row
+        ("t", float, (3,)),  # times of the newest [s], and the positions [m]
+        ("z", float, (3, 3)),
+    ],
+    align=True,
+)
+
+
+def fresh_noise() -> Record:
+    """Return what is known without a position, one record of type ``NOISE``, shape (1,)."""
+    noise = np.zeros(1, NOISE)
+    noise["variance"] = _SIGMA_START**2
+    return noise
+
+
+@kernel
+def learn_noise(noise: Record, t: float, z: Array) -> None:
+    """Learn from the next position, if that and its time are finite.
+
+    Each position is compared with the parabola through the three before it; without noise they
+    agree but for the jerk. The squared difference, over the sum of the squared weights of the four,
+    is a sample of the variance, axis by axis. It counts at most ``_CLIP`` times the variance so
+    far, so that an outlier or a bounce hardly moves it. Where a time does not come after the one
+    before it, as after a wrong stamp, the next four positions in a row are waited for.
+
+    Args:
+        noise: What is known, of :func:`fresh_noise`.
+        t: Its time [s].
+        z: Position [m], shape (3,).
+    """
+    if not (isfinite(t) and isfinite(z[0]) and isfinite(z[1]) and isfinite(z[2])):
+        return
+    k = noise[0]
+    if not t - k.t[2] > 1e-9:
+        k.in_a_row = 0
+    if k.in_a_row >= 3:
+        a, b, c = k.t[0], k.t[1], k.t[2]
+        wa = (t - b) * (t - c) / ((a - b) * (a - c))
+        wb = (t - a) * (t - c) / ((b - a) * (b - c))
+        wc = (t - a) * (t - b) / ((c - a) * (c - b))
+        share = 1.0 / (_SAMPLES_BEFORE + min(k.seen - 2.0, _SAMPLES_KEPT))
+        for i in range(3):
+            e = z[i] - wa * k.z[0, i] - wb * k.z[1, i] - wc * k.z[2, i]
+            sample = e * e / (1.0 + wa * wa + wb * wb + wc * wc)
+            so_far = k.variance[i]
+            if sample >= 0.0:  # else times too far apart for numbers
+                more = share * (min(sample, _CLIP * so_far) - so_far)
+                k.variance[i] = max(so_far + more, _SIGMA_LEAST**2)
+    k.seen += 1
+    k.in_a_row += 1
+    for n in range(2):
+        k.t[n] = k.t[n + 1]
+        k.z[n] = k.z[n + 1]
+    k.t[2] = t
+    k.z[2] = z
 
 
 class Track(NamedTuple):
@@ -100,7 +169,7 @@ def _follow(
     """Fill the rows of a track, shape (n, 5, 3); the noise is learned if ``sigma`` is 0."""
     R, motion, covariance = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((6, 6))
     for n in range(len(t)):
-        learn(noise, t[n], points[n])
+        learn_noise(noise, t[n], points[n])
         for i in range(3):
             R[i, i] = sigma * sigma if sigma > 0.0 else noise[0].variance[i]
         update(ball, t[n], points[n], R)

@@ -1,37 +1,134 @@
 """Where the rig stands before the robot, and how far its clock is off.
 
-Both from a ball in the hand; the clock also from recorded catches, where the ball rides on the
-braking hand.
+Both from a ball in the hand: it is held at known places, and its centroids (of pinhole cameras,
+``Lens.straighten``) fix the pose (``HandProblem``); it is carried about at a constant gap from the
+catch point, and its path fixes the clock (``ClockProblem``). The clock also follows from recorded
+catches, where the ball rides on the braking hand.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mitt.arm.arm import Arm
 from mitt.cameras.cameras import Camera
-from mitt.cameras.least_squares import Fit, fit
-from mitt.cameras.stages import POINT, Stage, read_columns, read_places, times_of, weak
+from mitt.cameras.least_squares import POSE, Fit, Stage, fit, weak
 from mitt.catcher.settings import BRAKE
 from mitt.errors import InputError
-from mitt.eyes.camera import inverse
-from mitt.eyes.clock_offset import Catch, LearnedClock, caught_offset, clock_problem
-from mitt.eyes.rig_calibration import HandProblem, first_pose
+from mitt.eyes.camera import Camera as Pinhole
+from mitt.eyes.camera import applied, by_pose, inverse, laid, turned
+from mitt.eyes.clock_offset import Catch, LearnedClock, caught_offset
 from mitt.eyes.segmentation import Segmenter
 from mitt.eyes.triangulation import Triangulator, TriangulatorConfig
-from mitt.files.messages import Rows, clock_in
+from mitt.files.cdr import Rows
+from mitt.files.csv_table import header_of, read_columns, times_of
+from mitt.files.messages import clock_in
 from mitt.files.recordings import Recorded
 from mitt.files.rig import CalibratedRig
 from mitt.signals import Array, Moments, Sighting
 
+POINT = ("x_m", "y_m", "z_m")
+"""Columns of a place [m]."""
+#: Fewest places of the ball that fix a pose, with one to spare, and sightings that fix a clock.
+_FEWEST_PLACES, _FEWEST_SIGHTINGS = 4, 20
+#: Step in which a carried ball's offset is looked for first [s].
+_SEARCH = 0.002
 #: Residual at which a pair of centroids does not give a first guess [px].
 _FIRST_RESIDUAL = 20.0
 #: Share of outliers, and error of the clock [s], that are worth a warning.
 _MANY, _CLOCK = 0.25, 5e-4
 #: Commanded speed below which an arm is told to rest [rad/s].
 _REST = 1e-9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class HandProblem:
+    """Centroids of a ball at known places, and the pose that should explain them.
+
+    Attributes:
+        cameras: Cameras of the rig; their poses are in the rig's frame.
+        camera: Camera of each centroid, shape (n,).
+        p_world: Ball centre in the world [m], shape (n, 3).
+        uv: Centroid [px], shape (n, 2).
+        radius: Ball radius [m].
+        T_rig_world: p_rig = T_rig_world @ p_world [m], shape (4, 4).
+    """
+
+    cameras: tuple[Pinhole, ...]
+    camera: NDArray[np.int64]
+    p_world: Array
+    uv: Array
+    radius: float
+    T_rig_world: Array
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The six of a pose."""
+        return POSE
+
+    def _optical(self) -> tuple[Array, Array, Array]:
+        """Return points [m], (n, 3), rotations from the rig, (n, 3, 3), f, cu, cv [px], (n, 3)."""
+        R = np.array([c.rotation.T for c in self.cameras])[self.camera]
+        at = np.array([c.centre for c in self.cameras])[self.camera]
+        lens = np.array([(c.f_px, c.cu, c.cv) for c in self.cameras])[self.camera]
+        p = np.einsum("nij,nj->ni", R, applied(self.T_rig_world, self.p_world) - at)
+        return p, R, lens
+
+    def residuals(self) -> Array:
+        """Return seen minus predicted [px], shape (2 n,); the centroid as in ``triangulation``."""
+        p, _, lens = self._optical()
+        if np.any(p[:, 2] <= self.radius):
+            return np.full(2 * len(p), np.inf)
+        xy = p[:, :2] * p[:, 2:] / (p[:, 2:] ** 2 - self.radius**2)
+        return np.asarray((self.uv - lens[:, :1] * xy - lens[:, 1:]).ravel())
+
+    def jacobian(self) -> Array:
+        """Return the derivative of the centroids with respect to a step, shape (2 n, 6)."""
+        p, R, lens = self._optical()
+        z, gap = p[:, 2], p[:, 2] ** 2 - self.radius**2
+        by_p = np.zeros((len(p), 2, 3))
+        by_p[:, 0, 0] = by_p[:, 1, 1] = z / gap
+        by_p[:, :, 2] = -p[:, :2] * ((z * z + self.radius**2) / gap**2)[:, None]
+        by_step = by_pose(self.p_world @ self.T_rig_world[:3, :3].T)
+        return np.asarray((lens[:, :1, None] * (by_p @ R @ by_step)).reshape(-1, 6))
+
+    def moved(self, step: Array) -> "HandProblem":
+        """Return the problem with the pose moved by a step."""
+        return replace(self, T_rig_world=turned(self.T_rig_world, step))
+
+
+def first_pose(seen: Array, p_world: Array) -> Array:
+    """Return a first T_rig_world, shape (4, 4), that a few wrong points do not spoil.
+
+    Args:
+        seen: Triangulated points in the rig's frame [m], shape (k, 3).
+        p_world: The same in the world [m], shape (k, 3).
+
+    Raises:
+        InputError: The points are too few, or lie on one line.
+    """
+    if len(seen) < _FEWEST_PLACES:
+        wanted = f"{_FEWEST_PLACES} places or more that two cameras saw"
+        raise InputError("ball in the hand", wanted, len(seen))
+    spread = np.linalg.svd(p_world - p_world.mean(axis=0), compute_uv=False)
+    if spread[1] < 0.02 * np.sqrt(len(seen)):
+        raise InputError("ball in the hand", "places that do not lie on one line, 0.1 m apart",
+                         f"{1e3 * spread[1] / np.sqrt(len(seen)):.0f} mm across it")  # fmt: skip
+    weights = np.ones(len(seen))
+    for _ in range(20):
+        T = laid(p_world, seen, weights)
+        error = np.linalg.norm(applied(T, p_world) - seen, axis=1)
+        weights = 1.0 / np.maximum(error, max(0.2 * float(np.median(error)), 1e-9))
+    return T
+
+
+def placed(cameras: tuple[Pinhole, ...], T_rig_world: Array) -> tuple[Pinhole, ...]:
+    """Return the cameras with their poses in the world."""
+    T_world_rig = inverse(T_rig_world)
+    return tuple(replace(c, T_world_cam=T_world_rig @ c.T_world_cam) for c in cameras)
 
 
 def centroid_columns(rig: CalibratedRig) -> tuple[str, ...]:
@@ -116,6 +213,109 @@ def calibrate_hand(
     }  # fmt: skip
     moved = rig.seen_from(inverse(solved.problem.T_rig_world), "robot")
     return moved, solved, Stage("hand", solved.status, numbers, tuple(warnings))
+
+
+def read_places(path: Path, arm: Arm, others: Sequence[str]) -> tuple[Array, Array]:
+    """Return places of the catch point [m], shape (n, 3), and the other columns of a table.
+
+    The places stand in ``x_m,y_m,z_m``, or follow from joint angles in a column for each active
+    joint of the arm, ``q1_rad,q2_rad,...`` in its order.
+    """
+    joints = tuple(f"q{k + 1}_rad" for k in range(arm.n))
+    by_angles = "q1_rad" in header_of(path)
+    names = joints if by_angles else POINT
+    table = read_columns(path, (*names, *others))
+    places, rest = table[:, : len(names)], table[:, len(names) :]
+    if by_angles:
+        places = np.array([arm.position(q) for q in places])
+    return places, rest
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ClockProblem:
+    """Two records of one motion, and the offset that should lay them on each other.
+
+    Attributes:
+        t_seen: Times of the sightings, cameras' clock [s], shape (n,).
+        seen: Ball [m], shape (n, 3).
+        t_arm: Times of the hand, arm's clock, rising [s], shape (m,).
+        hand: Catch point [m], shape (m, 3).
+        offset: Arm's clock minus cameras' clock [s].
+        gap: Ball minus catch point [m], shape (3,).
+    """
+
+    t_seen: Array
+    seen: Array
+    t_arm: Array
+    hand: Array
+    offset: float = 0.0
+    gap: Array
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The offset and the gap."""
+        return ("offset", "gap_x", "gap_y", "gap_z")
+
+    def residuals(self) -> Array:
+        """Return seen minus predicted [m], shape (3 n,)."""
+        return np.asarray((self.seen - self._at(self.hand) - self.gap).ravel())
+
+    def jacobian(self) -> Array:
+        """Return the derivative of the predicted positions, shape (3 n, 4)."""
+        J = np.zeros((len(self.t_seen), 3, 4))
+        J[:, :, 0] = self._at(np.gradient(self.hand, self.t_arm, axis=0))
+        J[:, :, 1:] = np.eye(3)
+        return J.reshape(-1, 4)
+
+    def moved(self, step: Array) -> "ClockProblem":
+        """Return the problem with offset and gap moved by a step."""
+        return replace(self, offset=self.offset + float(step[0]), gap=self.gap + step[1:])
+
+    def _at(self, values: Array) -> Array:
+        """Return what the arm's log says at the sightings, shape (n, 3)."""
+        t = self.t_seen + self.offset
+        return np.column_stack([np.interp(t, self.t_arm, v) for v in values.T])
+
+
+def clock_problem(
+    *, t_seen: Array, seen: Array, t_arm: Array, hand: Array, search: float
+) -> ClockProblem:
+    """Return the problem at the best of many offsets, with the sightings inside the arm's log.
+
+    Args:
+        t_seen: Times of the sightings, cameras' clock [s], shape (n,).
+        seen: Ball [m], shape (n, 3).
+        t_arm: Times of the hand, arm's clock, rising [s], shape (m,).
+        hand: Catch point [m], shape (m, 3).
+        search: Largest offset looked for, either way [s].
+
+    Raises:
+        InputError: At no offset do the records overlap by 20 sightings.
+    """
+    if len(t_arm) < _FEWEST_SIGHTINGS:
+        raise InputError("arm log", f"{_FEWEST_SIGHTINGS} rows or more", len(t_arm))
+    best: tuple[float, ClockProblem] | None = None
+    for offset in np.arange(-search, search + _SEARCH, _SEARCH):
+        t = t_seen + offset
+        inside = (t > t_arm[0] + _SEARCH) & (t < t_arm[-1] - _SEARCH)
+        if inside.sum() < max(min(_FEWEST_SIGHTINGS, len(t_seen)), 0.5 * len(t_seen)):
+            continue
+        trial = ClockProblem(
+            t_seen=t_seen[inside], seen=seen[inside], t_arm=t_arm, hand=hand,
+            offset=float(offset), gap=np.zeros(3),
+        )  # fmt: skip
+        r = trial.residuals().reshape(-1, 3)
+        gap = np.median(r, axis=0)
+        cost = float(np.mean(np.abs(r - gap)))
+        if best is None or cost < best[0]:
+            best = (cost, replace(trial, gap=gap))
+    if best is None or len(t_seen) < _FEWEST_SIGHTINGS:
+        raise InputError(
+            "clock offset",
+            f"{_FEWEST_SIGHTINGS} sightings that overlap the arm's log within +-{search:g} s",
+            f"{len(t_seen)} sightings", do="compare the times in both files or widen --search",
+        )  # fmt: skip
+    return best[1]
 
 
 def calibrate_clock(

@@ -1,9 +1,12 @@
 """Nonlinear least squares: Levenberg-Marquardt with Huber's weights and a true covariance.
 
+Each stage of a calibration is such a problem; it hands on numbers and warnings (``Stage``).
+
 D. W. Marquardt, J. SIAM 11 (1963) 431-441; P. J. Huber, Ann. Math. Stat. 35 (1964) 73-101. The
 columns of the Jacobian are scaled to length one, so that metres, radians and pixels compare.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Generic, Protocol, Self, TypeVar
 
@@ -12,6 +15,8 @@ import numpy as np
 from mitt.errors import InputError
 from mitt.signals import Array
 
+POSE = ("turn_x", "turn_y", "turn_z", "x", "y", "z")
+"""Names of the six numbers of a pose's step, w [rad] and v [m], as of ``camera.turned``."""
 #: Share of the largest eigenvalue of the scaled normal equations below which nothing is known.
 _BLIND = 1e-13
 #: Part that a parameter has in an undetermined direction before it is named.
@@ -151,3 +156,36 @@ def _concluded(problem: P, r: Array, w: Array, status: str) -> Fit[P]:
         status=status,
         outliers=float(np.mean(w < 1.0)),
     )
+
+
+def weak(fit: Fit[P], limits: Mapping[str, tuple[float, str]]) -> tuple[str, ...]:
+    """Return a warning for each parameter that the measurements leave open.
+
+    ``limits`` are, by its name, its largest standard deviation and the measurements that would
+    bring it down.
+    """
+    said = []
+    for name, (limit, advice) in limits.items():
+        sigma = fit.sigma_of(name)
+        if name in fit.undetermined:
+            said.append(f"{name} is not determined: {advice}")
+        elif not sigma <= limit:
+            said.append(f"{name} is uncertain by {sigma:.2g} (wanted {limit:.2g}): {advice}")
+    return tuple(said)
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """One stage of a calibration.
+
+    Attributes:
+        name: Its name: boards, heads, hand or clock.
+        status: Of its fit, converged or stopped.
+        numbers: What it found, by name with unit.
+        warnings: What the measurements do not determine, and what would.
+    """
+
+    name: str
+    status: str
+    numbers: Mapping[str, float]
+    warnings: tuple[str, ...]

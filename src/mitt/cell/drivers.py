@@ -188,8 +188,8 @@ def connect(prepared: PreparedCell) -> Connection:
 def check_driver(cell: Cell, arm: Arm) -> list[str]:
     """Return what the robot's controllers have to be, a line each; joins no network."""
     if cell.robot.driver == "ros2":
-        from mitt.cell.orders import Orders  # noqa: PLC0415
         from mitt.cell.ros2 import options_of  # noqa: PLC0415 (needs the extra ros2)
+        from mitt.cell.ros2_messages import Orders  # noqa: PLC0415
 
         return Orders(cell, arm, options_of(cell)).wanted()
     if cell.robot.driver != "sim":

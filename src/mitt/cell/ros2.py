@@ -8,7 +8,7 @@ Options of ``[robot.options]``, all topics with their leading /:
 |--------------|----------------------------------------------------------------------------------|
 | state        | JointState with the encoders, best effort                                        |
 | command      | JointTrajectory; one that ends in ``/commands`` is a Float64MultiArray instead   |
-| controller   | joints of that controller in its order, with commas; see :mod:`mitt.cell.orders` |
+| controller   | joints of that controller in its order, with commas; see ``Orders`` |
 | hand         | name of the hand's joint; "" where it is not commanded                           |
 | hand_command | topic for its angle, as of ``command``, with this one joint                      |
 | brake        | Bool: true engages the brakes, false releases them and acknowledges a stop       |
@@ -30,8 +30,8 @@ from mitt.arm.description import roll_pitch_yaw
 from mitt.cell import dds
 from mitt.cell import ros2_messages as messages
 from mitt.cell.frames import FrameWriter
-from mitt.cell.orders import Orders, joints_of
 from mitt.cell.robot import ReceivedCommand
+from mitt.cell.ros2_messages import Orders, joints_of
 from mitt.clock import monotonic
 from mitt.errors import InputError, MittError
 from mitt.files.cell import Cell

@@ -1,4 +1,4 @@
-"""The ROS 2 messages that a cell speaks, to and from CDR bytes, with the fields of ROS 2.
+"""The ROS 2 messages that a cell speaks, to and from CDR bytes, and commands as such messages.
 
 | message                             | for                                    |
 |-------------------------------------|----------------------------------------|
@@ -11,148 +11,32 @@
 | ``diagnostic_msgs/DiagnosticArray`` | state of the robot                     |
 | ``std_msgs/String``                 | what a simulated cell says of a throw  |
 
-Plain CDR (OMG CDR version 1) is read and written here field by field: in half the time that
-Cyclone's own Python classes take, with a bound on every length, and a diagnostic message as slowly
-as a live loop likes.
+A diagnostic message, in which others write what they like, is read as slowly as a live loop likes.
 """
 
-import struct
 from collections.abc import Iterator
-from typing import NamedTuple, final
+from math import nan
+from typing import Any, NamedTuple, final
 
 import numpy as np
 
-from mitt.errors import InputError
-from mitt.signals import Array
+from mitt.arm.arm import Arm
+from mitt.cell.robot import ReceivedCommand
+from mitt.control.setpoints import ROWS
+from mitt.errors import InputError, MittError
+from mitt.files.cdr import Reader, Writer
+from mitt.files.cell import Cell
+from mitt.signals import Array, Command
 
-#: Encapsulation of plain CDR, little endian.
-_HEAD = b"\x00\x01\x00\x00"
-#: Longest string or sequence that is read.
-_MOST = 4096
+#: Rows of a trajectory's point by what the drives take: what is not needed is left out, since a
+#: controller refuses rows that it has no use for.
+_TOLD = {"position": 1, "velocity": 2, "torque": 4}
+#: What ros2_control calls them.
+_INTERFACES = {"position": "position", "velocity": "velocity", "torque": "effort"}
+#: Writes after which the hand's angle is sent again, though it is the same.
+_AGAIN = 20
 #: Time that a trajectory's point is given to be reached [ns]: two updates at 500 Hz.
 _REACH_NS = 4_000_000
-
-
-@final
-class Writer:
-    """Builds a message; aligned as CDR wants it, little endian."""
-
-    def __init__(self) -> None:
-        """Begin a message."""
-        self._out = bytearray(_HEAD)
-
-    def _align(self, side: int) -> None:
-        """Fill up to a multiple of ``side`` bytes after the encapsulation."""
-        self._out += bytes((4 - len(self._out)) % side)
-
-    def uint32(self, x: int) -> "Writer":
-        """Append an integer of 32 bits."""
-        self._align(4)
-        self._out += struct.pack("<I", x & 0xFFFFFFFF)
-        return self
-
-    def byte(self, x: int) -> "Writer":
-        """Append a byte."""
-        self._out.append(x)
-        return self
-
-    def string(self, x: str) -> "Writer":
-        """Append a string."""
-        raw = x.encode() + b"\0"
-        self.uint32(len(raw))
-        self._out += raw
-        return self
-
-    def strings(self, xs: tuple[str, ...]) -> "Writer":
-        """Append a sequence of strings."""
-        self.uint32(len(xs))
-        for x in xs:
-            self.string(x)
-        return self
-
-    def doubles(self, x: Array) -> "Writer":
-        """Append numbers without their count."""
-        self._align(8)
-        self._out += x.astype("<f8", copy=False).tobytes()
-        return self
-
-    def sequence(self, x: Array) -> "Writer":
-        """Append a sequence of numbers."""
-        self.uint32(len(x))
-        return self.doubles(x) if len(x) else self
-
-    def header(self, t: float, frame: str) -> "Writer":
-        """Append a std_msgs/Header: time [s] and frame."""
-        seconds = int(t // 1.0)
-        self.uint32(seconds).uint32(min(round(1e9 * (t - seconds)), 999_999_999))
-        return self.string(frame)
-
-    def done(self) -> bytes:
-        """Return the message, its length a multiple of four."""
-        self._align(4)
-        return bytes(self._out)
-
-
-@final
-class Reader:
-    """Reads a message in its order; what is cut short or too long raises an InputError."""
-
-    def __init__(self, raw: bytes) -> None:
-        """Take a message of plain CDR."""
-        if len(raw) < 4 or raw[0] != 0 or raw[1] not in (0, 1):
-            raise InputError("a message", "plain CDR", raw[:4].hex())
-        self._raw, self._at, self._order = raw, 4, "<" if raw[1] else ">"
-
-    def _take(self, side: int, count: int) -> int:
-        """Return where the next ``count`` values of ``side`` bytes begin, and pass them."""
-        at = self._at + (4 - self._at) % side
-        self._at = at + side * count
-        if self._at > len(self._raw) or count > _MOST:
-            raise InputError("a message", f"{self._at} bytes or more", len(self._raw))
-        return at
-
-    def uint32(self) -> int:
-        """Return an unsigned integer of 32 bits."""
-        at = self._take(4, 1)
-        return int(struct.unpack_from(f"{self._order}I", self._raw, at)[0])
-
-    def byte(self) -> int:
-        """Return a byte."""
-        return self._raw[self._take(1, 1)]
-
-    def string(self) -> str:
-        """Return a string."""
-        count = self.uint32()
-        at = self._take(1, count)
-        return self._raw[at : at + max(count - 1, 0)].decode("utf-8", "replace")
-
-    def count(self) -> int:
-        """Return the length of a sequence."""
-        count = self.uint32()
-        if count > _MOST:
-            raise InputError("a message", f"sequences of up to {_MOST}", count)
-        return count
-
-    def strings(self) -> tuple[str, ...]:
-        """Return a sequence of strings."""
-        return tuple(self.string() for _ in range(self.count()))
-
-    def doubles(self, count: int) -> Array:
-        """Return so many numbers."""
-        if count == 0:
-            return np.zeros(0)
-        at = self._take(8, count)
-        return np.frombuffer(self._raw, f"{self._order}f8", count, at).astype(np.float64)
-
-    def sequence(self) -> Array:
-        """Return a sequence of numbers."""
-        return self.doubles(self.count())
-
-    def header(self) -> tuple[float, str]:
-        """Return time [s] and frame of a std_msgs/Header."""
-        at = self._take(4, 2)
-        seconds, nanoseconds = struct.unpack_from(f"{self._order}iI", self._raw, at)
-        return seconds + 1e-9 * nanoseconds, self.string()
 
 
 @final
@@ -303,3 +187,130 @@ def search_diagnostics(raw: bytes, name: str) -> Iterator[tuple[int, str] | None
             r.string()
             r.string()
             yield None
+
+
+def joints_of(cell: Cell, arm: Arm) -> tuple[str, ...]:
+    """Return the names at the robot of all joints of the arm, held ones too, in its order."""
+    active = iter(cell.robot.joints or arm.names)
+    return tuple(next(active) if x.held is None else x.name for x in arm.model.links)
+
+
+def _controlled(cell: Cell, arm: Arm, said: str) -> tuple[str, ...]:
+    """Return the joints of the controller, in its order.
+
+    Those that are named, or else all of the arm; without those that it holds where it takes
+    torques, since nobody says what holds them.
+    """
+    known, takes = joints_of(cell, arm), cell.robot.takes
+    held = {x.name for x in arm.model.links if x.held is not None}
+    able = tuple(x for x in known if takes != "torque" or x not in held)
+    named = tuple(x.strip() for x in said.split(",") if x.strip()) or able
+    missing = [x for x in able if x not in held and x not in named]
+    if missing or set(named) - set(able) or len(set(named)) != len(named):
+        do = "name the joints of the controller in its order; it moves no others"
+        raise InputError("robot.options.controller", f"each once of {', '.join(able)}",
+                         ", ".join(named)[:200], do=do)  # fmt: skip
+    return named
+
+
+@final
+class Orders:
+    """Commands of a cell as messages, as controllers of ros2_control take them.
+
+    A topic that ends in ``/commands`` is that of a ``forward_command_controller``: an array, one
+    number for each joint of the controller, in its order. Any other is that of a
+    ``joint_trajectory_controller``: one point, to be reached from now on. Joints of the controller
+    that the arm holds are told to stay where they are held. The hand has a message of its own.
+
+    Attributes:
+        names: Joints of the controller, in its order.
+        plain: Whether it takes arrays.
+        plain_hand: Whether the hand's does.
+        held: Angles of those that the arm holds [rad], by name.
+        hand: Name of the hand's joint; nothing where the hand is not commanded.
+    """
+
+    def __init__(self, cell: Cell, arm: Arm, of: dict[str, Any]) -> None:
+        """Take the cell, its arm, and the options of its driver."""
+        self.names, self._takes = _controlled(cell, arm, of["controller"]), cell.robot.takes
+        self.plain, self.hand = of["command"].endswith("/commands"), of["hand"]
+        self.plain_hand = of["hand_command"].endswith("/commands")
+        active = cell.robot.joints or arm.names
+        self._place = np.array([self.names.index(x) for x in active])
+        angles = dict(zip(joints_of(cell, arm), (x.held for x in arm.model.links), strict=True))
+        self.held = {x: float(a) for x, a in angles.items() if a is not None and x in self.names}
+        self._rows = np.zeros((4, len(self.names)))
+        self._rows[0] = [self.held.get(x, 0.0) for x in self.names]
+        self._row, self._n, self._of = ROWS[self._takes], arm.n, of
+        self._sent, self._since = nan, 0
+
+    def of_joints(self, command: Command, answers: float) -> bytes:
+        """Return the message for the joints' controller; ``answers`` is the reading's stamp [s]."""
+        self._rows[:, self._place] = command.joints
+        if self.plain:
+            return array(self._rows[self._row])
+        return trajectory(answers, self.names, self._rows[: _TOLD[self._takes]])
+
+    def of_hand(self, command: Command, answers: float) -> bytes | None:
+        """Return the message for the hand's controller; None where it knows the angle already."""
+        self._since += 1
+        if not self.hand or (command.hand == self._sent and self._since < _AGAIN):
+            return None
+        self._sent, self._since = command.hand, 0
+        angle = np.array([command.hand])
+        if self.plain_hand:
+            return array(angle)
+        return trajectory(answers, (self.hand,), angle[None])
+
+    def read(self, raw: bytes, hand: float) -> ReceivedCommand | None:
+        """Return a command for the joints; None where its controller would refuse it.
+
+        ``hand`` is the angle that the hand was told [rad].
+        """
+        answers, told = nan, np.full((4, self._n), nan)
+        try:
+            if self.plain:
+                values = read_array(raw)
+                if len(values) != len(self.names):
+                    return None
+                told[self._row] = values[self._place]
+            else:
+                answers, names, rows = read_trajectory(raw)
+                if sorted(names) != sorted(self.names):
+                    return None
+                told[:] = rows[:, [names.index(self.names[k]) for k in self._place]]
+        except MittError:
+            return None
+        return (
+            ReceivedCommand(answers, told, hand) if np.all(np.isfinite(told[self._row])) else None
+        )
+
+    def read_hand(self, raw: bytes) -> float:
+        """Return the angle that the hand is told [rad]; NaN where the message says none."""
+        try:
+            row = (read_array(raw) if self.plain_hand
+                   else read_trajectory(raw)[2][0])  # fmt: skip
+        except MittError:
+            return nan
+        return float(row[0]) if len(row) == 1 else nan
+
+    def wanted(self) -> list[str]:
+        """Return what the controllers have to be, a line each."""
+        kind, topic = _INTERFACES[self._takes], self._of["command"]
+        joints = f"joints [{', '.join(self.names)}]"
+        if self.plain:
+            said = f"forward_command_controller with {joints} in this order, interface_name {kind}"
+        else:
+            said = f"joint_trajectory_controller with {joints}, command_interfaces [{kind}]"
+        if not self.plain and self._takes == "velocity":
+            said += ", allow_nonzero_velocity_at_trajectory_end true"
+        lines = [f"{topic}: wants a {said}"]
+        if not self.plain and self._takes == "torque":
+            lines.append(f"{topic}: most joint_trajectory_controllers refuse efforts; mitt sim"
+                         " takes them; else end the topic in /commands")  # fmt: skip
+        elif not self.plain:
+            lines.append(f"{topic}: such a controller begins each command anew from where the arm"
+                         " is; a topic that ends in /commands follows more closely")  # fmt: skip
+        if self.hand:
+            lines.append(f"{self._of['hand_command']}: wants a controller of the joint {self.hand}")
+        return lines

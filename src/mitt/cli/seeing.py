@@ -13,12 +13,10 @@ from mitt.arm.arm import Arm
 from mitt.ball.filter import MAX_HORIZON
 from mitt.cameras.board_calibration import (
     CELLS,
-    FACE_UP,
+    BoardProblem,
     BoardViews,
     calibrate_boards,
-    calibrate_head,
     look_for_board,
-    read_head_views,
 )
 from mitt.cameras.cameras import check_cameras, check_library, open_cameras
 from mitt.cameras.charuco import Board, BoardSpec
@@ -36,9 +34,10 @@ from mitt.cameras.hand_calibration import (
     calibrate_hand,
     centroid_columns,
     centroids_in,
+    read_places,
 )
-from mitt.cameras.least_squares import Fit
-from mitt.cameras.stages import Stage, header_of, read_places
+from mitt.cameras.head_calibration import FACE_UP, calibrate_head, read_head_views
+from mitt.cameras.least_squares import Fit, Stage
 from mitt.cameras.two_cameras import WATCHED, Seen, complaints, rate_of, status_of
 from mitt.cameras.two_cameras import see as follow
 from mitt.cameras.video_writer import SUFFIXES, VideoWriter
@@ -54,8 +53,8 @@ from mitt.cli.screen import (
 )
 from mitt.errors import FileError, InputError
 from mitt.eyes.camera import inverse
-from mitt.eyes.rig_calibration import BoardProblem
 from mitt.files.arm_file import load_arm
+from mitt.files.csv_table import header_of
 from mitt.files.rig import CalibratedRig, read_rig, write_rig
 from mitt.interrupts import notice
 from mitt.world.fall import WANTED, doubt_of

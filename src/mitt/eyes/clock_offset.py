@@ -13,7 +13,7 @@ seen at t is where the hand was at t + d. There are two such records:
   catches say.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import final
 
 import numpy as np
@@ -23,7 +23,6 @@ from mitt.arm.basket import Basket
 from mitt.arm.dynamics import solve_positive
 from mitt.arm.kinematics import packed_chain, tip_motion
 from mitt.ball.motion_models import LOOSE
-from mitt.errors import InputError
 from mitt.fields import brief
 from mitt.kernels import kernel
 from mitt.signals import TICK, Array
@@ -61,93 +60,6 @@ _OTHER, _OTHER_LEAST = 4.0, 1e-3
 """Sigmas, and least difference [s], from which an offset is another one: a clock was set, or the
 catch was none. The next catch says which."""
 _UNSEEN = "the ball was hardly seen in the braking hand"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ClockProblem:
-    """Two records of one motion, and the offset that should lay them on each other.
-
-    Attributes:
-        t_seen: Times of the sightings, cameras' clock [s], shape (n,).
-        seen: Ball [m], shape (n, 3).
-        t_arm: Times of the hand, arm's clock, rising [s], shape (m,).
-        hand: Catch point [m], shape (m, 3).
-        offset: Arm's clock minus cameras' clock [s].
-        gap: Ball minus catch point [m], shape (3,).
-    """
-
-    t_seen: Array
-    seen: Array
-    t_arm: Array
-    hand: Array
-    offset: float = 0.0
-    gap: Array
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The offset and the gap."""
-        return ("offset", "gap_x", "gap_y", "gap_z")
-
-    def residuals(self) -> Array:
-        """Return seen minus predicted [m], shape (3 n,)."""
-        return np.asarray((self.seen - self._at(self.hand) - self.gap).ravel())
-
-    def jacobian(self) -> Array:
-        """Return the derivative of the predicted positions, shape (3 n, 4)."""
-        J = np.zeros((len(self.t_seen), 3, 4))
-        J[:, :, 0] = self._at(np.gradient(self.hand, self.t_arm, axis=0))
-        J[:, :, 1:] = np.eye(3)
-        return J.reshape(-1, 4)
-
-    def moved(self, step: Array) -> "ClockProblem":
-        """Return the problem with offset and gap moved by a step."""
-        return replace(self, offset=self.offset + float(step[0]), gap=self.gap + step[1:])
-
-    def _at(self, values: Array) -> Array:
-        """Return what the arm's log says at the sightings, shape (n, 3)."""
-        t = self.t_seen + self.offset
-        return np.column_stack([np.interp(t, self.t_arm, v) for v in values.T])
-
-
-def clock_problem(
-    *, t_seen: Array, seen: Array, t_arm: Array, hand: Array, search: float
-) -> ClockProblem:
-    """Return the problem at the best of many offsets, with the sightings inside the arm's log.
-
-    Args:
-        t_seen: Times of the sightings, cameras' clock [s], shape (n,).
-        seen: Ball [m], shape (n, 3).
-        t_arm: Times of the hand, arm's clock, rising [s], shape (m,).
-        hand: Catch point [m], shape (m, 3).
-        search: Largest offset looked for, either way [s].
-
-    Raises:
-        InputError: At no offset do the records overlap by ``FEWEST`` sightings.
-    """
-    if len(t_arm) < FEWEST:
-        raise InputError("arm log", f"{FEWEST} rows or more", len(t_arm))
-    best: tuple[float, ClockProblem] | None = None
-    for offset in np.arange(-search, search + _SEARCH, _SEARCH):
-        t = t_seen + offset
-        inside = (t > t_arm[0] + _SEARCH) & (t < t_arm[-1] - _SEARCH)
-        if inside.sum() < max(min(FEWEST, len(t_seen)), 0.5 * len(t_seen)):
-            continue
-        trial = ClockProblem(
-            t_seen=t_seen[inside], seen=seen[inside], t_arm=t_arm, hand=hand,
-            offset=float(offset), gap=np.zeros(3),
-        )  # fmt: skip
-        r = trial.residuals().reshape(-1, 3)
-        gap = np.median(r, axis=0)
-        cost = float(np.mean(np.abs(r - gap)))
-        if best is None or cost < best[0]:
-            best = (cost, replace(trial, gap=gap))
-    if best is None or len(t_seen) < FEWEST:
-        raise InputError(
-            "clock offset",
-            f"{FEWEST} sightings that overlap the arm's log within +-{search:g} s",
-            f"{len(t_seen)} sightings", do="compare the times in both files or widen --search",
-        )  # fmt: skip
-    return best[1]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

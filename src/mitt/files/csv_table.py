@@ -6,14 +6,20 @@ import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from mitt.errors import FileError
 from mitt.reading import read_bytes
+from mitt.signals import Array
 
 MAX_ROWS = 100_000
 """Most rows that are read where nothing else is said."""
 
 MAX_BYTES = 10_000_000
 """Largest table that is read, for so many rows [bytes]."""
+
+_LIMITS = {"m": 100.0, "rad": 100.0, "px": 1e5, "s": 2e9}
+"""Largest coordinate, angle, image point and time that is read, by the unit of its column."""
 
 
 def read_rows(
@@ -72,3 +78,35 @@ def number(path: Path, line: int, column: str, text: str, *, limit: float) -> fl
         do = "" if math.isnan(value) else "is it in another unit than the table's?"
         raise FileError(place, f"a number within +-{limit:g}", repr(text[:40]), do=do)
     return value
+
+
+def read_columns(path: Path, columns: Sequence[str]) -> Array:
+    """Return a table of numbers with exactly ``columns``, shape (n, columns)."""
+    limits = [_LIMITS[name.rsplit("_", 1)[1]] for name in columns]
+    rows = [
+        [number(path, line, name, cells[name], limit=limit)
+         for name, limit in zip(columns, limits, strict=True)]
+        for line, cells in read_rows(path, columns)
+    ]  # fmt: skip
+    if not rows:
+        raise FileError(str(path), "a table with rows", "none")
+    return np.array(rows, dtype=np.float64)
+
+
+def header_of(path: Path) -> tuple[str, ...]:
+    """Return the names in the first line of a table, of which 10 kB are read."""
+    content = read_bytes(path, max_bytes=MAX_BYTES, wanted="a readable CSV file")
+    try:
+        line = content[:10_000].split(b"\n")[0].decode("utf-8-sig")
+        return tuple(name.strip() for name in next(csv.reader([line]), []))
+    except (UnicodeDecodeError, csv.Error):
+        raise FileError(str(path), "UTF-8 text", "other bytes") from None
+
+
+def times_of(path: Path, table: Array) -> Array:
+    """Return the first column as times that rise [s], shape (n,)."""
+    t = table[:, 0]
+    if np.any(np.diff(t) <= 0.0):
+        line = int(np.argmax(np.diff(t) <= 0.0)) + 3
+        raise FileError(f"{path} line {line} column t_s", "times that rise", f"{t[line - 2]:g}")
+    return np.asarray(t)

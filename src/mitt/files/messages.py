@@ -1,26 +1,15 @@
-"""Messages of a recording as arrays: ROS 2 definitions, and where CDR puts each number.
-
-A message whose sequences have known lengths is as long each time. Then CDR (XCDR1, little endian)
-puts every number at the same place, and many messages are one structured array: a column is written
-at once, and a message is the bytes of a row. Numbers are aligned to their size, counted from behind
-the 4 bytes that say how they are encoded (OMG DDSI-RTPS 2.5, 10.2; OMG CORBA 3.3 part 2, 9.3).
-"""
+"""Messages of a recording: topics, ROS 2 definitions, and what each says, as rows of arrays."""
 
 from collections.abc import Iterable, Sequence
-from functools import lru_cache
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mitt.catcher.state import Result, fresh_result
+from mitt.files.cdr import Field, Rows, layout, text
 from mitt.signals import Array, Frame, Senses, Sighting
 
-Rows: TypeAlias = NDArray[np.void]
-"""Messages of one kind, one a row."""
-
-#: What stands before a message: plain CDR, little endian.
-CDR = b"\x00\x01\x00\x00"
 #: Topics, and the frame in which all points are given (REP 105 has no name for a shoulder frame).
 STATES, COMMANDS, BRAKES = "/joint_states", "/joint_commands", "/brakes"
 ESTIMATE, TRUTH, CATCH_POINT = "/ball/estimate", "/ball/truth", "/hand/catch_point"
@@ -40,15 +29,10 @@ _LAST = 2**31 * 1_000_000_000 - 1
 Said: TypeAlias = tuple[str, str, bytes, int | None]
 """A message: topic, type, content, time [ns]; that of its tick where None."""
 
-_KINDS = {"bool": "?", "uint8": "u1", "int32": "<i4", "uint32": "<u4", "int64": "<i8",
-          "float64": "<f8"}  # fmt: skip
 _BREAK = "=" * 80 + "\n"
 _TIME = "int32 sec\nuint32 nanosec\n"
 _HEADER = "builtin_interfaces/Time stamp\nstring frame_id\n"
 _STAMP = ("sec", "int32", None), ("nanosec", "uint32", None)
-
-Field: TypeAlias = tuple[str, str, Any]
-"""Name, type of ROS 2, and the length of a sequence or the text of a string; None elsewhere."""
 
 
 def _definition(own: str, **parts: str) -> str:
@@ -112,54 +96,6 @@ SCHEMAS = {
 }
 
 
-def layout(fields: Sequence[Field]) -> Rows:
-    """Return a message with these fields, all numbers zero, as an array of one row.
-
-    Strings and the lengths of sequences are filled in, and are not to be written to.
-    """
-    return _laid_out(tuple(fields)).copy()
-
-
-@lru_cache(maxsize=256)
-def _laid_out(fields: tuple[Field, ...]) -> Rows:
-    """Return what :func:`layout` returns a copy of."""
-    names, kinds, offsets, fixed = ["_cdr"], ["V4"], [0], {"_cdr": CDR}
-    at = 0
-
-    def put(name: str, kind: str, count: int | None, align: int) -> None:
-        nonlocal at
-        at += -at % align
-        names.append(name)
-        kinds.append(kind if count is None else f"({count},){kind}")
-        offsets.append(4 + at)
-        at += np.dtype(kinds[-1]).itemsize
-
-    for name, kind, given in fields:
-        base, bracket, inside = kind.partition("[")
-        if base == "string":
-            at += -at % 4
-            texts = [given] if not bracket else list(given)
-            data = b"" if not bracket else len(texts).to_bytes(4, "little")
-            for text in texts:
-                code = text.encode() + b"\0"
-                data += b"\0" * (-(at + len(data)) % 4) + len(code).to_bytes(4, "little") + code
-            put(name, f"V{len(data)}", None, 1)
-            fixed[name] = data
-            continue
-        count = None if not bracket else given if inside == "]" else int(inside[:-1])
-        if inside == "]":
-            put(f"_{name}", "<u4", None, 4)
-            fixed[f"_{name}"] = int(given).to_bytes(4, "little")
-        number = np.dtype(_KINDS[base])
-        put(name, _KINDS[base], count, number.itemsize if count != 0 else 1)
-    dtype = np.dtype({"names": names, "formats": kinds, "offsets": offsets, "itemsize": 4 + at})
-    raw = np.zeros(dtype.itemsize, np.uint8)
-    for name, value in fixed.items():
-        start = offsets[names.index(name)]
-        raw[start : start + len(value)] = np.frombuffer(value, np.uint8)
-    return raw.view(dtype)
-
-
 def ticks(n: int, heads: int) -> Rows:
     """Return a ``mitt_msgs/msg/Tick`` of ``n`` joints and so many heads, 0 where cameras stand."""
     return layout(_tick(n, heads))
@@ -205,19 +141,6 @@ def frames() -> Rows:
 def flag() -> Rows:
     """Return a ``std_msgs/msg/Bool``."""
     return layout([("data", "bool", None)])
-
-
-def text(content: str) -> bytes:
-    """Return a ``std_msgs/msg/String``."""
-    return _laid_out((("data", "string", content),)).tobytes()
-
-
-def read_text(message: bytes) -> str:
-    """Return the text of a ``std_msgs/msg/String``; ValueError where it is none."""
-    size = int.from_bytes(message[4:8], "little")
-    if message[:4] != CDR or size < 1 or len(message) < 8 + size:
-        raise ValueError("no std_msgs/msg/String")
-    return message[8 : 7 + size].decode()
 
 
 def tick_rows(results: Result, senses: Sequence[Senses], heads: int) -> Rows:

@@ -45,9 +45,11 @@ from numpy.typing import NDArray
 from mitt.catcher.settings import PHASES
 from mitt.catcher.state import REASONS, STATES
 from mitt.errors import FileError, InputError, ShapeError
+from mitt.files import cdr
 from mitt.files import messages as of
 from mitt.files.about import About, about_of
-from mitt.files.messages import Rows, Said
+from mitt.files.cdr import Rows
+from mitt.files.messages import Said
 from mitt.files.writing import write_atomically
 from mitt.signals import Array, Frame, Sighting
 
@@ -181,7 +183,7 @@ class RecordingWriter:
         for topic, text in ((of.PHASE, phase), (of.STATE, f"{state}: {reason}")):
             if text != self._last[topic]:
                 self._last[topic] = text
-                self._add(topic, of.TEXT, of.text(text), self._ns, sequence)
+                self._add(topic, of.TEXT, cdr.text(text), self._ns, sequence)
 
     def _add(self, topic: str, kind: str, data: bytes, ns: int, sequence: int) -> None:
         """Add a message; its topic is made known by the first."""
@@ -270,7 +272,7 @@ def _others(recording: Recording) -> tuple[dict[int, list[Said]], list[Said]]:
     """Return what is said before each tick, and after the last."""
     ns, shapes = of.ns_of(recording.ticks["t"]), recording.heading.shapes
     before: dict[int, list[Said]] = {k: [] for k in range(len(ns))}
-    texts = [(x.topic, of.TEXT, of.text(x.text), int(of.ns_of(x.t))) for x in recording.notices]
+    texts = [(x.topic, of.TEXT, cdr.text(x.text), int(of.ns_of(x.t))) for x in recording.notices]
     for track in recording.tracks:
         rows = of.filled(of.point_stamped(), of.ns_of(track.t), r=track.r)
         times = of.ns_of(track.t).tolist()
@@ -520,12 +522,12 @@ class Recorded:
             self._frames.setdefault(number, []).append(self._frame(self._half, data))
             self._half = None
         elif topic == of.CALLS:
-            self.calls.setdefault(number, []).append(of.read_text(data))
+            self.calls.setdefault(number, []).append(cdr.read_text(data))
         elif topic in (of.TRUTH, of.CATCH_POINT):
             _whole(data, _PLACE)
             self._places.setdefault(topic, []).append((ns, data))
         elif topic in (of.EVENT, of.PHASE, of.STATE):
-            self.notices.append((1e-9 * ns, topic, of.read_text(data)))
+            self.notices.append((1e-9 * ns, topic, cdr.read_text(data)))
 
     def _frame(self, row: Rows, data: bytes) -> Frame:
         """Return a frame from what belongs to it and its image."""

@@ -10,9 +10,8 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from mitt.errors import FileError, MittError
-from mitt.eyes.camera import Rig
+from mitt.eyes.camera import Rig, applied, rotation
 from mitt.eyes.lens import Lens
-from mitt.eyes.rig_calibration import HeadAxes
 from mitt.files.schema import Part, parsed
 from mitt.files.writing import write_text
 from mitt.reading import read_toml
@@ -26,6 +25,49 @@ Time = Annotated[float, Field(ge=-1e10, le=1e10)]
 Three = tuple[Finite, Finite, Finite]
 Four = tuple[Finite, Finite, Finite, Finite]
 Place = Literal["camera", "board", "robot"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class HeadAxes:
+    """A camera on two axes.
+
+    Attributes:
+        T_world_cam: Pose at both encoders' zero [m], shape (4, 4).
+        pan_axis: Direction [1], shape (3,), in the world, of the axis that carries the other.
+        pan_point: A point on it [m], shape (3,).
+        tilt_axis: Direction [1], shape (3,), in the world at pan zero.
+        tilt_point: A point on it [m], shape (3,).
+    """
+
+    T_world_cam: Array
+    pan_axis: Array
+    pan_point: Array
+    tilt_axis: Array
+    tilt_point: Array
+
+    def pose(self, pan: float, tilt: float) -> Array:
+        """Return T_world_cam, shape (4, 4), at head angles [rad]."""
+        first = _about(self.pan_axis, self.pan_point, pan)
+        return np.asarray(first @ _about(self.tilt_axis, self.tilt_point, tilt) @ self.T_world_cam)
+
+    def seen_from(self, T: Array) -> "HeadAxes":
+        """Return the head in another world: p_new = T @ p_old, shape (4, 4)."""
+        R = T[:3, :3]
+        return HeadAxes(
+            T_world_cam=T @ self.T_world_cam,
+            pan_axis=R @ self.pan_axis,
+            pan_point=applied(T, self.pan_point[None])[0],
+            tilt_axis=R @ self.tilt_axis,
+            tilt_point=applied(T, self.tilt_point[None])[0],
+        )
+
+
+def _about(axis: Array, point: Array, angle: float) -> Array:
+    """Return the turn by an angle [rad] about a line, shape (4, 4)."""
+    T = np.eye(4)
+    T[:3, :3] = rotation(axis * angle)
+    T[:3, 3] = point - T[:3, :3] @ point
+    return T
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

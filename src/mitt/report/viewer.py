@@ -21,7 +21,8 @@ from mitt.catcher.state import REASONS, STATES
 from mitt.clock import monotonic, pause
 from mitt.errors import FileError, InputError, MittError
 from mitt.files.about import About
-from mitt.files.messages import CATCH_POINT, TRUTH, Rows
+from mitt.files.cdr import Rows
+from mitt.files.messages import CATCH_POINT, TRUTH
 from mitt.files.recordings import Recorded
 from mitt.report.replay_3d import NODE, furnish, served
 from mitt.signals import Array, BallState

@@ -1,6 +1,6 @@
 """How far a calibrated rig is from the true one: the errors that ``mitt calibrate`` leaves.
 
-The bundle adjustment of :mod:`mitt.eyes.rig_calibration` reaches the Cramer-Rao bound
+The bundle adjustment of :mod:`mitt.cameras.board_calibration` reaches the Cramer-Rao bound
 (``tests/cameras/test_boards.py``), so its errors are drawn from it and need no images.
 Corners of a board in so many views give lenses and the pose of each camera to the first one; a ball
 in the hand, in as many places, then gives the pose of the rig before the robot, with the errors of
