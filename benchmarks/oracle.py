@@ -13,18 +13,53 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
-from typing import Any
+from math import sqrt
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from mitt.trials.result import STATUSES
 from mitt.trials.score import Trial, reason_of
-from mitt.trials.statistics import Estimate, combined, share
+from mitt.trials.statistics import wilson
 
 #: The stream that a sample is drawn from.
 _STREAM = 7
 #: Distance of ball and catch point at first contact within which a contact is fair [mm].
 FAIR = 30.0
+
+
+class Estimate(NamedTuple):
+    """A rate and the ends of its 95 % interval."""
+
+    rate: float
+    low: float
+    high: float
+
+
+def share(successes: int, trials: int) -> Estimate:
+    """Return a success rate with its Wilson interval; 0 in (0, 1) without trials."""
+    return Estimate(successes / trials if trials else 0.0, *wilson(successes, trials))
+
+
+def combined(f: Callable[..., float], parts: Sequence[Estimate]) -> Estimate:
+    """Return a rate that follows from others, each from trials of its own.
+
+    The distances to the ends are those that each part alone would give, added as squares: G. Y.
+    Zou, A. Donner, Construction of confidence limits about effect measures, Stat. Med. 27 (2008)
+    1693-1702. Of one part alone that is its own interval.
+
+    Args:
+        f: The rate, as it follows from those of the parts; in each it only rises, or only falls.
+        parts: The others.
+    """
+    rates = [part.rate for part in parts]
+    rate = f(*rates)
+    away = [f(*rates[:k], end, *rates[k + 1 :]) - rate
+            for k, part in enumerate(parts) for end in (part.low, part.high)]  # fmt: skip
+    low = rate - sqrt(sum(d * d for d in away if d < 0.0))
+    high = rate + sqrt(sum(d * d for d in away if d > 0.0))
+    return Estimate(rate, max(low, 0.0), min(high, 1.0))
+
 
 Row = dict[str, Any]
 #: Throws one ball, by its index.

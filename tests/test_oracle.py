@@ -4,7 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from oracle import Row, counted, is_sampled, judged
+from hypothesis import given
+from hypothesis import strategies as st
+from oracle import Row, combined, counted, is_sampled, judged, share
 
 from mitt.trials.score import Trial
 
@@ -163,3 +165,12 @@ def test_none_asked_about_is_not_known_and_one_of_a_hundred_says_little() -> Non
     assert few["false_unreachable"]["high"] > 0.15
     assert (few["refused_and_asked"], none["refused_and_asked"]) == (3, 0)
     assert few["refused_and_caught_by_clairvoyant"] in range(4)
+
+
+@given(k=st.integers(0, 30), n=st.integers(0, 30))
+def test_one_part_alone_keeps_its_interval(k: int, n: int) -> None:
+    """What follows from one rate and is that rate has Wilson's interval."""
+    part = share(min(k, n), n)
+    assert combined(lambda rate: rate, [part]) == pytest.approx(part)
+    falls = combined(lambda rate: 1.0 - rate, [part])
+    assert falls == pytest.approx((1.0 - part.rate, 1.0 - part.high, 1.0 - part.low))

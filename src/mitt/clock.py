@@ -9,7 +9,7 @@ loop stays on a core of its own.
 import gc
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import final
 
@@ -100,6 +100,10 @@ class Stopwatch:
     def misses(self) -> int:
         """Return how many entries took longer than the deadline."""
         return int(np.sum(np.array(self._ns, dtype=np.float64) > 1e3 * self.deadline_us))
+
+
+Progress = Callable[[str, int, int], None]
+"""Is told what is being done, how much of it is done, and of how much."""
 
 
 @final

@@ -12,7 +12,7 @@ from mcap.data_stream import ReadDataStream, RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Chunk
 
-from mitt.files.about import digest_of
+from mitt.files.writing import json_digest
 
 MAGIC = b"\x89MCAP0\r\n"
 
@@ -91,4 +91,4 @@ def _signed(text: bytes) -> bytes:
         stated = {key: value for key, value in content.items() if key != "digest"}
     except (ValueError, AttributeError, RecursionError):
         return text
-    return json.dumps(stated | {"digest": digest_of(stated)}).encode()
+    return json.dumps(stated | {"digest": json_digest(stated)}).encode()

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.trials.statistics import combined, holm, mcnemar, share, wilson
+from mitt.trials.statistics import holm, mcnemar, wilson
 
 #: Agreement with values printed to four digits.
 PRINTED = 5e-5
@@ -84,12 +84,3 @@ def test_holm_lies_between_no_correction_and_bonferroni_and_keeps_the_order(p: l
 
 def test_holm_does_what_the_textbook_example_says() -> None:
     assert holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
-
-
-@given(k=st.integers(0, 30), n=st.integers(0, 30))
-def test_one_part_alone_keeps_its_interval(k: int, n: int) -> None:
-    """What follows from one rate and is that rate has Wilson's interval."""
-    part = share(min(k, n), n)
-    assert combined(lambda rate: rate, [part]) == pytest.approx(part)
-    falls = combined(lambda rate: 1.0 - rate, [part])
-    assert falls == pytest.approx((1.0 - part.rate, 1.0 - part.high, 1.0 - part.low))

@@ -30,7 +30,7 @@ from mitt.bench.problem import (
 from mitt.bench.problem import solve as solve_problem
 from mitt.catcher.generators import Direct
 from mitt.catcher.refine import refine
-from mitt.clock import Stopwatch, processor_time, settle
+from mitt.clock import Progress, Stopwatch, processor_time, settle
 from mitt.errors import InputError
 from mitt.eyes.camera import fixed_rig
 from mitt.map.mapping import DirectMap
@@ -52,7 +52,6 @@ _PROBE = 2000
 
 Time = dict[str, float]
 Result = dict[str, object]
-Progress = Callable[[str, int, int], None]
 Say = Callable[[str], None]
 Rivals = dict[str, tuple[by.Tick, int]]
 """A tick of each rival, and how often it is to be timed."""

@@ -5,7 +5,7 @@ counts, also where the others did not see the board. The rig's frame is the opti
 first camera.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from mitt.cameras.cameras import Camera
 from mitt.cameras.charuco import Board, Seen, Sight, between, plain, shown_instead
 from mitt.cameras.least_squares import POSE, Fit, Stage, fit, weak
+from mitt.clock import Progress
 from mitt.errors import InputError
 from mitt.eyes.camera import by_pose, inverse, turned
 from mitt.eyes.lens import NUMBERS, Lens, distort
@@ -180,7 +181,7 @@ class BoardViews:
 
 def look_for_board(
     board: Board, sources: Sequence[Camera], names: tuple[str, ...], *,
-    progress: Callable[[str, int, int], None],
+    progress: Progress,
 ) -> BoardViews:  # fmt: skip
     """Find the board in the k-th frames of all sources, k = 0, 1, ..."""
     kept: list[tuple[int, tuple[Sight, ...]]] = []

@@ -1,6 +1,6 @@
 """``mitt see``: two cameras to a track, with what went wrong on the way, and a picture of both."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from math import pi, sqrt
@@ -10,6 +10,7 @@ import numpy as np
 from mitt.ball.filter import TABLE_TENNIS_BALL, THROWN_BALL, BallFilter, FilterConfig
 from mitt.cameras.cameras import Camera, open_cameras, optional, share_zero
 from mitt.cameras.video_writer import VideoWriter
+from mitt.clock import Progress
 from mitt.errors import InputError
 from mitt.eyes.segmentation import Segmenter
 from mitt.eyes.triangulation import Triangulator, TriangulatorConfig
@@ -178,7 +179,7 @@ class Watcher:
 def see(
     left: str, right: str, rig: CalibratedRig, seen: Seen, writer: VideoWriter | None, *,
     ball: str, radius: float, max_skew: float, fps: float | None, frames: int | None,
-    progress: Callable[[str, int, int], None],
+    progress: Progress,
 ) -> None:  # fmt: skip
     """Follow the ball to the end of the frames; what is found stands in ``seen`` as it comes.
 

@@ -11,7 +11,6 @@ from mitt.arm.shapes import check_floor
 from mitt.cli.line import parse
 from mitt.cli.options import ArmOptions, CatchOptions, LearnOptions
 from mitt.cli.screen import (
-    Report,
     check_new_files,
     checked,
     print_json,
@@ -22,6 +21,7 @@ from mitt.cli.screen import (
     tell_of_kernels,
     warn,
 )
+from mitt.clock import Progress
 from mitt.errors import FileError, InputError
 from mitt.files.arm_file import ArmSpec
 from mitt.files.maps import read_map, save_map
@@ -180,7 +180,7 @@ def _default_folder(options: CatchOptions) -> Path:
     return folder if options.overwrite else new_folder(folder)
 
 
-def _run(prepared: Prepared, report: Report) -> FinishedRun:
+def _run(prepared: Prepared, report: Progress) -> FinishedRun:
     """Throw and write; an interrupt that comes while pages are drawn leaves the result."""
     from mitt.report.outputs import keeping, write_outputs  # noqa: PLC0415 (plots: when written)
 

@@ -2,7 +2,7 @@
 
 import json
 import sys
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import fields
 from multiprocessing import get_context
@@ -12,16 +12,15 @@ from typing import Any
 
 from rich.console import Console, JustifyMethod
 from rich.live import Live
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+from rich.progress import Progress as Bar
 from rich.table import Table
 from rich.text import Text
 
-from mitt.clock import Pace
+from mitt.clock import Pace, Progress
 from mitt.errors import InputError, printable
 from mitt.files.writing import check_folder, overlaps, wrote
 from mitt.interrupts import end_with_parent, tell
-
-Report = Callable[[str, int, int], None]
 
 #: Time over which the pace of a bar is taken [s].
 _PACE = 600.0
@@ -99,7 +98,7 @@ def tell_of_kernels() -> None:
 
 
 @contextmanager
-def progress() -> Iterator[Report]:
+def progress() -> Iterator[Progress]:
     """Show progress on stderr: a bar on a terminal, else a line now and then.
 
     What is named ``work: part`` is one work, of whichever part.
@@ -120,7 +119,7 @@ def progress() -> Iterator[Report]:
         TimeRemainingColumn(),
     )  # fmt: skip
     console = _console(stderr=True)
-    with Progress(*columns, console=console, transient=True, speed_estimate_period=_PACE) as bar:
+    with Bar(*columns, console=console, transient=True, speed_estimate_period=_PACE) as bar:
         tasks = {}
 
         def report(name: str, done: int, of: int) -> None:

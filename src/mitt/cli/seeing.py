@@ -43,7 +43,6 @@ from mitt.cameras.two_cameras import see as follow
 from mitt.cameras.video_writer import SUFFIXES, VideoWriter
 from mitt.cli.options import CalibrateOptions, SeeOptions, TrackOptions
 from mitt.cli.screen import (
-    Report,
     check_new_files,
     checked,
     print_json,
@@ -51,6 +50,7 @@ from mitt.cli.screen import (
     show,
     warn,
 )
+from mitt.clock import Progress
 from mitt.errors import FileError, InputError
 from mitt.eyes.camera import inverse
 from mitt.files.arm_file import load_arm
@@ -350,7 +350,7 @@ def _spec(options: CalibrateOptions) -> BoardSpec:
     )  # fmt: skip
 
 
-def _calibrate(job: Calibration, report: Report) -> CalibratedRig:
+def _calibrate(job: Calibration, report: Progress) -> CalibratedRig:
     """Run the stages, and return the rig."""
     o, board, arm = job.options, job.board, job.arm
     rig = job.rig
@@ -370,7 +370,7 @@ def _calibrate(job: Calibration, report: Report) -> CalibratedRig:
     return rig
 
 
-def _from_boards(job: Calibration, board: Board, report: Report) -> CalibratedRig:
+def _from_boards(job: Calibration, board: Board, report: Progress) -> CalibratedRig:
     """Return lenses and stereo pose from boards."""
     o = job.options
     given = [spec for spec in (o.left, o.right) if spec is not None]

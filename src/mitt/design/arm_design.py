@@ -23,11 +23,11 @@ import mitt
 from mitt.arm.arm import Arm
 from mitt.arm.basket import Basket
 from mitt.ball.flight import advance
-from mitt.clock import monotonic
+from mitt.clock import Progress, monotonic
 from mitt.design.candidate import Candidate
 from mitt.design.evaluation import ENOUGH, FORCE, START, Evaluation, Verdicts, learned, verdicts
 from mitt.design.search import RATE, Effort, SearchProgress, ranked, reported, search
-from mitt.design.search_jobs import Answers, Evaluator, Procedure, Progress
+from mitt.design.search_jobs import Answers, Evaluator, Procedure
 from mitt.design.task import (
     BOX,
     FAR,

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitt.arm.arm import Arm
+from mitt.clock import Progress
 from mitt.design.candidate import Candidate, mutated
 from mitt.design.evaluation import Evaluation, How
 from mitt.design.geometry import (
@@ -31,7 +32,7 @@ from mitt.design.geometry import (
     triples_of,
 )
 from mitt.design.poses import Touch
-from mitt.design.search_jobs import Evaluator, Procedure, Progress, digest, plain_task
+from mitt.design.search_jobs import Evaluator, Procedure, digest, plain_task
 from mitt.design.task import REPORTED, Task
 from mitt.errors import ModelError
 from mitt.files.schema import to_plain

@@ -11,7 +11,7 @@ import fcntl
 import hashlib
 import json
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 from typing import Any, final
@@ -20,6 +20,7 @@ import numpy as np
 
 import mitt
 from mitt.arm.arm import Arm
+from mitt.clock import Progress
 from mitt.design.candidate import Candidate
 from mitt.design.evaluation import Evaluation, How, able_to_hold, judged, learned, thrown
 from mitt.design.task import Task
@@ -225,8 +226,6 @@ class Answers:
 
 #: How often a candidate is evaluated by itself whose worker died.
 _ROUNDS = 2
-
-Progress = Callable[[str, int, int], None]
 
 
 def evaluated(job: Job) -> Evaluation:

@@ -1,6 +1,5 @@
 """What a recording is about: all that makes its catcher again, as text inside the file."""
 
-import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -19,6 +18,7 @@ from mitt.eyes.camera import Rig
 from mitt.eyes.eyes import EyesConfig
 from mitt.files.maps import map_content, map_of
 from mitt.files.schema import Part, from_plain, parsed, to_plain
+from mitt.files.writing import json_digest
 from mitt.map.learn import Learned
 from mitt.map.mapping import DirectMap
 from mitt.version import __version__
@@ -83,7 +83,7 @@ class About:
             "eyes": to_plain(self.eyes),
             "notes": dict(self.notes),
         }
-        return json.dumps(content | {"digest": digest_of(content)}, allow_nan=False)
+        return json.dumps(content | {"digest": json_digest(content)}, allow_nan=False)
 
 
 class _Arm(Part):
@@ -122,7 +122,7 @@ def about_of(text: str, *, place: str) -> About:
     except (ValueError, RecursionError) as error:
         raise FileError(place, f"JSON of schema {SCHEMA}", str(error)[:80], do=do) from None
     content = parsed(_About, raw, place=place, wanted=f"a recording of schema {SCHEMA}", do=do)
-    if digest_of({k: x for k, x in raw.items() if k != "digest"}) != content.digest:
+    if json_digest({k: x for k, x in raw.items() if k != "digest"}) != content.digest:
         raise FileError(place, "a recording that matches its digest", "one that was altered", do=do)
     try:
         arm = Arm(
@@ -144,12 +144,6 @@ def about_of(text: str, *, place: str) -> About:
         )
     except (MittError, ValueError, RecursionError, OverflowError) as error:
         raise FileError(place, "a catcher that can be made again", error) from None
-
-
-def digest_of(content: Mapping[str, object]) -> str:
-    """Return the SHA-256 of JSON content."""
-    canonical = json.dumps(content, sort_keys=True, separators=(",", ":"))
-    return hashlib.sha256(canonical.encode()).hexdigest()
 
 
 def _as_learned(f: DirectMap) -> Learned:

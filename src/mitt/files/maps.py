@@ -1,7 +1,5 @@
 """Learned maps on disk: JSON with a schema, a version, the arm's numbers and a checksum."""
 
-import hashlib
-import json
 import re
 from dataclasses import asdict
 from pathlib import Path
@@ -14,7 +12,7 @@ from mitt import checks
 from mitt.arm.arm import Arm, difference, identity_of
 from mitt.errors import FileError, InputError, MittError
 from mitt.files.schema import Finite, Part, parsed
-from mitt.files.writing import write_json
+from mitt.files.writing import json_digest, write_json
 from mitt.map.learn import Learned, Step
 from mitt.map.map_design import MapDesign, tangent_of
 from mitt.map.mapping import DirectMap, basis_of
@@ -107,7 +105,7 @@ def map_content(learned: Learned, *, version: str) -> dict[str, object]:
         "left_out": learned.left_out,
         "status": learned.status,
     }
-    return content | {"checksum": _checksum(content)}
+    return content | {"checksum": json_digest(content)}
 
 
 def read_map(path: Path, arm: Arm) -> Learned:
@@ -134,7 +132,7 @@ def map_of(raw: Any, arm: Arm, *, place: str) -> Learned:  # noqa: ANN401 (any J
     """
     content = parsed(_MapFile, raw, place=place, wanted=f"a map of schema {SCHEMA}", do=_AGAIN)
     stated = {key: value for key, value in raw.items() if key != "checksum"}
-    if _checksum(stated) != content.checksum:
+    if json_digest(stated) != content.checksum:
         raise FileError(place, "a map that matches its checksum", "one that was altered",
                         do=_AGAIN)  # fmt: skip
     if not _is_known(content.version):
@@ -175,9 +173,3 @@ def _is_known(version: str) -> bool:
     mine, given = (re.findall(r"\d+", text)[:3] for text in (__version__, version))
     plain = re.match(r"\d", version) is not None and all(len(x) < 9 for x in given)
     return plain and [int(x) for x in given] <= [int(x) for x in mine]
-
-
-def _checksum(content: dict[str, object]) -> str:
-    """Return the SHA-256 of the content in canonical JSON."""
-    canonical = json.dumps(content, sort_keys=True, separators=(",", ":"))
-    return hashlib.sha256(canonical.encode()).hexdigest()

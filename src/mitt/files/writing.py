@@ -109,12 +109,23 @@ def write_text(path: Path, text: str) -> None:
         content = text.encode()
     except UnicodeEncodeError as error:
         raise FileError(str(path), "text in UTF-8", error) from None
-    write_atomically(path, lambda temporary: temporary.write_bytes(content))
+    write_bytes(path, content)
 
 
 def write_json(path: Path, value: object) -> None:
     """Write JSON atomically; NaN and infinity are refused."""
     write_text(path, json.dumps(value, indent=1, allow_nan=False) + "\n")
+
+
+def json_digest(content: Mapping[str, object]) -> str:
+    """Return the SHA-256 of JSON content, whatever the order of its keys."""
+    canonical = json.dumps(content, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(canonical.encode()).hexdigest()
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a file atomically."""
+    write_atomically(path, lambda temporary: temporary.write_bytes(content))
 
 
 def toml_text(table: Mapping[str, object], *, name: str = "") -> str:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from mitt.catcher.generators import Direct, Unoptimised
-from mitt.clock import Stopwatch
+from mitt.clock import Progress, Stopwatch
 from mitt.files.maps import save_map
 from mitt.files.recordings import write_recording
 from mitt.files.writing import claim_folder, write_json
@@ -26,8 +26,6 @@ from mitt.trials.source import release_of
 _COMPARED = 10
 #: A throw with fewer ticks has nothing to draw.
 _FEWEST_TICKS = 50
-
-Progress = Callable[[str, int, int], None]
 
 
 @contextmanager

@@ -7,6 +7,7 @@ import numpy as np
 
 import mitt
 from mitt import checks
+from mitt.clock import Progress
 from mitt.files.arm_file import ThrowSettings
 from mitt.files.writing import write_text
 from mitt.reading import read_json
@@ -15,7 +16,6 @@ from mitt.report.replay_3d import replay_page
 from mitt.report.study_figures import effort, rates_against, rates_by_condition, reach
 from mitt.signals import Array
 from mitt.trials.result import STATUSES
-from mitt.trials.runs import Progress
 from mitt.trials.study_file import SCHEMA, Condition, Study, extent
 from mitt.trials.study_results import REFERENCE, StudyResult, read_columns
 from mitt.trials.study_run import Job, all_jobs, by_cell, throw_again

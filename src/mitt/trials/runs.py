@@ -32,7 +32,7 @@ from mitt.catcher.planner import load_decisions
 from mitt.catcher.settings import CatcherSettings
 from mitt.catcher.several import Several
 from mitt.catcher.tick import act, perceive, refer, undecided
-from mitt.clock import Stopwatch, settled
+from mitt.clock import Progress, Stopwatch, settled
 from mitt.errors import InputError, StoppedError
 from mitt.eyes.clock_offset import ClockOffset, LearnedClock, caught_offset
 from mitt.files.about import About
@@ -60,9 +60,6 @@ from mitt.world.throws import Throw
 _KERNELS, _PERIOD = 331, 1.0
 #: What the bar says.
 _COMPILING = "compiling, once"
-
-Progress = Callable[[str, int, int], None]
-"""Is told what is being done, how many are done, and of how many."""
 
 
 @contextmanager

@@ -1,9 +1,8 @@
 """Statistics of success rates, and of their differences on paired throws."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from math import comb, sqrt
 from statistics import NormalDist
-from typing import NamedTuple
 
 
 def wilson(successes: int, trials: int, *, confidence: float = 0.95) -> tuple[float, float]:
@@ -21,39 +20,6 @@ def wilson(successes: int, trials: int, *, confidence: float = 0.95) -> tuple[fl
     # Exactly 0 and 1 at the ends, where rounding would leave a little.
     low = 0.0 if successes == 0 else centre - half
     return low, 1.0 if successes == trials else centre + half
-
-
-class Estimate(NamedTuple):
-    """A rate and the ends of its 95 % interval."""
-
-    rate: float
-    low: float
-    high: float
-
-
-def share(successes: int, trials: int) -> Estimate:
-    """Return a success rate with its Wilson interval; 0 in (0, 1) without trials."""
-    return Estimate(successes / trials if trials else 0.0, *wilson(successes, trials))
-
-
-def combined(f: Callable[..., float], parts: Sequence[Estimate]) -> Estimate:
-    """Return a rate that follows from others, each from trials of its own.
-
-    The distances to the ends are those that each part alone would give, added as squares: G. Y.
-    Zou, A. Donner, Construction of confidence limits about effect measures, Stat. Med. 27 (2008)
-    1693-1702. Of one part alone that is its own interval.
-
-    Args:
-        f: The rate, as it follows from those of the parts; in each it only rises, or only falls.
-        parts: The others.
-    """
-    rates = [part.rate for part in parts]
-    rate = f(*rates)
-    away = [f(*rates[:k], end, *rates[k + 1 :]) - rate
-            for k, part in enumerate(parts) for end in (part.low, part.high)]  # fmt: skip
-    low = rate - sqrt(sum(d * d for d in away if d < 0.0))
-    high = rate + sqrt(sum(d * d for d in away if d > 0.0))
-    return Estimate(rate, max(low, 0.0), min(high, 1.0))
 
 
 def mcnemar(only_first: int, only_second: int) -> float:

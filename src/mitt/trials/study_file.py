@@ -1,7 +1,6 @@
 """What a study file may say, key by key, and the study that follows from it."""
 
 import hashlib
-import json
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -13,6 +12,7 @@ from mitt.errors import FileError, InputError, UnknownNameError, meant
 from mitt.files.arm_file import ArmSpec, ThrowSettings
 from mitt.files.csv_table import MAX_BYTES
 from mitt.files.schema import Settings, merged, validated
+from mitt.files.writing import json_digest
 from mitt.reading import read_bytes, read_toml, shipped, shipped_path
 from mitt.trials.registry import origin_of
 from mitt.world.scene import DEFAULT_SCENE, Scene, scene_of
@@ -179,8 +179,7 @@ class Study(Settings):
             condition["flights"] = self.flights.get(condition["flights"], condition["flights"])
             if files := condition.pop("arm_files"):
                 condition["arm_files"] = list(files.values())
-        canonical = json.dumps(decisive, sort_keys=True, separators=(",", ":"))
-        return hashlib.sha256(canonical.encode()).hexdigest()
+        return json_digest(decisive)
 
 
 def extent(study: Study, throws: int) -> str:

@@ -26,7 +26,7 @@ from mitt.files.writing import (
     clear_temporary,
     file_name,
     make_folder,
-    write_atomically,
+    write_bytes,
     write_json,
 )
 from mitt.reading import difference, read_bytes, read_json
@@ -212,11 +212,6 @@ def read_manifest(path: Path) -> Study:
     if not isinstance(raw, dict) or raw.get("schema") != _MANIFEST_SCHEMA:
         raise FileError(str(path / MANIFEST), f"schema {_MANIFEST_SCHEMA}", "another")
     return validated(Study, raw.get("study"), place=str(path / MANIFEST))
-
-
-def write_bytes(path: Path, content: bytes) -> None:
-    """Write a file atomically."""
-    write_atomically(path, lambda temporary: temporary.write_bytes(content))
 
 
 def notes_of(study: Study) -> dict[str, str]:

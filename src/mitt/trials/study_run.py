@@ -18,12 +18,12 @@ import numpy as np
 
 from mitt.arm.arm import Arm
 from mitt.catcher.generators import Generator
-from mitt.clock import Stopwatch
+from mitt.clock import Progress, Stopwatch
 from mitt.errors import FileError, InputError, MittError
 from mitt.files.arm_file import ArmSpec, ThrowSettings
 from mitt.files.maps import map_of, save_map
 from mitt.files.recordings import write_recording
-from mitt.files.writing import write_atomically, write_json
+from mitt.files.writing import write_atomically, write_bytes, write_json
 from mitt.interrupts import notice, status_of
 from mitt.map.learn import Learned
 from mitt.reading import read_json
@@ -31,10 +31,9 @@ from mitt.trials.learning import learn
 from mitt.trials.log import recording_of
 from mitt.trials.registry import make_generator, origin_of
 from mitt.trials.runner import LoggedTrial, TrialRunner
-from mitt.trials.runs import Progress
 from mitt.trials.source import Source, source_of, widened
 from mitt.trials.study_file import SCHEMA, Condition, Study
-from mitt.trials.study_folder import Folder, notes_of, write_bytes
+from mitt.trials.study_folder import Folder, notes_of
 from mitt.trials.study_results import Row, merge, read_part, row_of, summary, timing_of, write_rows
 from mitt.trials.workers import Engine, run_tasks
 from mitt.world.disturbances import Undisturbed
