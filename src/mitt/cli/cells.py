@@ -43,8 +43,6 @@ _CORE = -1
 
 def run(options: RunOptions) -> int:
     """Run ``mitt run``; return its exit status: 1 where it was stopped before all was done."""
-    if options.throws is not None and options.throws < 1:
-        raise InputError("--throws", "at least 1", options.throws)
     prepared = prepare(read_cell(options.cell))
     throws = options.throws or prepared.cell.throws
     if options.out is not None:
@@ -138,10 +136,6 @@ def _about(prepared: PreparedCell) -> str:
 
 def sim(options: SimOptions) -> int:
     """Run ``mitt sim``; return its exit status."""
-    if options.throws is not None and options.throws < 1:
-        raise InputError("--throws", "at least 1", options.throws)
-    if not 0 <= options.seed < 2**63:
-        raise InputError("--seed", "a number from 0 to 2^63 - 1", options.seed)
     prepared = prepare(read_cell(options.cell))
     if prepared.cell.robot.driver != "ros2":
         raise InputError("mitt sim", "a cell with the driver ros2", prepared.cell.robot.driver)

@@ -142,7 +142,7 @@ def _task(options: DesignOptions, whole: Arm, scene: Scene) -> Task:
     """
     if options.throws_file is not None and options.flights is not None:
         raise InputError("--throws-file and --flights", "one of them", "both")
-    aim, seed, drag = _aim(options), _seed(options), scene.ball.drag
+    aim, seed, drag = _aim(options), options.seed, scene.ball.drag
     reach = float(sum(np.linalg.norm(link.placement[:3, 3]) for link in whole.model.links[1:]))
     if options.flights is not None:
         recordings = read_flights(options.flights)
@@ -295,13 +295,6 @@ def _rate(options: DesignOptions) -> float:
     if not ENOUGH <= options.rate <= 1.0:
         raise InputError("--rate", f"a share from {ENOUGH:g} to 1", options.rate)
     return options.rate
-
-
-def _seed(options: DesignOptions) -> int:
-    """Return the seed of the search."""
-    if not 0 <= options.seed < 2**63:
-        raise InputError("--seed", "a number from 0 to 2^63 - 1", options.seed)
-    return options.seed
 
 
 def _comment(found: Design, scene: str) -> str:

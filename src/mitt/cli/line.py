@@ -75,8 +75,8 @@ class Option:
         choices: The values that it takes, where it takes some alone.
         default: Its value where it is not said.
         required: Whether it has to be said.
-        place: Whether it is said by its place.
         many: Whether several values may be said by their place.
+        arg: How it is said.
     """
 
     name: str
@@ -87,8 +87,13 @@ class Option:
     choices: tuple[object, ...]
     default: object
     required: bool
-    place: bool
     many: bool
+    arg: Arg
+
+    @property
+    def place(self) -> bool:
+        """Whether it is said by its place."""
+        return self.arg.place
 
     @property
     def called(self) -> str:
@@ -110,7 +115,10 @@ class Option:
             raise InputError(self.name, "a whole number", repr(given))
         if self.kind is float and not _is_number(given):
             raise InputError(self.name, "a number", repr(given))
-        return self.kind(given)
+        value, arg = self.kind(given), self.arg
+        if arg.range is not None and not arg.range[0] <= value <= arg.range[1]:
+            raise InputError(self.name, arg.wanted, value)
+        return value
 
 
 def options_of(command: type[Options]) -> list[Option]:
@@ -129,7 +137,7 @@ def options_of(command: type[Options]) -> list[Option]:
             name=value if arg.place else f"--{(arg.name or field.name).replace('_', '-')}",
             field=field.name, value=value, text=said.get(field.name, ""),
             kind=str if choices else kinds[0], choices=choices, default=field.default,
-            required=field.default is MISSING, place=arg.place, many=get_origin(hint) is tuple,
+            required=field.default is MISSING, many=get_origin(hint) is tuple, arg=arg,
         ))  # fmt: skip
     return sorted(found, key=lambda x: (not x.place, x.field in common))
 

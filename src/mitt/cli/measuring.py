@@ -95,14 +95,8 @@ def _rate(row: dict[str, object]) -> str:
     return f"{100 * float(str(row['catch_rate'])):.1f}, {pressed}{marks}"
 
 
-#: Most replays beside one page; each weighs a megabyte.
-_MOST_REPLAYS = 200
-
-
 def report(options: ReportOptions) -> int:
     """Run ``mitt report``; return its exit status."""
-    if not 0 <= options.replays <= _MOST_REPLAYS:
-        raise InputError("--replays", f"a number in 0..{_MOST_REPLAYS}", options.replays)
     if (options.folder / NAME).is_file() and not (options.folder / MANIFEST).exists():
         return _page_of_run(options)
     return _page_of_study(options)

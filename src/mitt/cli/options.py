@@ -5,6 +5,7 @@ Its docstring is its help.
 """
 
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
@@ -17,18 +18,24 @@ class Arg:
         value: What stands for its value in a text.
         name: What it is called, where that is not the name of its field.
         place: Whether it is said by its place.
+        range: Least and largest number that it takes; any where None.
+        wanted: What an error says was wanted where it is out of that range.
     """
 
     value: str
     name: str = ""
     place: bool = False
+    range: tuple[float, float] | None = None
+    wanted: str = ""
 
 
 Csv = Annotated[Path | None, Arg("CSV")]
 Images = Annotated[str | None, Arg("IMAGES")]
 Metres = Annotated[float, Arg("M")]
 Whole = Annotated[int | None, Arg("N")]
-Seed = Annotated[int, Arg("S")]
+_OF_SEEDS = Arg("S", range=(0, 2**63 - 1), wanted="a number from 0 to 2^63 - 1")
+Seed = Annotated[int, _OF_SEEDS]
+Throws = Annotated[int | None, Arg("N", range=(1, inf), wanted="at least 1")]
 Scene = Annotated[str | None, Arg("NAME|TOML")]
 Folder = Annotated[Path | None, Arg("DIR")]
 MapFile = Annotated[Path | None, Arg("MAP.json")]
@@ -119,7 +126,9 @@ class CatchOptions(ArmOptions):
         "mitt catch --arm ARM.toml --scene rough --record all",
     )
 
-    throws: Whole = None
+    throws: Annotated[int | None, Arg("N", range=(1, 100_000), wanted="a number in 1..100000")] = (
+        None
+    )
     seed: Seed = 0
     generator: Annotated[str, Arg("NAME")] = "direct"
     map: MapFile = None
@@ -151,8 +160,10 @@ class LearnOptions(ArmOptions):
     examples: ClassVar = ("mitt learn --limits wam-80v --out MAP.json",)
 
     out: Annotated[Path, Arg("MAP.json")]
-    flights_count: Annotated[int, Arg("N", name="flights")] = 120
-    seed: Annotated[int | None, Arg("S")] = None
+    flights_count: Annotated[
+        int, Arg("N", name="flights", range=(1, 10_000), wanted="a number in 1..10000")
+    ] = 120
+    seed: Annotated[int | None, _OF_SEEDS] = None
     overwrite: bool = False
 
 
@@ -226,7 +237,7 @@ class RunOptions(Options):
     examples: ClassVar = ("mitt run wam-sim --throws 5 --yes",)
 
     cell: CellName
-    throws: Whole = None
+    throws: Throws = None
     yes: bool = False
     out: Folder = None
     overwrite: bool = False
@@ -247,7 +258,7 @@ class SimOptions(Options):
     examples: ClassVar = ("mitt sim wam-sim --throws 5 --seed 1",)
 
     cell: CellName
-    throws: Whole = None
+    throws: Throws = None
     seed: Seed = 0
     scene: Scene = None
 
@@ -293,7 +304,7 @@ class ReportOptions(Options):
     examples: ClassVar = ("mitt report STUDY --replays 3",)
 
     folder: Annotated[Path, Arg("DIR", place=True)]
-    replays: Annotated[int, Arg("N")] = 6
+    replays: Annotated[int, Arg("N", range=(0, 200), wanted="a number in 0..200")] = 6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -339,7 +350,7 @@ class ViewOptions(Options):
 
     recording: Annotated[Path | None, Arg("REC.mcap|DIR", place=True)] = None
     host: Annotated[str, Arg("ADDRESS")] = "127.0.0.1"
-    port: Annotated[int, Arg("N")] = 8080
+    port: Annotated[int, Arg("N", range=(1, 65_535), wanted="a number from 1 to 65535")] = 8080
     seconds: Seconds = None
 
 
@@ -411,8 +422,8 @@ class SeeOptions(Options):
     video: Annotated[Path | None, Arg("MKV|MP4")] = None
     no_video: bool = False
     fps: Annotated[float | None, Arg("HZ")] = None
-    max_skew: Annotated[float, Arg("S")] = 5e-4
-    frames: Whole = None
+    max_skew: Annotated[float, Arg("S", range=(0.0, 1.0), wanted="seconds in 0..1")] = 5e-4
+    frames: Annotated[int | None, Arg("N", range=(1, inf), wanted="1 or more")] = None
     ball: Literal["any", "thrown", "table-tennis"] = "any"
     ball_radius: Metres = 0.04
     overwrite: bool = False

@@ -130,8 +130,6 @@ _RUNS = Path("runs")
 
 def view(options: ViewOptions) -> int:
     """Run ``mitt view``; return its exit status."""
-    if not 1 <= options.port <= 65_535:
-        raise InputError("--port", "a number from 1 to 65535", options.port)
     place = options.recording or _RUNS
     if options.recording is None and not place.is_dir():
         raise FileError(str(place), "a folder with recordings", "none",
