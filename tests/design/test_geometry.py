@@ -10,7 +10,7 @@ from mitt.arm.hands import HandModel
 from mitt.design import geometry
 from mitt.design.driven_arm import whole_arm
 from mitt.design.geometry import Rows, candidates_of, drawn, triples_of
-from mitt.design.interception import virtual
+from mitt.design.interception import ASKED_SHARE, virtual
 from mitt.design.poses import Touch, poses_of
 from mitt.design.task import Balls
 from mitt.map.mapping import unlearned
@@ -56,13 +56,13 @@ def test_first_order_terms_meet_balls_no_harder_and_within_speeds(whole: Arm, ro
     poses, v = poses_of(whole.model, rows.q), _v()
     plain = geometry._meeting(whole, _weighed(rows, 0.0), poses, v)
     better = geometry._meeting(whole, _weighed(rows, 1.0), poses, v)
-    slow = plain.line <= geometry._FASTEST
+    slow = plain.line <= ASKED_SHARE
     assert slow.sum() > 50
     before, after = (np.sum(x.relative**2, axis=(0, 2))[slow] for x in (plain, better))
     assert np.all(after <= before + _ROUNDED)
     assert np.mean(after < before - 0.1) > 0.5
     share = np.abs(better.dq / whole.dq_max).max(axis=(0, 2))
-    assert np.all(share[slow] <= geometry._FASTEST + _ROUNDED)
+    assert np.all(share[slow] <= ASKED_SHARE + _ROUNDED)
 
 
 def test_scores_fall_where_the_match_is_weighed(whole: Arm, rows: Rows) -> None:

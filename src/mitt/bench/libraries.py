@@ -17,15 +17,15 @@ from mitt.ball.flight import acceleration, advance
 from mitt.eyes.camera import fixed_rig
 from mitt.map.mapping import DirectMap
 from mitt.map.prediction import flown, foresee
-from mitt.signals import GRAVITY, Array, BallState, Frame
+from mitt.signals import GRAVITY, TICK, Array, BallState, Frame
 from mitt.world.throws import Throw
 
 #: One tick of a rival.
 Tick: TypeAlias = Callable[[], object]
 #: A model of Pinocchio.
 Pinocchio: TypeAlias = Any
-#: Tick [s], grey value of a threshold, drag of the ball [1/m].
-_TICK, _GREY, _DRAG = 1e-3, 60, 0.04
+#: Drag of the ball [1/m].
+_DRAG = 0.04
 #: Weight of the posture beside the place of the hand [1/rad].
 _POSTURE = 1e-3
 
@@ -61,7 +61,7 @@ def by_ruckig(arm: Arm, ends: Iterator[Array]) -> Tick:
     """Retarget an online trajectory to each catch."""
     from ruckig import InputParameter, OutputParameter, Ruckig  # noqa: PLC0415 (timed alone)
 
-    otg, given, out = Ruckig(arm.n, _TICK), InputParameter(arm.n), OutputParameter(arm.n)
+    otg, given, out = Ruckig(arm.n, TICK), InputParameter(arm.n), OutputParameter(arm.n)
     given.current_position, given.current_velocity = list(arm.q_ready), [0.0] * arm.n
     given.current_acceleration = [0.0] * arm.n
     given.max_velocity = list(arm.dq_max)
@@ -95,8 +95,8 @@ def by_mink(arm: Arm, places: Iterator[Array]) -> Tick:
 
     def tick() -> None:
         hand.set_target(mink.SE3.from_translation(next(places)))
-        v = mink.solve_ik(at, [hand, posture], _TICK, "daqp", limits=limits)
-        at.integrate_inplace(v, _TICK)
+        v = mink.solve_ik(at, [hand, posture], TICK, "daqp", limits=limits)
+        at.integrate_inplace(v, TICK)
 
     return tick
 
@@ -119,8 +119,8 @@ def by_pink(arm: Arm, places: Iterator[Array]) -> Tick:
 
     def tick() -> None:
         hand.set_target(pin.SE3(np.eye(3), next(places)))
-        v = pink.solve_ik(at, [hand, posture], _TICK, solver="daqp", safety_break=False)
-        at.integrate_inplace(v, _TICK)
+        v = pink.solve_ik(at, [hand, posture], TICK, solver="daqp", safety_break=False)
+        at.integrate_inplace(v, TICK)
 
     return tick
 
@@ -160,7 +160,7 @@ def by_opencv(kept: Sequence[tuple[Frame, ...]]) -> Tick:
     def tick() -> None:
         points = []
         for frame in next(frames):
-            _, binary = cv2.threshold(frame.pixels, _GREY, 255, cv2.THRESH_BINARY)
+            _, binary = cv2.threshold(frame.pixels, 60, 255, cv2.THRESH_BINARY)
             m = cv2.moments(binary, True)
             mass = max(m["m00"], 1.0)
             points.append(np.array(((m["m10"] / mass,), (m["m01"] / mass,))))

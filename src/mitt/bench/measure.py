@@ -45,10 +45,6 @@ SCHEMA = "mitt.speed/1"
 
 #: Seed of the throws that are timed, and when the ball that a map is refined for is seen [s].
 SEED, _T_0 = 20_300, 0.082
-#: Most times that a map is learned as a user does.
-_MOST_LEARNED = 5
-#: The probe: additions of one piece of fixed work.
-_PROBE = 2000
 
 Time = dict[str, float]
 Result = dict[str, object]
@@ -179,7 +175,7 @@ def take_turns(
 
 def noise(repeats: int) -> Time:
     """Return how long a fixed piece of work takes: what the machine itself adds shows in p99.9."""
-    return figures(timed(lambda: sum(range(_PROBE)), repeats))
+    return figures(timed(lambda: sum(range(2000)), repeats))
 
 
 def frames_of(runner: TrialRunner, source: Source) -> list[tuple[Frame, ...]]:
@@ -259,7 +255,7 @@ def learning(arm: Arm, settings: BenchSettings, progress: Progress, say: Say) ->
     alone; its time is ``learn_solver_ms``.
     """
     progress("solvers", 0, 1)
-    whole = timed(partial(learn, arm), min(settings.solves, _MOST_LEARNED))
+    whole = timed(partial(learn, arm), min(settings.solves, 5))
     problem = learning_problem(arm, flights=settings.flights, seed=SEED)
     ours = timed(partial(solve_problem, problem), settings.solves)
     took, answer = _by_ipopt(problem, say) if settings.ipopt else (None, None)

@@ -29,16 +29,14 @@ from mitt.rivals.clairvoyant import Expression, casadi, symbolic
 from mitt.signals import Array
 from mitt.trials.learning import Neighbourhood, neighbourhood
 
-#: Share of the unbounded optimum's torque that is allowed; share of the bound from which an
-#: instant gets a row; most steps; relative gain, and excess, at which a solver has converged.
-_TIGHT, _NEAR, _STEPS, _SMALL, _EXCESS = 0.95, 0.7, 40, 1e-7, 1e-6
+#: Share of the bound from which an instant gets a row; relative gain, and excess, at which a solver
+#: has converged.
+_NEAR, _SMALL, _EXCESS = 0.7, 1e-7, 1e-6
 
 SETUPS = ("exact", "supplied", "lbfgs")
 """How IPOPT is given the problem; the best of them is the rival. One expression over all instants
 (CasADi's map) with its exact Hessian; first derivatives of each instant and the Gauss-Newton
 Hessian handed over; IPOPT's own limited-memory Hessian."""
-#: Most processor time of one set-up [s], and tolerance of IPOPT.
-_LONGEST, _TOLERANCE = 60.0, 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -91,7 +89,7 @@ def learning_problem(arm: Arm, *, flights: int, seed: int) -> LearningProblem:
     free = LearningProblem(
         arm=arm, base=np.concatenate(base), slope=np.concatenate(slope), bound=np.inf
     )
-    return replace(free, bound=_TIGHT * solve(free).worst)
+    return replace(free, bound=0.95 * solve(free).worst)
 
 
 def solve(problem: LearningProblem) -> Answer:
@@ -102,7 +100,7 @@ def solve(problem: LearningProblem) -> Answer:
     p, alpha, bounded = plant_of(problem.arm), np.zeros(problem.size), np.isfinite(problem.bound)
     r, J = reckon(problem, p, alpha)
     best, good = _merit(problem, r), False
-    for _ in range(_STEPS):
+    for _ in range(40):
         step = _step(problem, r, J, bounded=bounded)
         if step is None:
             break
@@ -194,7 +192,7 @@ def ipopt_solver(problem: LearningProblem, setup: str) -> Expression:
     cost, torque = _expressions(ca, problem, x)
     options: dict[str, object] = {
         "ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": False,
-        "ipopt.tol": _TOLERANCE, "ipopt.max_cpu_time": _LONGEST, "ipopt.max_iter": 300,
+        "ipopt.tol": 1e-6, "ipopt.max_cpu_time": 60.0, "ipopt.max_iter": 300,
     }  # fmt: skip
     if setup == "lbfgs":
         options["ipopt.hessian_approximation"] = "limited-memory"

@@ -44,8 +44,6 @@ from mitt.world.flights import read_flights
 from mitt.world.scene import DEFAULT_SCENE, Scene, read_scene
 from mitt.world.throws import read_throws
 
-#: How near to the base a user's throws are to be caught, as a share of the arm's length.
-_CLOSE = 0.75
 #: Options that say nothing of the design.
 _ELSEWHERE = ("arm", "out", "workers", "resume", "overwrite", "json", "check")
 
@@ -154,7 +152,7 @@ def _task(options: DesignOptions, whole: Arm, scene: Scene) -> Task:
                     recordings=recordings)  # fmt: skip
     if options.throws_file is not None:
         throws = read_throws(options.throws_file)
-        box = box_of(seen(throws), drag, None if aim is None else np.array(aim), _CLOSE * reach)
+        box = box_of(seen(throws), drag, None if aim is None else np.array(aim), 0.75 * reach)
         of_throws(throws, float(box[0, 0]), drag)  # refuses one that does not pass there
         arrivals = of_throws(seen(throws), float(box[0, 0]), drag)
         return Task(balls=arrivals.balls(aim=box), scene=scene, seed=seed,

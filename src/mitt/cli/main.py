@@ -25,8 +25,6 @@ from mitt.interrupts import (
 #: small: with two threads on two busy cores a map of five joints took 4.6 times as long, and sums
 #: would depend on the number of cores. What a user has set stays.
 _ONE_THREAD = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-#: Exit statuses above this are those of signals.
-_SIGNALLED = 128
 #: What the system says where a standard stream cannot be written.
 _NOT_WRITTEN = (errno.ENOSPC, errno.EIO, errno.EBADF, errno.EDQUOT, errno.EFBIG)
 #: What it says of a path that a user named and that cannot be looked at.
@@ -59,7 +57,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             raise
         return 2
     status = _flushed(status)
-    if alone and status > _SIGNALLED:
+    if alone and status > 128:  # that of a signal
         os._exit(status)
     return status
 

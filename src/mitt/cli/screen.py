@@ -22,11 +22,6 @@ from mitt.errors import InputError, printable
 from mitt.files.writing import check_folder, overlaps, wrote
 from mitt.interrupts import end_with_parent, tell
 
-#: Time over which the pace of a bar is taken [s].
-_PACE = 600.0
-#: Width of tables that do not go to a terminal [characters].
-_FILE_WIDTH = 110
-
 
 def say(text: str) -> None:
     """Say one line on stderr, whatever names are in it."""
@@ -119,7 +114,7 @@ def progress() -> Iterator[Progress]:
         TimeRemainingColumn(),
     )  # fmt: skip
     console = _console(stderr=True)
-    with Bar(*columns, console=console, transient=True, speed_estimate_period=_PACE) as bar:
+    with Bar(*columns, console=console, transient=True, speed_estimate_period=600.0) as bar:
         tasks = {}
 
         def report(name: str, done: int, of: int) -> None:
@@ -139,7 +134,7 @@ def print_json(value: object) -> None:
 def show(*parts: str | Table, style: str | None = None) -> None:
     """Print tables and lines on stdout: as wide as the terminal, wide enough in a file."""
     console = _console()
-    console = console if console.is_terminal else _console(width=_FILE_WIDTH)
+    console = console if console.is_terminal else _console(width=110)
     for part in parts:
         plain = printable(part) if isinstance(part, str) else part
         console.print(plain, soft_wrap=isinstance(part, str), style=style)
@@ -178,10 +173,6 @@ class _Table(Table):
         super().add_row(*(printable(x) if isinstance(x, str) else x for x in cells), **how)
 
 
-#: Time between two pictures [s].
-_PERIOD = 0.25
-
-
 @contextmanager
 def live_table(shown: Any, said: Any, states: Sequence[str]) -> Iterator[None]:  # noqa: ANN401
     """Show the numbers of a session on stderr while it runs, where that is a terminal.
@@ -204,14 +195,14 @@ def live_table(shown: Any, said: Any, states: Sequence[str]) -> Iterator[None]: 
 
 
 def _draw(shown: Any, said: Any, states: Sequence[str]) -> None:  # noqa: ANN401
-    """Draw until ended."""
+    """Draw, four times a second, until ended."""
     end_with_parent()
     pause = Event()
     with Live(console=Console(stderr=True), auto_refresh=False, transient=True) as live:
         while True:
             odd = said.value.decode(errors="replace")
             live.update(picture(list(shown), states, odd), refresh=True)
-            pause.wait(_PERIOD)
+            pause.wait(0.25)
 
 
 def picture(numbers: list[float], states: Sequence[str], odd: str = "") -> Table:

@@ -128,14 +128,8 @@ def _through(point: Array, task: Task, faster: float) -> BallState:
     return BallState(t=0.0, r_o=r, dr_o=dr, drag=drag)
 
 
-#: Seeds: of the throws at several speeds, of the fresh ones at the fastest of these, and of those
-#: that accept a design for slower throws.
-_SPEEDS_SEED, _SURE_SEED, _ACCEPT = REPORTED + 1000, REPORTED + 5000, 2000
-#: Half-width of the speeds of the throws of one speed, as a share; least distance of the release as
-#: a share of speed and shortest duration: the default throws' (docs/throws.md).
-_SPREAD, _NEAREST = 0.05, 0.8
-#: Steps of the bisection; slowest throws that are tried [m/s].
-_BISECTIONS, _SLOWEST = 3, 1.5
+#: Seeds: of the throws at several speeds, and of the fresh ones at the fastest of these.
+_SPEEDS_SEED, _SURE_SEED = REPORTED + 1000, REPORTED + 5000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -185,16 +179,17 @@ def task_at(task: Task, speed: float) -> Task:
     """Return a task with throws of one speed at release [m/s], as far away as they fly.
 
     The time of flight goes with the square root of the speed: were it the same, a slow ball would
-    fall more than it flies; were it in proportion, no arm would be in time for it.
+    fall more than it flies; were it in proportion, no arm would be in time for it. Least distances
+    are such a share of speed and time as those of the default throws (docs/throws.md).
     """
     usual = ThrowRanges()
     longer = float(np.sqrt(speed / np.mean(usual.speed)))
     short, long = (longer * t for t in usual.duration)
     aside = task.balls.azimuth
     ranges = replace(
-        usual, speed=((1.0 - _SPREAD) * speed, (1.0 + _SPREAD) * speed), duration=(short, long),
+        usual, speed=(0.95 * speed, 1.05 * speed), duration=(short, long),
         azimuth=(aside + usual.azimuth[0], aside + usual.azimuth[1]),
-        distance=(_NEAREST * short * speed, long * speed), drag=task.scene.ball.drag,
+        distance=(0.8 * short * speed, long * speed), drag=task.scene.ball.drag,
     )  # fmt: skip
     arrivals = of_default_throws(ranges)
     return replace(
@@ -252,7 +247,7 @@ def fastest(
     good = {x.speed_m_s for x in rows if x.enough and x.speed_m_s < end} | ({own} if own else set())
     low = max(good, default=0.0)
     if failed is not None and good:
-        for _ in range(_BISECTIONS):
+        for _ in range(3):
             middle = 0.5 * (low + failed)
             if by_speed(evaluator, c, task, [middle], throws=effort.each_speed)[0].enough:
                 low = middle
@@ -271,10 +266,10 @@ def slower(
 ) -> tuple[Evaluation, Task] | None:
     """Search again for slower throws until an arm catches enough of them; None where it never does.
 
-    The speeds are bisected between the default throws' and the slowest, each design accepted by
+    The speeds are bisected between the default throws' and 1.5 m/s, each design accepted by
     throws of its own. The throws of the answer are fresh ones, so they may be fewer than enough.
     """
-    low, high = _SLOWEST, release_speed(evaluator.task)
+    low, high = 1.5, release_speed(evaluator.task)
     best: tuple[Candidate, Evaluator] | None = None
     for _ in range(effort.slower):
         middle = 0.5 * (low + high)
@@ -290,7 +285,7 @@ def slower(
 
 def _accepted(evaluator: Evaluator, c: Candidate, effort: Effort) -> bool:
     """Say whether a design catches enough of throws that are neither its search's nor reported."""
-    by = Procedure(throws=effort.report, seed=_ACCEPT, how="full")
+    by = Procedure(throws=effort.report, seed=2000, how="full")
     worth = evaluator.try_all("accepting", [c], by)
     return bool(worth) and worth[0].enough
 

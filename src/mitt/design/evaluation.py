@@ -43,11 +43,6 @@ from mitt.verdict.impact import examined, relative_velocity, speed_caps
 from mitt.world.flights import CATCH_FRACTION, PlacedFlight
 from mitt.world.throws import Throw
 
-#: Share of each limit from which the arm's answer is worked out tick by tick: all of it. A map that
-#: keeps the limits is to be told from one that the arm can only just follow.
-_STRICT = Tolerance(torque=1.0, speed=1.0, acceleration=1.0)
-
-
 #: Time after its release at which the arm starts [s]; of a recorded ball, time before it passes the
 #: catch point.
 START, _BEFORE = 0.05, 0.4
@@ -108,12 +103,15 @@ def verdicts(
 ) -> Verdicts:
     """Return the verdicts on balls, the arm at rest in its ready pose.
 
-    They are as when the arm starts, which is ``driven`` as the catcher drives it.
+    They are as when the arm starts, which is ``driven`` as the catcher drives it. From all of a
+    limit on the arm's answer is worked out tick by tick: a map that keeps the limits is to be told
+    from one that the arm can only just follow.
     """
     q, caught = f.arm.q_ready, settings.caught
+    strict = Tolerance(torque=1.0, speed=1.0, acceleration=1.0)
     said, ends = list[Verdict](), list[_End]()
     for ball in balls:
-        verdict = judge(f, ball, q, tolerance=_STRICT)
+        verdict = judge(f, ball, q, tolerance=strict)
         said.append(examined(driven, verdict, caught, bandwidth=settings.bandwidth))
         ends.append(_end(driven, verdict.approach, caught))
     return Verdicts(
@@ -212,8 +210,8 @@ class _Discount(NamedTuple):
 
 
 _PAPER, _DISCOUNT = _Paper(), _Discount()
-#: Seed and largest number of the balls that candidates are judged by.
-_JUDGE_SEED, _JUDGED_BALLS = 32, 30
+#: Seed of the balls that candidates are judged by.
+_JUDGE_SEED = 32
 #: Flights on which a candidate is tried on paper: a few show whether balls come to where it can
 #: meet them.
 _ON_PAPER = Neighbourhood(flights=6, instants=7, kicked=0.0, bounced=0.0)
@@ -228,12 +226,8 @@ _LEARNING = {
 #: Share of the throws that has to be caught, within every limit, for an arm to count as one that
 #: can catch them.
 ENOUGH = 0.8
-#: Share of the first throws that a candidate has to catch to be thrown at further.
-_PROMISING = 0.7
 #: What a ball counts that is caught beyond a limit, while candidates are compared.
 _BEYOND = 0.7
-#: Force that counts as much as a relative speed of 1 m/s [N].
-_AS_MUCH = 200.0
 
 
 How = Literal["paper", "glance", "quick", "many", "full"]
@@ -305,7 +299,7 @@ class Evaluation:
     @property
     def hardness(self) -> float:
         """Relative speed [m/s]; 200 N of force count as 1 m/s."""
-        return self.speed + self.force / _AS_MUCH
+        return self.speed + self.force / 200.0
 
     def score(self, price: float) -> float:
         """Return the share caught, less what a hard catch costs; larger is better.
@@ -389,7 +383,7 @@ def judged(c: Candidate, f: DirectMap, task: Task) -> Evaluation:
     They are balls of the task, as throws are: drawn flights would leave out those that a map cannot
     meet, and so judge a map by what suits it.
     """
-    balls = balls_of(f, task, count=_JUDGED_BALLS, seed=_JUDGE_SEED)
+    balls = balls_of(f, task, count=30, seed=_JUDGE_SEED)
     said = verdicts(f, balls, driven(f.arm, task.scene), catcher_settings(f.arm, task.scene))
     return Evaluation(
         candidate=c, able=_able(said), speed=_middle(said.speed), binding=said.binds
@@ -448,12 +442,12 @@ def trials_of(
 ) -> list[Trial]:
     """Return scored throws at a map: default throws at its arm's aim, or those of the task.
 
-    Where ``give_up``, a third of them suffices where few of these are caught.
+    Where ``give_up``, a third of them suffices where less than 70 % of these are caught.
     """
     source = task.source(f, throws=throws, seed=seed)
     runner = TrialRunner(f.arm, Direct(f), task.scene, pixels=False)
     first = throws // 3 if give_up else throws
     trials = [runner.throw(source, k).trial for k in range(first)]
-    if sum(trial.status == "caught" for trial in trials) < _PROMISING * first:
+    if sum(trial.status == "caught" for trial in trials) < 0.7 * first:
         return trials
     return trials + [runner.throw(source, k).trial for k in range(first, throws)]

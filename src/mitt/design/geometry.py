@@ -28,6 +28,7 @@ from mitt.ball.flight import advance
 from mitt.design.candidate import Candidate, within
 from mitt.design.driven_arm import movable
 from mitt.design.interception import (
+    ASKED_SHARE,
     MOST_OFF_LINE,
     Interception,
     alone,
@@ -183,11 +184,8 @@ def candidates_of(
     return out
 
 
-#: Time before the catch at which balls are looked at [s]: arms start about then.
-_EARLY = 0.42
-#: Drag of the balls [1/m]; it matters little in that time.
-_DRAG = 0.04
-#: The balls: speed and descent from the least (-1) to the most (1), as in ``Balls.velocity``.
+#: The balls that are looked at early: speed and descent from the least (-1) to the most (1), as in
+#: ``Balls.velocity``.
 _EARLY_BALLS = ((-1.0, 1.0), (1.0, -1.0))
 
 
@@ -203,9 +201,12 @@ def share_inside(whole: Arm, balls: Balls, rows: Rows) -> Array:
 
 
 def _before(v: Array) -> Array:
-    """Return where a ball was early on its way, seen from where it is now [m], shape (3,)."""
+    """Return where a ball was early on its way, seen from where it is now [m], shape (3,).
+
+    0.42 s before: arms start about then. Its drag matters little in that time.
+    """
     r, dr = np.zeros(3), v.copy()
-    advance(r, dr, _DRAG, -_EARLY)
+    advance(r, dr, 0.04, -0.42)
     return r
 
 
@@ -238,9 +239,8 @@ _PLACES = (
     (-0.5, 0.9, 0.1),
 )
 _BALLS = ((0.0, 0.0), (1.0, -1.0), (-1.0, 1.0))
-#: Share of joint speeds that may be asked, and largest share that a candidate may ask for: its
-#: learned map may do better.
-_FASTEST, _BEYOND = 0.9, 1.5
+#: Largest share of joint speeds that a candidate may ask for: its learned map may do better.
+_BEYOND = 1.5
 #: Least rate of the catch joint's way [rad/s].
 _STILL = 0.05
 
@@ -273,7 +273,7 @@ def spread(whole: Arm, balls: Balls, rows: Rows, touch: Touch) -> Rows:
         braked = within(whole, q + BRAKED * met.dq, 0.0)
         cost = (
             _COST.effort * share
-            + _COST.too_fast * np.maximum(share - _FASTEST, 0.0)
+            + _COST.too_fast * np.maximum(share - ASKED_SHARE, 0.0)
             + _COST.no_brake * ~braked
         )
         total += np.mean(cost + _hardness(met.relative, poses.palm), axis=0) / len(_PLACES)
@@ -303,7 +303,7 @@ def _first_order(whole: Arm, J: Array, dq: Array, ds: Array, v: Array) -> Array:
     joint speeds. Where no c keeps them for all balls, it is the middle of what comes nearest.
     """
     ds = np.where(np.abs(ds) > _STILL, ds, np.copysign(_STILL, ds))
-    fastest = np.where(np.any(dq != 0.0, axis=0), _FASTEST * whole.dq_max, 0.0)
+    fastest = np.where(np.any(dq != 0.0, axis=0), ASKED_SHARE * whole.dq_max, 0.0)
     ends = np.sort(np.array([(x - dq) / ds[:, :, None] for x in (-fastest, fastest)]), axis=0)
     low, high = ends[0].max(axis=0), ends[1].min(axis=0)
     middle = 0.5 * (low + high)

@@ -99,8 +99,8 @@ _SINGULAR = 0.05
 _SLOWEST = 0.3
 #: Largest kappa and inward that are looked at.
 MOST_OFF_LINE = 12.0
-#: Sweeps of coordinate descent over all joints.
-_SWEEPS = 60
+#: Share of joint speeds that may be asked.
+ASKED_SHARE = 0.9
 
 
 class Interception(NamedTuple):
@@ -179,8 +179,8 @@ def line_rates(J: Array, w: Array, v: Array, kappa: Array, inward: Array) -> Arr
 def bounded(J: Array, v: Array, low: Array, high: Array) -> Array:
     """Return joint speeds within bounds that move the hand as nearly as possible at a velocity.
 
-    |v - J dq| is least for low <= dq <= high: by coordinate descent, which comes to the minimum of
-    a convex quadratic in a box.
+    |v - J dq| is least for low <= dq <= high: by 60 sweeps of coordinate descent, which comes to
+    the minimum of a convex quadratic in a box.
 
     Args:
         J: dl/dq of all joints, shape (B, N, 3).
@@ -191,7 +191,7 @@ def bounded(J: Array, v: Array, low: Array, high: Array) -> Array:
     dq: Array = np.clip(np.zeros_like(low), low, high)
     rest = v - np.einsum("bkc,bk->bc", J, dq)
     size = np.maximum(np.sum(J**2, axis=2), 1e-9)
-    for _ in range(_SWEEPS):
+    for _ in range(60):
         for k in range(J.shape[1]):
             better = dq[:, k] + np.sum(J[:, k] * rest, axis=1) / size[:, k]
             better = np.clip(better, low[:, k], high[:, k])
@@ -200,8 +200,8 @@ def bounded(J: Array, v: Array, low: Array, high: Array) -> Array:
     return dq
 
 
-#: By what a joint is made quicker, and all links longer; share of joint speeds that may be asked.
-QUICKER, LONGER, _ASKED_SHARE = 1.5, 1.2, 0.9
+#: By what a joint is made quicker, and all links longer.
+QUICKER, LONGER = 1.5, 1.2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -246,7 +246,7 @@ class _Catch:
 def _catch_of(whole: Arm, c: Candidate, balls: Balls) -> _Catch:
     """Return the nominal catch of a candidate."""
     allowed = np.zeros(whole.n)
-    allowed[list(c.active)] = _ASKED_SHARE * whole.dq_max[list(c.active)]
+    allowed[list(c.active)] = ASKED_SHARE * whole.dq_max[list(c.active)]
     return _Catch(J=poses_of(whole.model, c.q[None]).J, v=balls.velocity()[None], allowed=allowed)
 
 

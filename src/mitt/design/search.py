@@ -42,8 +42,6 @@ from mitt.files.schema import to_plain
 _COMPARE, _CONFIRM, _AGAIN = 100, 1000, 1500
 #: Stages of small changes; each draws its own.
 _BY_THROWS, _BY_VERDICTS = 2, 3
-#: Share of balls caught by the verdicts from which a changed candidate is thrown at.
-_WORTH_THROWING = 0.2
 #: What a catch that is harder by 1 m/s costs, in shares of throws; the best for each are kept.
 PRICES = (0.005, 0.1, 0.03, 0.2)
 #: How many times as many throws decide among the last as chose them.
@@ -239,18 +237,18 @@ def search(
     if len(triples) == 0:
         raise ModelError("joints", "at least three, one of which turns", f"{whole.n}")
     rng = np.random.default_rng([task.seed, 1])
-    rows = _by_geometry(whole, task, effort, triples, rng, evaluator.progress)
+    rows = _by_geometry(evaluator, effort, triples, rng)
     if len(rows.q) == 0:
         return []
     first = best_of(rows, count=6 * effort.judged, each=2 * effort.judged)
     candidates = candidates_of(whole, task.balls, first, rng)
     sound = [w.candidate for w in evaluator.try_all("on paper", candidates, Procedure(how="paper"))]
     worth = evaluator.try_all("learning", sound[: 2 * effort.judged], Procedure(how="glance"))
-    worth = _softened(whole, task, effort, evaluator, worth)
+    worth = _softened(evaluator, effort, worth)
     fresh = _distinct(worth, effort.thrown)
     by = Procedure(throws=effort.throws[0], seed=_COMPARE + effort.throws[0])
     pool = evaluator.try_all("throwing", fresh, by)
-    pool = _refined(whole, task, effort, evaluator, pool)
+    pool = _refined(evaluator, effort, pool)
     return _confirmed(evaluator, effort, best_by_price(pool, effort.last), rate)
 
 
@@ -314,14 +312,14 @@ def reported(evaluator: Evaluator, c: Candidate, effort: Effort) -> Evaluation |
 
 
 def _by_geometry(
-    whole: Arm, task: Task, effort: Effort, triples: NDArray[np.int64], rng: np.random.Generator,
-    progress: Progress,
-) -> Rows:  # fmt: skip
+    evaluator: Evaluator, effort: Effort, triples: NDArray[np.int64], rng: np.random.Generator
+) -> Rows:
     """Return candidates that meet balls all over the box, by geometry alone."""
-    found, count, touch = [], 0, Touch(whole, task.scene)
+    whole, balls, progress = evaluator.whole, evaluator.task.balls, evaluator.progress
+    found, count, touch = [], 0, Touch(whole, evaluator.task.scene)
     for k in range(effort.rounds):
-        rows = drawn(whole, task.balls, triples, rng, count=effort.poses, touch=touch)
-        found.append(spread(whole, task.balls, best_of(rows, count=4000, each=400), touch))
+        rows = drawn(whole, balls, triples, rng, count=effort.poses, touch=touch)
+        found.append(spread(whole, balls, best_of(rows, count=4000, each=400), touch))
         count += len(found[-1].q)
         progress("geometry", k + 1, effort.rounds)
         if count >= effort.enough:
@@ -329,14 +327,12 @@ def _by_geometry(
     rows = joined(found)
     for k in range(effort.changes if len(rows.q) else 0):
         rows = best_of(rows, count=effort.enough, each=effort.enough // 6)
-        rows = improved(whole, task.balls, rows, rng, size=0.3 / (1.0 + 0.25 * k), touch=touch)
+        rows = improved(whole, balls, rows, rng, size=0.3 / (1.0 + 0.25 * k), touch=touch)
         progress("geometry, changed", k + 1, effort.changes)
     return rows
 
 
-def _softened(
-    whole: Arm, task: Task, effort: Effort, evaluator: Evaluator, worth: list[Evaluation]
-) -> list[Evaluation]:
+def _softened(evaluator: Evaluator, effort: Effort, worth: list[Evaluation]) -> list[Evaluation]:
     """Return what was judged by verdicts with small changes of its best, generation by generation.
 
     Verdicts cost less than throws. What geometry finds soft asks the drives for too much at first;
@@ -345,16 +341,13 @@ def _softened(
     pool = list(worth)
     for generation in range(effort.generations):
         parents = best_by_price(pool, 2 * effort.parents)
-        of = (_BY_VERDICTS, generation)
-        children = _changed(whole, task, parents, effort.offspring, of)
+        children = _changed(evaluator, parents, effort.offspring, (_BY_VERDICTS, generation))
         name = f"changing {generation + 1} of {effort.generations}"
         pool += evaluator.try_all(name, children, Procedure(how="glance"))
     return pool
 
 
-def _refined(
-    whole: Arm, task: Task, effort: Effort, evaluator: Evaluator, pool: list[Evaluation]
-) -> list[Evaluation]:
+def _refined(evaluator: Evaluator, effort: Effort, pool: list[Evaluation]) -> list[Evaluation]:
     """Return the pool with small changes of its best, generation by generation."""
     for generation, throws in enumerate(effort.throws[1:]):
         parents = best_by_price(pool, effort.parents)
@@ -367,24 +360,23 @@ def _refined(
             again = [w.candidate for w in parents]
             parents = evaluator.try_all(name, again, replace(by, give_up=False))
             pool = list(parents)
-        of = (_BY_THROWS, generation)
-        children = _changed(whole, task, parents, effort.children, of)
-        pool += evaluator.try_all(name, children, replace(by, least=_WORTH_THROWING))
+        children = _changed(evaluator, parents, effort.children, (_BY_THROWS, generation))
+        pool += evaluator.try_all(name, children, replace(by, least=0.2))
     return pool
 
 
 def _changed(
-    whole: Arm, task: Task, parents: Sequence[Evaluation], count: int, of: tuple[int, int]
+    evaluator: Evaluator, parents: Sequence[Evaluation], count: int, of: tuple[int, int]
 ) -> list[Candidate]:
     """Return small changes of candidates, of a stage and generation; later ones are smaller."""
-    stage, generation = of
+    task, (stage, generation) = evaluator.task, of
     size = 1.0 / (1.0 + 0.35 * generation)
     children = list[Candidate]()
     for k in range(count if parents else 0):
         rng = np.random.default_rng([task.seed, stage, generation, k])
         parent = parents[int(rng.integers(len(parents)))]
         moves = task.balls.aim is None
-        children.append(mutated(whole, parent.candidate, rng, size=size, moves=moves))
+        children.append(mutated(evaluator.whole, parent.candidate, rng, size=size, moves=moves))
     return children
 
 

@@ -29,9 +29,6 @@ from mitt.files.schema import to_plain
 from mitt.reading import read_text
 from mitt.trials.workers import Engine, run_tasks
 
-#: Characters of a digest.
-_DIGITS = 16
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Procedure:
@@ -84,12 +81,11 @@ def plain_task(task: Task) -> list[Any]:
 
 def digest(*parts: object) -> str:
     """Return a digest of JSON values."""
-    return hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:_DIGITS]
+    return hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:16]
 
 
 _SCHEMA = "mitt.search/1"
-#: Largest file of answers that is read [bytes], and what an answer may say.
-_MAX_BYTES = 100_000_000
+#: What an answer may say.
 _FIELDS = {x.name for x in fields(Evaluation)} - {"candidate"}
 
 
@@ -192,7 +188,7 @@ class Answers:
 
     def _take(self, head: str) -> int:
         """Take the answers of a file; return how many of its bytes are whole lines."""
-        text = read_text(self._path, max_bytes=_MAX_BYTES, wanted="answers of a search")
+        text = read_text(self._path, max_bytes=100_000_000, wanted="answers of a search")
         whole = text[: text.rfind("\n") + 1]
         lines = whole.splitlines()
         if lines and lines[0] != head:
@@ -222,10 +218,6 @@ class Answers:
     def _unwritable(self, error: OSError) -> FileError:
         """Return the error of a file that cannot be written."""
         return FileError(str(self._path), "a file that can be written", error.strerror)
-
-
-#: How often a candidate is evaluated by itself whose worker died.
-_ROUNDS = 2
 
 
 def evaluated(job: Job) -> Evaluation:
@@ -372,8 +364,8 @@ class Evaluator:
             yield job.number, self._alone(job, self._engine)
 
     def _alone(self, job: Job, engine: Engine) -> Evaluation:
-        """Return what a candidate is worth with nothing else under way."""
-        for _ in range(_ROUNDS):
+        """Return what a candidate is worth with nothing else under way; tried twice."""
+        for _ in range(2):
             for _, answer in run_tasks(engine, _evaluated_in_worker, [job], window=1):
                 worth = self._answer(job, answer)
                 if worth is not None:

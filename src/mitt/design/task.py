@@ -75,8 +75,6 @@ def _between(middle: float, ends: tuple[float, float], place: float) -> float:
     return middle + abs(place) * (ends[int(place > 0.0)] - middle)
 
 
-#: Seed and number of the throws whose arrivals are measured.
-_ARRIVALS_SEED, _THROWS = 33, 400
 #: Centre of the box that they pass [m]: the catch point of the WAM's default throws
 #: (docs/throws.md), for which the heights of all throws are stated.
 _PLACE = np.array([0.77, 0.0, 0.057])
@@ -84,14 +82,6 @@ _PLACE = np.array([0.77, 0.0, 0.057])
 _QUANTILES = (0.05, 0.5, 0.95)
 #: Steps in which a throw is followed [s], and for how long.
 _STEP, _LONGEST = 0.005, 1.5
-#: By how much the flights to learn from differ more: speed as a share, descent and azimuth [rad],
-#: time [s].
-_MARGINS = (0.12, 0.11, 0.03, 0.03)
-#: Farthest that a user's throws may come from off +x in the middle [rad].
-_OFF = 0.6
-#: Box about the place of a user's throws: times their standard deviation, least half-width, and
-#: half-width along their way [m].
-_WIDTHS, _NARROWEST, _ALONG = 2.0, 0.03, 0.05
 #: Farthest that a user's aim may be off the middle of the throws [m].
 _MISSED = 0.5
 #: By which share the speeds of ranges are wider than those of the throws that they hold.
@@ -130,10 +120,14 @@ class Arrivals(NamedTuple):
         return np.asarray(np.arctan2(-self.v[:, 1], -self.v[:, 0]))
 
     def ranges(self) -> Array:
-        """Return what maps are to be learned on: ``ArmModel.arrivals``, shape (4, 2)."""
+        """Return what maps are to be learned on: ``ArmModel.arrivals``, shape (4, 2).
+
+        Flights to learn from differ more: by a share of the speed, in descent and azimuth [rad],
+        and in time [s].
+        """
         values = (self.speed, self.descent, self.side, self.t)
         ends = [np.quantile(x, _QUANTILES[::2]) for x in values]
-        share, angle, aside, time = _MARGINS
+        share, angle, aside, time = 0.12, 0.11, 0.03, 0.03
         ends[0] *= (1.0 - share, 1.0 + share)
         ends[1] += (-angle, angle)
         ends[2] += (-aside, aside)
@@ -144,14 +138,14 @@ class Arrivals(NamedTuple):
 
 
 def of_default_throws(ranges: ThrowRanges) -> Arrivals:
-    """Return how default throws of some ranges arrive; heights are as for the WAM's aim.
+    """Return how 400 default throws of some ranges arrive; heights are as for the WAM's aim.
 
     Raises:
         InputError: There are no such throws.
     """
-    rng, half = np.random.default_rng(_ARRIVALS_SEED), FAR * np.array(BOX)
+    rng, half = np.random.default_rng(33), FAR * np.array(BOX)
     place = Aim(position=np.copy, q_low=_PLACE - half, q_high=_PLACE + half)
-    throws = [default_throw(rng, place, ranges) for _ in range(_THROWS)]
+    throws = [default_throw(rng, place, ranges) for _ in range(400)]
     return of_throws(throws, _PLACE[0], ranges.drag)
 
 
@@ -190,6 +184,8 @@ AROUND_FLIGHTS = np.full(3, JITTER_POSITION)
 def box_of(throws: Sequence[Throw], drag: float, aim: Array | None, far: float) -> Array:
     """Return the box that a user's throws pass, centre and half-widths [m], shape (2, 3).
 
+    Twice their standard deviation wide either way, 30 mm at least; 50 mm along their way.
+
     Args:
         throws: The throws.
         drag: Drag coefficient [1/m].
@@ -203,7 +199,7 @@ def box_of(throws: Sequence[Throw], drag: float, aim: Array | None, far: float) 
     middle = Throw(r=np.median([x.r for x in throws], axis=0),
                    dr=np.median([x.dr for x in throws], axis=0))  # fmt: skip
     off = float(np.arctan2(-middle.dr[1], -middle.dr[0]))
-    if abs(off) > _OFF:
+    if abs(off) > 0.6:
         raise InputError("the throws", "throws from +x, the side of the thrower",
                          f"{np.degrees(off):.0f} degrees off it in the middle",
                          do="turn the frame of the throws")  # fmt: skip
@@ -214,8 +210,8 @@ def box_of(throws: Sequence[Throw], drag: float, aim: Array | None, far: float) 
                          f"{np.linalg.norm(np.median(r, axis=0) - aim):.2f} m off",
                          do="leave --aim out")  # fmt: skip
     centre = np.array([x, *np.median(r[:, 1:], axis=0)]) if aim is None else aim
-    half = np.maximum(_WIDTHS * r.std(axis=0), _NARROWEST)
-    half[0] = _ALONG
+    half = np.maximum(2.0 * r.std(axis=0), 0.03)
+    half[0] = 0.05
     return np.array([centre, half])
 
 
@@ -267,8 +263,6 @@ def shifted(ranges: ThrowRanges, arm: Arm) -> ThrowRanges:
 REPORTED = 80_000
 #: Balls of a user's of which a search sees only half.
 _HALVED_FROM = 20
-#: Seed by which these are chosen.
-_HALVING_SEED = 35
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -357,5 +351,5 @@ def _half(balls: tuple[_Balls, ...], first: int) -> tuple[_Balls, ...]:
     """Return the first or second half, mixed, of many balls; all of a few."""
     if len(balls) < _HALVED_FROM:
         return balls
-    order = np.random.default_rng(_HALVING_SEED).permutation(len(balls))
+    order = np.random.default_rng(35).permutation(len(balls))
     return tuple(balls[k] for k in sorted(order[first::2]))

@@ -15,7 +15,7 @@ from mitt.arm.shapes import Surroundings, shapes_of
 from mitt.errors import FileError, InputError, meant
 from mitt.eyes.camera import Rig, fixed_rig
 from mitt.eyes.lens import Lens, is_bent
-from mitt.files.arm_file import is_arm_file, load_arm
+from mitt.files.arm_file import Name, is_arm_file, load_arm
 from mitt.files.rig import read_rig
 from mitt.files.schema import Finite, Part, parsed
 from mitt.reading import read_toml, shipped, shipped_path
@@ -23,27 +23,22 @@ from mitt.signals import TICK
 
 SCHEMA = "mitt.cell/1"
 
-#: Share of a rate by which it may differ from that of the catcher's ticks.
-_SAME_RATE = 1e-3
-
 Takes = Literal["torque", "velocity", "position"]
 """What a robot's drives are commanded."""
 
-_Name = Annotated[str, Field(min_length=1, max_length=200)]
 #: Of a cell: part of file names.
 _FileName = Annotated[str, Field(pattern=r"^\w[\w .+-]{0,59}$")]
 _Point = tuple[Finite, Finite, Finite]
-_Share = Annotated[float, Field(gt=0.0, le=1.0)]
 _Positive = Annotated[float, Field(gt=0.0, le=1e4)]
 
 
 class ArmPart(Part):
     """The arm: a name or a file, as in ``mitt catch``."""
 
-    file: _Name = "wam"
-    tip: _Name | None = None
-    joints: list[_Name] | None = None
-    limits: _Name | None = None
+    file: Name = "wam"
+    tip: Name | None = None
+    joints: list[Name] | None = None
+    limits: Name | None = None
 
 
 class BallPart(Part):
@@ -75,15 +70,15 @@ class SourcePart(Part):
     """
 
     kind: Literal["points", "images"] = "points"
-    topic: _Name = "/ball"
+    topic: Name = "/ball"
     message: Literal["point", "pose"] = "point"
-    frame: _Name = "world"
+    frame: Name = "world"
     origin: _Point = (0.0, 0.0, 0.0)
     rpy: _Point = (0.0, 0.0, 0.0)
     sigma: Annotated[float, Field(gt=0.0, le=0.1)] = 0.002
     latency: Annotated[float, Field(ge=0.0, le=0.1)] = 0.0
-    memory: _Name = "mitt-cameras"
-    rig: _Name | None = None
+    memory: Name = "mitt-cameras"
+    rig: Name | None = None
     calibration_px: Annotated[float, Field(ge=0.0, le=5.0)] = 0.05
 
 
@@ -101,13 +96,13 @@ class RobotPart(Part):
         options: Options of the driver.
     """
 
-    driver: _Name = "ros2"
+    driver: Name = "ros2"
     takes: Takes = "torque"
     rate: _Positive = 1000.0
     watchdog: Annotated[float, Field(ge=0.002, le=1.0)] = 0.02
     delay: Annotated[float, Field(ge=0.0, le=0.02)] = 0.002
     servo: Annotated[float, Field(ge=0.5, le=100.0)] = 8.0
-    joints: list[_Name] | None = None
+    joints: list[Name] | None = None
     options: dict[str, str | float | bool] = Field(default_factory=dict)
 
 
@@ -127,7 +122,7 @@ class MotionPart(Part):
         ready_speed: Share of those that motions to the ready pose use.
     """
 
-    speed_scale: _Share = 1.0
+    speed_scale: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
     ready_speed: Annotated[float, Field(gt=0.0, le=0.5)] = 0.15
 
 
@@ -137,14 +132,14 @@ class Cell(Part):
     schema_name: Literal["mitt.cell/1"] = Field(alias="schema")
     name: _FileName
     arm: ArmPart = ArmPart()
-    map: _Name | None = None
+    map: Name | None = None
     ball: BallPart = BallPart()
     source: SourcePart = SourcePart()
     robot: RobotPart = RobotPart()
     zones: list[ZonePart] = Field(default_factory=list, max_length=32)
     floor: Finite = -1.0
     motion: MotionPart = MotionPart()
-    out: _Name | None = None
+    out: Name | None = None
     throws: Annotated[int, Field(ge=1, le=100_000)] | None = None
 
 
@@ -171,7 +166,7 @@ def cell_of(raw: Any, *, place: str, folder: Path = Path()) -> Cell:  # noqa: AN
     cell = parsed(
         Cell, raw, place=place, wanted=f"a cell of schema {SCHEMA}", do="see docs/cell.md"
     )
-    if abs(cell.robot.rate * TICK - 1.0) > _SAME_RATE:
+    if abs(cell.robot.rate * TICK - 1.0) > 1e-3:
         wanted, given = f"{1.0 / TICK:g} Hz, the rate of the catcher", f"{cell.robot.rate:g}"
         raise FileError(f"{place} key 'robot.rate'", wanted, given,
                         do="let the driver hold commands in between")  # fmt: skip

@@ -61,8 +61,8 @@ LIBRARY = "mitt"
 _CHUNK_TICKS = 100
 #: What an MCAP file begins with.
 _MAGIC = b"\x89MCAP0\r\n"
-#: Largest record, chunk unpacked, text about the catcher, and all that is kept [bytes].
-_RECORD, _UNPACKED, _TEXT, _MOST = 64_000_000, 64_000_000, 8_000_000, 4_000_000_000
+#: Largest record, and chunk unpacked, and all that is kept [bytes].
+_RECORD, _MOST = 64_000_000, 4_000_000_000
 #: What a file may come to [bytes]: so much, and so many times its size. Recordings come to 4 to 60
 #: times their size; one that was made to swell comes to thousands.
 _FREE, _SWELLS = 64_000_000, 100
@@ -463,7 +463,7 @@ class Recorded:
         elif opcode == Opcode.ATTACHMENT:
             attachment = Attachment.read(stream)
             if attachment.name == ABOUT and self._about is None:
-                text = _unzipped(attachment.data, _TEXT).decode()
+                text = _unzipped(attachment.data, 8_000_000).decode()
                 self._spend(_OBJECTS * len(text))
                 self._about = about_of(text, place=str(self.path))
                 arm, heads = self._about.arm, len(self._about.rig.heads)
@@ -483,9 +483,9 @@ class Recorded:
             raise self._foreign()
         if chunk.compression != "zstd":
             raise self._error("chunks packed by zstd", repr(chunk.compression[:20]))
-        if chunk.uncompressed_size > _UNPACKED:
+        if chunk.uncompressed_size > _RECORD:
             given = f"one of {chunk.uncompressed_size}"
-            raise self._error(f"chunks of at most {_UNPACKED} bytes", given)
+            raise self._error(f"chunks of at most {_RECORD} bytes", given)
         self._spend(0 if self._stated <= self._most else self._stated)
         data = _unzipped(chunk.data, chunk.uncompressed_size)
         if len(data) != chunk.uncompressed_size:

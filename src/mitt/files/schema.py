@@ -41,8 +41,6 @@ else:
 
 _Kind = TypeVar("_Kind")
 _ENDLESS = {"inf": inf, "-inf": -inf}
-#: Most numbers of one array that is read.
-_MOST = 1_000_000
 
 Finite = Annotated[float, Field(allow_inf_nan=False, strict=True)]
 """A finite number, and no text or truth value that could be read as one."""
@@ -275,14 +273,14 @@ def _number(raw: object) -> float | None:
 
 
 def _array(raw: object, place: str) -> Any:  # noqa: ANN401
-    """Return numbers in nested lists as an array."""
+    """Return numbers in nested lists, a million at most, as an array."""
     flat: list[float] = []
 
     def walk(x: object, depth: int) -> object:
         if isinstance(x, list) and depth < 4:
             return [walk(y, depth + 1) for y in x]
         number = _number(x)
-        if number is None or len(flat) >= _MOST:
+        if number is None or len(flat) >= 1_000_000:
             raise InputError(place, "numbers in lists", type(x).__name__)
         flat.append(number)
         return number

@@ -31,11 +31,9 @@ _FILE, _FOLDER = "a file that can be written", "a folder that can be written"
 LOCK = ".lock"
 """File that keeps a second run out of a folder; alone it does not make the folder full."""
 
-#: Characters of a name that a file keeps.
-_LONGEST = 100
 #: A key that TOML takes without quotes.
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
-#: How a file of ours begins, by its suffix, and how many bytes that takes.
+#: How a file of ours begins, by its suffix.
 _BEGINNINGS = {
     ".json": re.compile(rb'\{\s*"schema":\s*"mitt\.'),
     ".jsonl": re.compile(rb'\{\s*"schema":\s*"mitt\.'),
@@ -45,7 +43,6 @@ _BEGINNINGS = {
     ".png": re.compile(rb"\x89PNG.*tEXtSoftware\x00mitt", re.DOTALL),
     ".mkv": re.compile(rb"\x1aE\xdf\xa3.*mitt", re.DOTALL),
 }  # fmt: skip
-_HEAD = 2000
 #: What a temporary file of a run that was killed has about its name.
 _TEMPORARY = re.compile(r"\.(.+)\.[a-z0-9_]{8}")
 #: Pages of replays are made by the viewer and do not say who wanted them.
@@ -89,10 +86,10 @@ def temporary_beside(path: Path) -> Path:
 def file_name(text: str) -> str:
     """Return what a file can be called after a name from elsewhere: never a path, never hidden.
 
-    Letters, digits, dots, dashes and underlines stay; a name that is changed gets a part that
-    tells it from another that would read the same.
+    Letters, digits, dots, dashes and underlines stay, 100 characters at most; a name that is
+    changed gets a part that tells it from another that would read the same.
     """
-    name = re.sub(r"[^A-Za-z0-9._-]", "_", text.replace("%", "pc"))[:_LONGEST]
+    name = re.sub(r"[^A-Za-z0-9._-]", "_", text.replace("%", "pc"))[:100]
     name = re.sub(r"^\.", "_", name)
     if name == text and name:
         return name
@@ -381,7 +378,7 @@ def _head(path: Path) -> bytes:
     try:
         handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC | os.O_NOFOLLOW)
         with os.fdopen(handle, "rb") as file:
-            return file.read(_HEAD)
+            return file.read(2000)
     except OSError:
         return b""
 

@@ -21,12 +21,6 @@ from mitt.world.sensors import encoder_steps
 #: Share of each torque limit that is not commanded to drives that lag behind their commands: the
 #: WAM's command stays within its limits as the motors see them (a choice of this project).
 RESERVE = 0.02
-#: Share of a corner's error in the calibration that its result leaves in the images.
-_UNCALIBRATED = 0.25
-#: Multiple of the nominal drag that the filter may find at most.
-_DRAGGIEST = 2.0
-#: Restitution of a soft contact, without a material: 0.18 was measured at 5 m/s.
-_SOFT = 0.2
 
 
 def catcher_settings(arm: Arm, scene: Scene) -> CatcherSettings:
@@ -55,7 +49,7 @@ def eyes_settings(scene: Scene) -> EyesConfig:
     project.
     """
     sensing, exact = scene.sensing, TriangulatorConfig()
-    left = _UNCALIBRATED * sensing.corner_noise if sensing.views > 0 else 0.0
+    left = 0.25 * sensing.corner_noise if sensing.views > 0 else 0.0
     floor = float(np.hypot(exact.sigma_floor, left))
     return EyesConfig(
         ball_radius=scene.ball.radius, triangulator=TriangulatorConfig(sigma_floor=floor)
@@ -91,15 +85,15 @@ def bandwidth_of(takes: str, servo: float) -> float:
 def filter_settings(drag: float, mass: float, *, spread: float = 0.0) -> FilterConfig:
     """Return what the filter may assume of a ball with known nominal drag [1/m] and mass [kg].
 
-    A quarter of the drag either way, or what a uniform error up to ``spread`` makes. What drag does
-    not explain grows as the ball gets lighter: white acceleration (gusts) of 1e-4 m^2/s^3 for the
-    thrown ball of 70 g and 0.0026 for one of table tennis, a lasting push (spin) of 0.04 and
-    1 m/s^2.
+    A quarter of the drag either way, or what a uniform error up to ``spread`` makes; at most twice
+    the drag. What drag does not explain grows as the ball gets lighter: white acceleration (gusts)
+    of 1e-4 m^2/s^3 for the thrown ball of 70 g and 0.0026 for one of table tennis, a lasting push
+    (spin) of 0.04 and 1 m/s^2.
     """
     lightness = max(0.07 / mass, 1.0)
     return FilterConfig(
         drag_mean=drag,
-        drag_max=max(FilterConfig().drag_max, _DRAGGIEST * drag),
+        drag_max=max(FilterConfig().drag_max, 2.0 * drag),
         drag_sigma=max(max(0.25, spread / sqrt(3.0)) * drag, 0.005),
         drag_density=1e-6,
         accel_density=1e-4 * lightness,
@@ -111,4 +105,4 @@ def _restitution(scene: Scene, arm: Arm) -> float:
     """Return what share of its speed a ball keeps that strikes the palm, or the net."""
     if isinstance(arm.model.hand, Basket):
         return arm.model.hand.restitution
-    return restitution_of(scene) or _SOFT
+    return restitution_of(scene) or CatcherSettings().ball_restitution  # soft: 0.18 at 5 m/s

@@ -10,7 +10,7 @@ import numpy as np
 
 from mitt.arm.arm import Arm
 from mitt.arm.hands import HandModel
-from mitt.catcher.settings import FOLLOW, PHASES, REFUSED, WATCH
+from mitt.catcher.settings import FOLLOW, PHASES, REFUSED, WATCH, CatcherSettings
 from mitt.control.health import State
 from mitt.files.messages import EVENT, TRUTH
 from mitt.signals import Array
@@ -19,13 +19,10 @@ from mitt.trials.replayed import Judged, Replayed
 from mitt.trials.score import drive_loads
 from mitt.verdict.feasibility import Outcome
 
-#: What a hand needs: 1-sigma of the ball's place, and how far it may be off [m] (Baeuml and others,
-#: ICRA 2011, as of ``CatcherSettings.tolerance``).
-_NEAR = 0.02
+#: What a hand needs: 1-sigma of the ball's place, and how far it may be off [m].
+_NEAR = CatcherSettings().tolerance
 #: Age of the last measurement that a catch survives [s], a choice of this project.
 _OLD = 0.1
-#: Ticks after the last sighting that are shown.
-_AFTER = 350
 _STATES, _CONTACT = tuple(State), (EVENT, FIRST_CONTACT)
 #: What a limit that binds means, by its kind.
 LIMITS = {
@@ -84,9 +81,9 @@ class Evidence:
 
     @property
     def shown(self) -> tuple[float, float]:
-        """From when to when something is to be seen [s]: to a little after the last sighting."""
+        """From when to when something is to be seen [s]: to 350 ticks after the last sighting."""
         known = np.flatnonzero(np.isfinite(self.sigma) | np.isfinite(self.residual))
-        last = self.t[min(known[-1] + _AFTER, len(self.t) - 1)] if len(known) else self.t[-1]
+        last = self.t[min(known[-1] + 350, len(self.t) - 1)] if len(known) else self.t[-1]
         return float(self.t[0]), max(float(last), float(self.t[0]) + 1e-3)
 
 

@@ -56,8 +56,8 @@ from mitt.world.motion import move
 from mitt.world.scene import Scene, changed, scene_from
 from mitt.world.throws import Throw
 
-#: Kernels of a default ``mitt catch``, counted on November 23; how often the bar looks at them [s].
-_KERNELS, _PERIOD = 331, 1.0
+#: Kernels of a default ``mitt catch``, counted on November 23.
+_KERNELS = 331
 #: What the bar says.
 _COMPILING = "compiling, once"
 
@@ -96,9 +96,9 @@ def warming(
 
 
 def _watch(over: Event, progress: Progress) -> None:
-    """Report how many kernels are compiled until it is over."""
+    """Report each second how many kernels are compiled, until it is over."""
     before = compiled_count()
-    while not over.wait(_PERIOD):
+    while not over.wait(1.0):
         progress(_COMPILING, min(max(compiled_count() - before, 0), _KERNELS - 1), _KERNELS)
 
 
@@ -139,10 +139,6 @@ def _prepared(
 def _compile(kernel: Any, *args: object) -> None:  # noqa: ANN401
     """Compile a kernel for the types of its arguments."""
     kernel.compile(tuple(typeof(x) for x in args))
-
-
-#: Index of the throw that is run once before the others, so that compiling is not measured.
-_WARM_UP = 2**31
 
 
 @final
@@ -263,7 +259,8 @@ def run(
     that has ended.
     """
     count = prepared.source.count
-    ball, pixels = prepared.source.ball(_WARM_UP), prepared.settings.vision == "pixels"
+    # A ball that no throw has is thrown once before the others, so that compiling is not measured.
+    ball, pixels = prepared.source.ball(2**31), prepared.settings.vision == "pixels"
     parts = prepared.arm, prepared.design, prepared.scene, ball
     with warming(*parts, pixels=pixels, progress=progress):
         progress("learning", 0, 1)
@@ -315,10 +312,6 @@ def _thrown(runner: TrialRunner, source: Source, index: int, clock: LearnedClock
         "offset_s": used, "found_s": used + found.offset if known else None,
         "sigma_s": found.sigma if known else None, "unknown": found.unknown or None,
     })  # fmt: skip
-
-
-#: Ticks that load what ticks need, and where the ball is seen in them [m].
-_TICKS, _FAR = 20, np.array([3.0, 0.0, 1.0])
 
 
 def simulate(
@@ -382,10 +375,10 @@ def simulate(
 
 def _load(runner: TrialRunner) -> None:
     """Make some ticks as a loop in Python does; those of a trial are made in compiled code."""
-    catcher, q = runner.catcher(), runner.arm.q_ready
-    for k in range(_TICKS):
+    catcher, q, far = runner.catcher(), runner.arm.q_ready, np.array([3.0, 0.0, 1.0])
+    for k in range(20):
         t = k * TICK
-        ball = Sighting(t=t, found=True, r_o=_FAR, covariance=1e-6 * np.eye(3))
+        ball = Sighting(t=t, found=True, r_o=far, covariance=1e-6 * np.eye(3))
         arm = ArmState(t=t, q=q, dq=np.zeros(len(q)))
         catcher.step(Senses(t=t, arm=arm, points=(ball,)))
 

@@ -106,9 +106,6 @@ HELD_GAP, HELD_GEOMS, HELD_AFTER = 0.020, 2, 0.5
 #: Caught in a basket: the last ticks of that time in which the ball is inside and touched.
 LYING = 100
 
-#: Share by which a commanded acceleration or rate may exceed its limit: rounding of differences.
-_RATE_SLACK = 1e-6
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trial:
@@ -312,7 +309,8 @@ def _rates_beyond(
     Jerk and torque rate are those from the tick before, a tick apart. Args as of
     :func:`ticks_beyond`.
     """
-    limits, out, slack = arm.limits, np.zeros(len(commanded), dtype=np.bool_), 1.0 + _RATE_SLACK
+    limits, out = arm.limits, np.zeros(len(commanded), dtype=np.bool_)
+    slack = 1.0 + 1e-6  # rounding of differences
     if limits.acceleration is not None:
         most = arm.active(limits.acceleration)
         out |= driven & np.any(np.abs(commanded[:, 2]) > most * slack, axis=1)

@@ -19,8 +19,8 @@ from mitt.world.scene import DEFAULT_SCENE, Scene, scene_of
 
 SCHEMA = "mitt.study/1"
 
-#: Most throws in a study, and most values of one sweep.
-_MOST_THROWS, _MOST_VALUES = 10_000_000, 200
+#: Most throws in a study.
+_MOST_THROWS = 10_000_000
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9 ._%+=/-]{0,63}$")]
 Table = dict[str, Any]
@@ -69,9 +69,7 @@ class SweepSettings(Overrides):
     name: Name
     unit: Annotated[str, Field(max_length=16)] = ""
     set: Annotated[str, Field(pattern=r"^(scene|arm|throws)(\.[a-z0-9_]+)+$")]
-    values: Annotated[
-        tuple[Number, ...], Field(strict=False, min_length=1, max_length=_MOST_VALUES)
-    ]
+    values: Annotated[tuple[Number, ...], Field(strict=False, min_length=1, max_length=200)]
     factor: float = 1.0
 
 

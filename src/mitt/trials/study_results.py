@@ -32,8 +32,6 @@ except ImportError as error:
 Row = dict[str, Any]
 """A throw, by columns of the table."""
 
-#: Rows of one row group of the whole table.
-_GROUP = 4096
 _AXES = ("x", "y", "z", "vx", "vy", "vz")
 _FLOATS = ("t_catch_s", "position_error_mm", "velocity_error_m_s", "demand_cost",
            "peak_contact_force_n", "range_excess_rad")  # fmt: skip
@@ -151,7 +149,7 @@ def _groups(parts: Sequence[Path]) -> Iterator[Any]:
     for path in parts:
         held.append(pq.read_table(path, page_checksum_verification=True)
                     .replace_schema_metadata(None))  # fmt: skip
-        if sum(table.num_rows for table in held) >= _GROUP:
+        if sum(table.num_rows for table in held) >= 4096:
             yield pa.concat_tables(held).combine_chunks()
             held = []
     if held:

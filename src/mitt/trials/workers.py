@@ -31,13 +31,8 @@ _Task = TypeVar("_Task")
 
 #: How long a scheduler may take to answer [s].
 _ANSWER = "5s"
-#: Deaths of workers, without a task done in between, after which no more are started: of such that
-#: had not begun, and of such that were at work.
-_AT_START, _AT_WORK = 2, 6
-#: How long a process may take to be gone [s], and characters of what one says of its death.
-_SOON, _LONGEST = 5.0, 600
-#: Looks for an exit code in that time.
-_LOOKS = 100
+#: How long a process may take to be gone, and how often that is looked at [s].
+_SOON, _OFTEN = 5.0, 0.05
 
 
 class Engine(Protocol):
@@ -112,7 +107,7 @@ class Processes:
         why, begun = self._pool.buried()
         self._pool = None
         self._deaths += 1
-        if self._deaths >= (_AT_WORK if begun else _AT_START):
+        if self._deaths >= (6 if begun else 2):
             raise _no_workers(why)
 
     def close(self, *, at_once: bool) -> None:
@@ -174,10 +169,10 @@ def _join(process: BaseProcess) -> None:
     The executor's own thread waits for it as well, and may be the one that hears of its end.
     """
     process.join(_SOON)
-    for _ in range(_LOOKS):
+    for _ in range(round(_SOON / _OFTEN)):
         if process.exitcode is not None:
             return
-        Event().wait(_SOON / _LOOKS)
+        Event().wait(_OFTEN)
 
 
 def _end_of(code: int | None) -> str:
@@ -210,7 +205,7 @@ def _begin(module: str, told: Connection) -> None:
         settle()
     except BaseException as error:  # an executor would print it, and start the next
         said = str(error) if isinstance(error, MittError) else f"{type(error).__name__}: {error}"
-        told.send_bytes(f"{os.getpid()} {said[:_LONGEST]}".encode())
+        told.send_bytes(f"{os.getpid()} {said[:600]}".encode())
         os._exit(1)
     told.send_bytes(str(os.getpid()).encode())
 
