@@ -86,8 +86,8 @@ def test_a_stop_in_closed_form_is_ruckigs(arm: Arm, seed: int) -> None:
         # In an edge of the acceleration a rounding of the time is one of the jerk times it.
         assert np.allclose(w.rows[i, :2], rows[:2], atol=EXACT)
         assert np.allclose(w.rows[i, 2], rows[2], atol=EXACT * rate.max() / ONSET)
-    assert np.allclose(w.last[0], theirs.at_time(theirs.duration)[0], atol=EXACT)
-    assert np.allclose(w.last[1:], 0.0, atol=EXACT)
+    assert np.allclose(w.rows[INSTANTS, 0], theirs.at_time(theirs.duration)[0], atol=EXACT)
+    assert np.allclose(w.rows[INSTANTS, 1:], 0.0, atol=EXACT)
 
 
 @settings(max_examples=50)
@@ -116,7 +116,7 @@ def test_the_hardest_stop_leaves_no_room(arm: Arm, seed: int, others: float, urg
     if found < 1.55:
         w.rate[urgent] = (found + 1.4 / 32) * rate[urgent]
         lay(motion, w)
-        assert share_of(arm.tables, w.rows, w.tau, w.scratch) > SHARE
+        assert share_of(arm.tables, w.rows[:INSTANTS], w.tau, w.scratch) > SHARE
 
 
 @settings(max_examples=100)

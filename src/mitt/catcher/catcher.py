@@ -263,7 +263,8 @@ class Catcher:
     def parts(self) -> tuple[Array, StateHandle, ResultHandle] | None:
         """What :func:`mitt.catcher.tick.tick` takes after the senses, for a loop over ticks.
 
-        Such a loop goes on without :meth:`think` where :func:`mitt.catcher.tick.undecided` says so.
+        Such a loop goes on without :meth:`think` where
+        :func:`mitt.catcher.planner.undecided` says so.
 
         None for a generator that is no map: it asks for :meth:`step`.
         """

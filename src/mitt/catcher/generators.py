@@ -18,6 +18,7 @@ from mitt.fields import brief
 from mitt.map.demand import Tolerance
 from mitt.map.learn import Learned
 from mitt.map.mapping import DirectMap
+from mitt.map.prediction import sharpness
 from mitt.signals import Array, BallState, JointReference, MapStatus
 from mitt.verdict.feasibility import (
     Approach,
@@ -26,7 +27,6 @@ from mitt.verdict.feasibility import (
     judge,
     levelled,
     returns,
-    sharpness,
     unsettled,
 )
 

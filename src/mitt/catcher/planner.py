@@ -22,11 +22,13 @@ from mitt.catcher.settings import (
     CatcherSettings,
 )
 from mitt.catcher.several import Several
-from mitt.catcher.state import CatcherState, Result, ball_in, exchange_arm, map_fields
+from mitt.catcher.state import CatcherState, Result, ball_in, exchange_arm, overwrite
 from mitt.control.envelope import speeds_of
 from mitt.control.health import FAILED_TICKS, is_lost
 from mitt.control.stop import plan_brake
 from mitt.errors import MittError
+from mitt.kernels import kernel
+from mitt.map.prediction import lay_state, sigma_at_catch
 from mitt.signals import TICK, Array, BallState, MapStatus
 from mitt.verdict.contact_force import force_of
 from mitt.verdict.feasibility import Approach, Outcome, Verdict, is_far, waiting_height
@@ -42,6 +44,47 @@ _COMES, _FOR = np.array([-5.0, 0.0, -1.0]), 0.4
 _MISSES = ((0.0, 0.9, 0.0), (0.0, 0.0, -0.5))
 #: Verdicts with which a ball, or what stands for it, is followed.
 _FOLLOWED = (Outcome.FEASIBLE, Outcome.OPEN)
+
+
+@kernel
+def too_early(
+    t: float, t_first: float, sigma: float, t_look: float, watch: float, sigma_ready: float
+) -> bool:
+    """Say that no verdict can be given yet: a verdict is for good.
+
+    It is too soon to look again; or the ball is not known well enough at its catch, and the
+    verdict is not due.
+
+    Args:
+        t: Time of the estimate [s].
+        t_first: When the ball was first seen [s].
+        sigma: Predicted 1-sigma at the catch [m].
+        t_look: Time before which there is no verdict [s].
+        watch: As of :class:`CatcherSettings`, and ``sigma_ready``.
+        sigma_ready: Infinite where ``sigma`` is not asked.
+    """
+    return bool(t < t_look or (t - t_first < watch and sigma > sigma_ready))
+
+
+@kernel
+def undecided(todo: int, state: CatcherState, result: Result) -> bool:
+    """Say that all there is to be thought about is a verdict that cannot be given yet.
+
+    Saves a compiled loop the way through ``Catcher.think``, which finds the same.
+
+    Args:
+        todo: What a tick returned.
+        state: As for :func:`mitt.catcher.tick.tick`.
+        result: As for :func:`mitt.catcher.tick.tick`.
+    """
+    s, out, sigma = state.scalars[0], result.scalars[0], 0.0
+    if todo != DECIDE or s.phase != WATCH:
+        return False
+    if s.sigma_ready < np.inf and out.t_ball >= s.t_look:
+        motion = np.empty(10)
+        lay_state(result.ball, out.drag, out.led, motion)
+        sigma = sigma_at_catch(state.map, motion, out.drag, result.covariance)
+    return bool(too_early(out.t_ball, out.t_first, sigma, s.t_look, s.watch, s.sigma_ready))
 
 
 @final
@@ -178,10 +221,9 @@ class Planner:
         A verdict is for good, so it waits until the ball is as near as it has to be for a start,
         and until a ball that has left the images is back in them.
         """
-        if ball.t < self._scalars["t_look"]:
-            return
-        due = ball.t - ball.t_first >= self._settings.watch
-        if not due and self.generator.sharpness(ball) > self._settings.sigma_ready:
+        t_look, of = self._scalars["t_look"].item(), self._settings
+        sigma = 0.0 if ball.t < t_look else self.generator.sharpness(ball)
+        if too_early.py_func(ball.t, ball.t_first, sigma, t_look, of.watch, of.sigma_ready):
             return
         if self.generator.unsettled(ball, self._state.estimated[0]):
             # What the verdict says besides is computed when ``verdict`` is read.
@@ -196,7 +238,7 @@ class Planner:
             self._take(verdict, ball)
             return
         self._verdict, self._deferred = verdict, None
-        if verdict.outcome is Outcome.UNREACHABLE and due:
+        if verdict.outcome is Outcome.UNREACHABLE and ball.t - ball.t_first >= of.watch:
             self._enter(REFUSED)
 
     def _judged(self, ball: BallState) -> Verdict:
@@ -316,9 +358,7 @@ class Planner:
             self.certificate = self.generator.certificate
         f = self.generator.as_map()
         if f is not None:
-            now = self._state._asdict()
-            for name, value in map_fields(f).items():
-                now[name][...] = value
+            overwrite(self._state.map, f.arrays)
             self._scalars["waiting_height"] = waiting_height(f)
 
     def _review(self, ball: BallState) -> None:

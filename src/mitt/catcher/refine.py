@@ -23,7 +23,7 @@ from mitt.map.learn import Flight, LearnSettings, Lifted, lift_flight, refined
 from mitt.map.mapping import DirectMap, project
 from mitt.map.prediction import flown, foresee
 from mitt.signals import Array, BallState
-from mitt.verdict.feasibility import Verdict, trusted, weigh
+from mitt.verdict.feasibility import Verdict, weigh
 
 #: Displacement of the six flights in position [m] and velocity [m/s]: a third of it costs 40 throws
 #: with 48 V half as much again, and twice as much costs flights that are known exactly a quarter.
@@ -105,7 +105,7 @@ def certify(
     odds = _in_hand(P) * _below(1.0 - verdict.share, sqrt(slope @ ahead @ slope))
     place = np.array([x.virtual[-1, 0] for x in near.lifted])
     slopes = (place[1:4] - place[4:]) / off
-    low, high = trusted(f)
+    low, high = f.trusted
     for j in f.design.free:
         if j != f.design.catch_joint:
             sigma = sqrt(slopes[:, j] @ ahead @ slopes[:, j])

@@ -13,7 +13,6 @@ from functools import lru_cache
 from typing import Any, NamedTuple, final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mitt.arm.arm import Arm
 from mitt.arm.kinematics import packed_chain, tip_motion
@@ -40,8 +39,9 @@ from mitt.eyes.localization import EyesMemory, eyes_handle
 from mitt.fields import brief, line
 from mitt.kernels import Handle, Record, define, kernel, record_of
 from mitt.map.mapping import DirectMap
+from mitt.map.tangent import MapArrays
 from mitt.signals import TICK, ArmState, Array, BallState, Command, JointReference, MapStatus
-from mitt.verdict.feasibility import trusted, waiting_height
+from mitt.verdict.feasibility import waiting_height
 
 #: States and reasons in the order of their numbers.
 STATES, REASONS = tuple(State), tuple(Reason)
@@ -143,14 +143,7 @@ class CatcherState(NamedTuple):
     jump: Array  # change of the joint speeds by the ball, where it may come [rad/s], shape (n,)
     impact_dq: Array  # change of the joint speeds that it may cause now [rad/s], shape (n,)
     limits: Array  # for :func:`mitt.control.stop.short_of_room`, shape (3, n)
-    # The map, as the kernels of :mod:`mitt.map.mapping` take it; empty without.
-    packed: Array
-    powers: NDArray[np.int64]
-    window: Array
-    alpha: Array
-    start: Array
-    trusted: Array
-    map_work: Array
+    map: MapArrays
 
     def __repr__(self) -> str:
         """Return one line."""
@@ -254,7 +247,7 @@ def fresh_state(
         bounce=np.zeros(3), gap=np.zeros((2, 3)), pose=np.zeros(n),
         chain=packed_chain(arm.chain).copy(), palm=palm_of(arm), palm_now=np.zeros(3),
         jump=np.zeros(n), impact_dq=np.zeros(n), limits=of.limits.copy(),
-        **map_fields(f), eyes=eyes.memory,
+        map=map_arrays(f), eyes=eyes.memory,
     )  # fmt: skip
 
 
@@ -310,17 +303,12 @@ def prepare_holding(arm: Arm, settings: CatcherSettings) -> None:
         bounds_of(arm.holding(settings.caught.heaviest))
 
 
-def map_fields(f: DirectMap | None) -> dict[str, Any]:
-    """Return a map as the kernels of :mod:`mitt.map.mapping` take it; empty without."""
-    if f is None:
-        empty = {name: np.zeros(0) for name in ("packed", "start", "map_work")}
-        pairs = {name: np.zeros((0, 0)) for name in ("alpha", "window", "trusted")}
-        return empty | pairs | {"powers": np.zeros((0, 0), np.int64)}
-    fields = {
-        "packed": f.packed, "powers": f.basis.powers, "window": f.window, "alpha": f.alpha,
-        "start": f.start, "trusted": trusted(f), "map_work": f.work,
-    }  # fmt: skip
-    return {name: np.array(value, order="C") for name, value in fields.items()}
+def map_arrays(f: DirectMap | None) -> MapArrays:
+    """Return a map as kernels take it, arrays of the caller's own."""
+    if f is not None:
+        return MapArrays._make(np.array(x, order="C") for x in f.arrays)
+    none, pair = np.zeros(0), np.zeros((0, 0))
+    return MapArrays(none, np.zeros((0, 0), np.int64), pair, pair, none, pair, none)
 
 
 def begun_with(state: CatcherState, eyes: Eyes) -> CatcherState:

@@ -65,8 +65,8 @@ from mitt.eyes.head import aim, bearing, lead
 from mitt.eyes.held import find_held
 from mitt.eyes.localization import guide, localize
 from mitt.kernels import kernel
-from mitt.map.mapping import reference, time_to_catch
-from mitt.map.prediction import lay_state, sigma_at_catch
+from mitt.map.mapping import reference
+from mitt.map.prediction import time_to_catch
 from mitt.signals import TICK, Array, Image, Sighting
 from mitt.verdict.feasibility import level
 
@@ -298,15 +298,11 @@ def refer(state: CatcherState, result: Result) -> None:
     target[:] = result.ball
     if s.surrogate:
         level(target, s.waiting_height)
-    rows[3] = state.start
-    if reference(
-        state.packed, state.powers, state.window, state.alpha, target, rows, state.map_work
-    ):
+    rows[3] = state.map.start
+    if reference(state.map, target, rows):
         out.inside = True
-        out.time_to_catch = time_to_catch(
-            state.packed, rows, target, out.drag, out.led or s.surrogate, state.start,
-            state.map_work,
-        )  # fmt: skip
+        led = out.led or s.surrogate
+        out.time_to_catch = time_to_catch(state.map, rows, target, out.drag, led)
 
 
 @kernel
@@ -534,37 +530,6 @@ def looks(state: CatcherState, result: Result) -> bool:
     """Say whether the next tick wants to see: not after a stop, nor once a braked arm rests."""
     s = state.scalars[0]
     return bool(result.scalars[0].t < s.t_rest) if s.phase == BRAKE else bool(s.phase != STOPPED)
-
-
-@kernel
-def undecided(todo: int, state: CatcherState, result: Result) -> bool:
-    """Say that all there is to be thought about is a verdict that cannot be given yet.
-
-    The ball is not known well enough at its catch, and the verdict is not due; or the ball was
-    far, and it is too soon to look again. Saves a compiled loop the way
-    through ``Catcher.think``, which finds the same.
-
-    Args:
-        todo: What a tick returned.
-        state: As for :func:`tick`.
-        result: As for :func:`tick`.
-    """
-    s, out = state.scalars[0], result.scalars[0]
-    if todo != DECIDE or s.phase != WATCH:
-        return False
-    if out.t_ball < s.t_look:
-        return True
-    if s.sigma_ready == np.inf:
-        return False
-    if out.t_ball - out.t_first >= s.watch:
-        return False
-    motion, q_o, within = np.empty(10), state.start.copy(), state.trusted
-    lay_state(result.ball, out.drag, out.led, motion)
-    sigma = sigma_at_catch(
-        state.packed, motion, out.drag, result.covariance, within[0], within[1], q_o,
-        state.map_work,
-    )  # fmt: skip
-    return bool(sigma > s.sigma_ready)
 
 
 @kernel

@@ -12,17 +12,15 @@ left of it is the stop that is found there.
 **After the catch** (:func:`plan_brake`), each joint brakes at its own rate, a share of
 tau_max / M_kk, which builds up and lets go within ``ONSET``. The rates keep the torque of the whole
 arm within its limits at seven instants of the way (between them up to 7 % more was seen in 300
-random states; the tracking saturates) and end as far from any stop as can be. They are searched for
-among stops in closed form; Ruckig's velocity interface makes the one that is driven. Where the
-limit set bounds acceleration or jerk, the brake is the stop of the envelope itself,
+random states; the tracking saturates) and end as far from any stop as can be. Where the limit set
+bounds acceleration or jerk, the brake is the stop of the envelope itself,
 :func:`mitt.control.envelope.slow_down`: its own decelerations, or a share of them for the torque.
 
-| here      | meaning                                                                 | shape     |
-|-----------|-------------------------------------------------------------------------|-----------|
-| ``ends``  | lower and upper ends of the joints' ranges [rad]                        | (2, n)    |
-| ``rows``  | q, dq, ddq at the instants at which the torque is looked at             | (7, 3, n) |
-| ``last``  | q, dq, ddq at rest                                                      | (3, n)    |
-| ``pieces``| start of a piece of constant jerk [s], q, dq, ddq and jerk there        | (n, p, 5) |
+| here      | meaning                                                                  | shape     |
+|-----------|--------------------------------------------------------------------------|-----------|
+| ``ends``  | lower and upper ends of the joints' ranges [rad]                         | (2, n)    |
+| ``rows``  | q, dq, ddq at the instants at which the torque is looked at, and at rest | (8, 3, n) |
+| ``pieces``| start of a piece of constant jerk [s], q, dq, ddq and jerk there         | (n, p, 5) |
 """
 
 from dataclasses import dataclass
@@ -30,7 +28,6 @@ from math import ceil
 from typing import NamedTuple, final
 
 import numpy as np
-from ruckig import ControlInterface, InputParameter, Result, Ruckig, Synchronization, Trajectory
 
 from mitt import checks
 from mitt.arm.arm import Arm, Tables, trusted_deceleration
@@ -73,12 +70,8 @@ _NEAR = 0.45
 _HALVINGS, _LEAST, _MOST = 5, 0.2, 1.6
 #: Shares of their own rate at which the joints brake that have room.
 _OTHERS = (0.15, 0.4, 0.8, 1.2)
-#: Rooms that differ by less count as the same until Ruckig has had its say [rad].
-_SAME = 1e-9
 #: Largest number of a motion that can be braked [rad ...].
 _FASTEST = 1e6
-#: Pieces of a joint's motion: seven of Ruckig's, and rest.
-_PIECES = 8
 
 
 class StopWork(NamedTuple):
@@ -267,7 +260,7 @@ class Brake:
         t: Time at which it starts [s].
         duration: Time to rest [s].
         pieces: Joint by joint, start of each piece after ``t`` [s], and q, dq, ddq and jerk there
-            [rad ...], shape (n, k, 5): Ruckig's answer, or ticks.
+            [rad ...], shape (n, k, 5): three and rest, or ticks.
         torque_share: Largest share of a torque limit on the way.
     """
 
@@ -333,15 +326,12 @@ def plan_brake(arm: Arm, t: float, motion: Array) -> Brake:
         return _in_ticks(arm, t, motion, bounds_of(arm))
     rate = trusted_deceleration(arm, motion[0])
     urgent = int(np.argmax(_urgency(arm, motion, rate)))
-    ends, w = np.array([arm.q_min, arm.q_max]), scratch_of(arm)
-    tried = []
+    ends, w, tried = np.array([arm.q_min, arm.q_max]), scratch_of(arm), []
     for others in _OTHERS:
         share = hardest(arm.tables, motion, rate, urgent, others, w)
-        tried.append((share <= 1.0, room(ends, w.last[0]), w.rate.copy()))
-    fits, most, _ = max(tried, key=lambda x: x[:2])
-    best = [x for ok, left, x in tried if ok == fits and left > most - _SAME]
-    stops = [_driven(arm, t, motion, x, w) for x in best]
-    return max(stops, key=lambda brake: room(ends, brake.q_end))
+        stop = Brake(t, lay(motion, w), w.pieces.copy(), float(share))
+        tried.append((share <= 1.0, room(ends, w.rows[INSTANTS, 0]), stop))
+    return max(tried, key=lambda x: x[:2])[2]
 
 
 def _urgency(arm: Arm, motion: Array, rate: Array) -> Array:
@@ -356,8 +346,8 @@ class Scratch(NamedTuple):
     """Buffers of the kernels for one arm; see the module's table."""
 
     rows: Array
-    last: Array
-    stops: Array  # (n, 5) acceleration at the start, signed jerk, times of its three pieces
+    pieces: Array
+    after: Array  # (8,) times of the rows from the start on [s]
     rate: Array  # (n,) deceleration that is tried [rad/s^2]
     tau: Array  # (2, N) torques, and speeds of all links
     scratch: Array  # of the dynamics
@@ -367,9 +357,9 @@ def scratch_of(arm: Arm) -> Scratch:
     """Return buffers for an arm."""
     n, links = arm.n, len(arm.bodies)
     return Scratch(
-        rows=np.zeros((INSTANTS, 3, n)),
-        last=np.zeros((3, n)),
-        stops=np.zeros((n, 5)),
+        rows=np.zeros((INSTANTS + 1, 3, n)),
+        pieces=np.zeros((n, 4, 5)),
+        after=np.zeros(INSTANTS + 1),
         rate=np.zeros(n),
         tau=np.zeros((2, links)),
         scratch=dynamics_scratch(links),
@@ -383,14 +373,15 @@ def braking(v: float, a: float, rate: float) -> float:
 
 
 @kernel
-def stop_of(v: float, a: float, rate: float, stop: Array) -> float:
+def stop_of(q: float, v: float, a: float, rate: float, pieces: Array) -> float:
     """Write the fastest stop of one joint and return its time [s].
 
     Args:
-        v: Speed at the start [rad/s].
-        a: Acceleration then, of :func:`braking` [rad/s^2].
+        q: Angle at the start [rad].
+        v: Speed there [rad/s].
+        a: Acceleration there, of :func:`braking` [rad/s^2].
         rate: Largest deceleration [rad/s^2].
-        stop: Row of ``Scratch.stops``, shape (5,).
+        pieces: Result, a joint's row of ``Scratch.pieces``, shape (4, 5).
     """
     jerk = rate / ONSET
     sign = -1.0 if v + 0.5 * a * abs(a) / jerk > 0.0 else 1.0
@@ -399,22 +390,18 @@ def stop_of(v: float, a: float, rate: float, stop: Array) -> float:
     if peak > rate:
         hold = (need - (rate * rate - 0.5 * push * push) / jerk) / rate
         peak = rate
-    rise, fall = max((peak - push) / jerk, 0.0), peak / jerk
-    stop[0], stop[1], stop[2], stop[3], stop[4] = a, sign * jerk, rise, hold, fall
-    return float(rise + hold + fall)
-
-
-@kernel
-def move_along(stop: Array, t: float, row: Array, k: int) -> None:
-    """Carry joint k on along its stop for ``t`` [s], in place in ``row``, shape (3, n)."""
-    q, v, a = row[0, k], row[1, k], stop[0]
+    times, t = (max((peak - push) / jerk, 0.0), hold, peak / jerk), 0.0
     for i in range(3):
-        s, j = min(t, stop[2 + i]), (1 - i) * stop[1]
+        s, j = times[i], (1 - i) * sign * jerk
+        p = pieces[i]
+        p[0], p[1], p[2], p[3], p[4] = t, q, v, a, j
         q += s * (v + s * (0.5 * a + s * j / 6.0))
         v += s * (a + 0.5 * s * j)
         a += s * j
-        t -= s
-    row[0, k], row[1, k], row[2, k] = q, v, a
+        t += s
+    rest = pieces[3]
+    rest[0], rest[1], rest[2], rest[3], rest[4] = t, q, 0.0, 0.0, 0.0
+    return t
 
 
 @kernel
@@ -424,23 +411,23 @@ def instant(i: int, duration: float) -> float:
 
 
 @kernel
-def lay(motion: Array, w: Scratch) -> None:
-    """Write the stop at the decelerations ``w.rate``: ``w.rows`` and ``w.last``.
+def lay(motion: Array, w: Scratch) -> float:
+    """Write the stop at the decelerations ``w.rate``, and return its time [s].
 
     Args:
         motion: q, dq, ddq at the start, shape (3, n).
-        w: Scratch and result.
+        w: Scratch and result: ``w.pieces`` and ``w.rows``.
     """
-    n, end = len(w.rate), 0.0
-    for k in range(n):
-        a = braking(motion[1, k], motion[2, k], w.rate[k])
-        end = max(end, stop_of(motion[1, k], a, w.rate[k], w.stops[k]))
-    for i in range(INSTANTS + 1):
-        row = w.last if i == INSTANTS else w.rows[i]
-        t = end if i == INSTANTS else instant(i, end)
-        for k in range(n):
-            row[0, k], row[1, k] = motion[0, k], motion[1, k]
-            move_along(w.stops[k], t, row, k)
+    end = 0.0
+    for k in range(len(w.rate)):
+        q, v = motion[0, k], motion[1, k]
+        a = braking(v, motion[2, k], w.rate[k])
+        end = max(end, stop_of(q, v, a, w.rate[k], w.pieces[k]))
+    for i in range(INSTANTS):
+        w.after[i] = instant(i, end)
+    w.after[INSTANTS] = end
+    sample(w.pieces, w.after, w.rows)
+    return end
 
 
 @kernel
@@ -475,7 +462,7 @@ def hardest(
         rate: Deceleration of each joint alone [rad/s^2], shape (n,).
         urgent: Index of the joint.
         others: The share.
-        w: Scratch; ``w.rate`` and ``w.last`` are the answer.
+        w: Scratch; ``w.rate``, ``w.pieces`` and ``w.rows`` are the answer.
 
     Returns:
         Largest share of a drive's torque on the way.
@@ -487,13 +474,13 @@ def hardest(
         middle = 0.5 * (low + high)
         w.rate[urgent] = middle * rate[urgent]
         lay(motion, w)
-        if torque_share(arm, w.rows, w.tau, w.scratch) <= SHARE:
+        if torque_share(arm, w.rows[:INSTANTS], w.tau, w.scratch) <= SHARE:
             low = middle
         else:
             high = middle
     w.rate[urgent] = low * rate[urgent]
     lay(motion, w)
-    return float(torque_share(arm, w.rows, w.tau, w.scratch))
+    return float(torque_share(arm, w.rows[:INSTANTS], w.tau, w.scratch))
 
 
 @kernel
@@ -503,39 +490,6 @@ def room(ends: Array, q: Array) -> float:
     for k in range(len(q)):
         least = min(least, ends[1, k] - q[k], q[k] - ends[0, k])
     return float(least)
-
-
-def _driven(arm: Arm, t: float, motion: Array, rate: Array, w: Scratch) -> Brake:
-    """Return Ruckig's stop with given decelerations [rad/s^2], shape (n,), and its torque share."""
-    n = len(rate)
-    request, trajectory = InputParameter(n), Trajectory(n)
-    request.control_interface = ControlInterface.Velocity
-    request.synchronization = Synchronization.No
-    request.current_position, request.current_velocity = motion[0].tolist(), motion[1].tolist()
-    rows = zip(motion[1].tolist(), motion[2].tolist(), rate.tolist(), strict=True)
-    request.current_acceleration = [braking(*row) for row in rows]
-    request.target_velocity = request.target_acceleration = [0.0] * n
-    request.max_acceleration, request.max_jerk = rate.tolist(), (rate / ONSET).tolist()
-    try:
-        result = Ruckig(n).calculate(request, trajectory)
-    except Exception as error:  # Ruckig's own
-        raise InputError("motion", "one that can be braked", f"{error}"[:120]) from error
-    if result not in (Result.Working, Result.Finished):
-        raise InputError("motion", "one that can be braked", f"{motion.tolist()}: {result}")
-    end, pieces = trajectory.duration, _pieces(trajectory)
-    sample(pieces, np.array([instant(i, end) for i in range(INSTANTS)]), w.rows)
-    return Brake(t, end, pieces, float(torque_share(arm.tables, w.rows, w.tau, w.scratch)))
-
-
-def _pieces(trajectory: Trajectory) -> Array:
-    """Return the pieces of a trajectory of one section, as in the module's table."""
-    joints = trajectory.profiles[0]
-    pieces = np.zeros((len(joints), _PIECES, 5))
-    pieces[:, 1:, 0] = np.cumsum([joint.t for joint in joints], axis=1)
-    rows = [(joint.p, joint.v, joint.a) for joint in joints]
-    pieces[:, :, 1:4] = np.array(rows).transpose(0, 2, 1)
-    pieces[:, :-1, 4] = [joint.j for joint in joints]
-    return pieces
 
 
 def _in_ticks(arm: Arm, t: float, motion: Array, bounds: Record) -> Brake:
@@ -549,8 +503,9 @@ def _in_ticks(arm: Arm, t: float, motion: Array, bounds: Record) -> Brake:
         pieces[:, :, 0] = TICK * np.arange(ticks + 1)
         pieces[:, :, 1:3] = rows[: ticks + 1, :2].transpose(2, 0, 1)
         pieces[:, :-1, 3] = rows[1 : ticks + 1, 2].T
-        sample(pieces, np.linspace(0.0, TICK * ticks, INSTANTS), w.rows)
-        asked = float(torque_share(arm.tables, w.rows, w.tau, w.scratch))
+        instants = w.rows[:INSTANTS]
+        sample(pieces, np.linspace(0.0, TICK * ticks, INSTANTS), instants)
+        asked = float(torque_share(arm.tables, instants, w.tau, w.scratch))
         tried.append(Brake(t, TICK * ticks, pieces, asked))
         if asked <= SHARE:
             return tried[-1]

@@ -37,10 +37,10 @@ from mitt.map.mapping import (
     initial_gap,
     initial_matrix,
     project,
-    root_time,
     shift,
     unlearned,
 )
+from mitt.map.prediction import root_time
 from mitt.signals import Array
 
 #: Share of the trace of a Hessian that is added to its diagonal.

@@ -29,9 +29,10 @@ from mitt.errors import InputError, ModelError
 from mitt.fields import brief
 from mitt.kernels import kernel, view
 from mitt.map.map_design import MapDesign, check_joints, tangent_of
-from mitt.map.polynomial import CatchBasis, jets
-from mitt.map.prediction import HORIZON, catch_time, fly_on, go_on, lay_state
+from mitt.map.polynomial import CatchBasis, bend, jets
+from mitt.map.prediction import time_to_catch
 from mitt.map.tangent import (
+    MapArrays,
     Scratch,
     Tangent,
     catch_angle,
@@ -41,25 +42,21 @@ from mitt.map.tangent import (
     lift,
     pack,
     scratch_of,
-    to_go,
     unfold,
     unpack,
     workspace,
 )
-from mitt.signals import PASSED, Array, BallState, JointReference, MapStatus
+from mitt.signals import Array, BallState, JointReference, MapStatus
 
-#: Time to the catch up to which the ball's present motion tells it [s].
-NEAR = 0.1
-#: Rounds in which a catch farther ahead is found, their last step, of which an error of the third
-#: order is left, below 1 us, and where they begin at the latest: before the ball passes by [s].
-_ROUNDS, _CLOSE, _GUESS = 5, 3e-3, 0.3
 #: Singular values of C H^-1 C' below this share of the largest are dropped: C loses rank where
 #: phi and its rate are parallel, at the catch (s = 0) for one.
 _RANK = 1e-12
 #: How far beyond its range a joint's angle cannot be meant any more: a turn [rad].
 _TURN = 2.0 * np.pi
+#: How far beyond the region it was learned on a map is trusted [rad].
+_REGION_GAP = 0.3
 #: What maps with the same design, basis and metric have in common, once it has been computed.
-_SHARED = ("tangent", "packed", "H_inverse", "window", "work", "start")
+_SHARED = ("tangent", "packed", "H_inverse", "window", "work", "start", "trusted")
 
 
 @final
@@ -153,6 +150,20 @@ class DirectMap:
         follow(self.tangent, q)
         return q
 
+    @cached_property
+    def trusted(self) -> Array:
+        """Lowest and highest virtual joints at a catch for which it is trusted [rad], (2, n)."""
+        region: Array = self.region + np.array([[-_REGION_GAP], [_REGION_GAP]])
+        return region
+
+    @cached_property
+    def arrays(self) -> MapArrays:
+        """All of it, for the kernels."""
+        powers, alpha = self.basis.powers, np.ascontiguousarray(self.alpha)
+        return MapArrays(
+            self.packed, powers, self.window, alpha, self.start, self.trusted, self.work
+        )
+
     def virtual(self, ball: Array) -> tuple[bool, Array]:
         """Return virtual joints and two derivatives, shape (3, n), of r_o, dr_o, ddr_o, (3, 3)."""
         out = np.zeros((3, self.arm.n))
@@ -167,9 +178,7 @@ class DirectMap:
         """
         rows, ball = np.zeros((6, self.arm.n)), checks.array("ball", ball, (3, 3))
         rows[3] = self.start
-        inside = reference(
-            self.packed, self.basis.powers, self.window, self.alpha, ball, rows, self.work
-        )
+        inside = reference(self.arrays, ball, rows)
         if not np.all(np.isfinite(rows)):
             inside, rows[:] = False, 0.0
             rows[0], rows[3] = self.tangent.q_rest, self.tangent.q_rest
@@ -185,14 +194,10 @@ class DirectMap:
             alpha: Coefficients instead of the map's own [rad], shape (m, n).
         """
         path = checks.array("path", path, (None, 3, 3))
-        alpha = (
-            self.alpha
-            if alpha is None
-            else checks.array("alpha", alpha, self.alpha.shape, finite=True)
-        )
-        rows, out = np.zeros((6, self.arm.n)), np.empty((len(path), 3, self.arm.n))
-        of = self.packed, self.basis.powers, self.window, alpha
-        references(*of, path, self.start, rows, out, self.work)
+        f, rows, out = self.arrays, np.zeros((6, self.arm.n)), np.empty((len(path), 3, self.arm.n))
+        if alpha is not None:
+            f = f._replace(alpha=checks.array("alpha", alpha, self.alpha.shape, finite=True))
+        references(f, path, rows, out)
         return out
 
     def to_joints(self, r_o: Array) -> tuple[MapStatus, Array]:
@@ -209,11 +214,12 @@ class DirectMap:
     def bend(self, q: Array) -> Array:
         """Return g(q) = q + b(q) of eqs. (7) and (11) [rad], shape (n,)."""
         still, q = np.zeros(3), checks.vector("q", q, self.arm.n, finite=True)
-        with np.errstate(over="ignore", invalid="ignore"):
-            b: Array = self.basis.jets(coordinates(self.tangent, q), still, still)[0] @ self.alpha
-        if not np.all(np.isfinite(b)):
+        rows = np.array([q, 0.0 * q, 0.0 * q])
+        bend(self.basis.jets(coordinates(self.tangent, q), still, still), self.alpha, rows, rows)
+        if not np.all(np.isfinite(rows[0])):
             raise InputError("q", "angles near those of the arm [rad]", "far larger ones")
-        return q + b
+        bent: Array = rows[0]
+        return bent
 
     def catch_gap(self, r_o: Array) -> Array:
         """Return r_e = l(f(r_o)) - r_o of eq. (4) [m], shape (3,).
@@ -262,7 +268,6 @@ class DirectMap:
         ball = checks.instance("ball", ball, BallState)
         motion = np.array([ball.r_o, ball.dr_o, ball.ddr_o])
         inside, rows = self.motion(motion)
-        of = motion, ball.drag, ball.led
         return JointReference(
             t=ball.t,
             status=MapStatus.INSIDE if inside else MapStatus.DOMAIN,
@@ -271,7 +276,7 @@ class DirectMap:
             ddq_d=rows[2],
             q_o=rows[3],
             dq_o=rows[4],
-            time_to_catch=time_to_catch(self.packed, rows, *of, self.start, self.work)
+            time_to_catch=time_to_catch(self.arrays, rows, motion, ball.drag, ball.led)
             if inside
             else np.inf,
         )
@@ -415,22 +420,16 @@ def virtual(packed: Array, ball: Array, rows: Array, work: Array) -> bool:
 
 
 @kernel
-def reference(
-    packed: Array, powers: Array, window: Array, alpha: Array, ball: Array, rows: Array, work: Array
-) -> bool:
+def reference(f: MapArrays, ball: Array, rows: Array) -> bool:
     """Write q_d, dq_d, ddq_d, q_o, dq_o, ddq_o (6, n) for r_o, dr_o, ddr_o (3, 3), eq. (1).
 
     Args:
-        packed: The tangent map.
-        powers: Exponents of the monomials, shape (m, 3).
-        window: Centre and scale of the polynomial's variables, shape (2, 3).
-        alpha: Coefficients, shape (m, n).
+        f: The map.
         ball: r_o, dr_o, ddr_o, shape (3, 3).
         rows: Result; row 3 is where a Newton inverse starts. Outside the domain: at rest.
-        work: Workspace for so many joints and monomials.
     """
-    (m, n), g = alpha.shape, unpack(packed)
-    w = unfold(work, n)
+    n, g = f.alpha.shape[1], unpack(f.packed)
+    w = unfold(f.work, n)
     if not lift(g, ball, view(rows, 3 * n, (3, n)), w):
         rows[:] = 0.0
         rows[0], rows[3] = g.q_rest, g.q_rest
@@ -438,122 +437,17 @@ def reference(
     for a in range(3):
         for d in range(3):
             w.variables[d, a] = coordinate(g, view(rows, (3 + d) * n, (n,)), a)
-    centre, scale = view(window, 0, (3,)), view(window, 3, (3,))
+    centre, scale = view(f.window, 0, (3,)), view(f.window, 3, (3,))
     x, dx = view(w.variables, 0, (3,)), view(w.variables, 3, (3,))
-    jets(powers, centre, scale, x, dx, view(w.variables, 6, (3,)), w.phi)
-    for k in range(n):
-        # b of eq. (11), three sums at a time: each waits for its own last addition only.
-        q, dq, ddq = rows[3, k], rows[4, k], rows[5, k]
-        for a in range(m):
-            q += w.phi[0, a] * alpha[a, k]
-            dq += w.phi[1, a] * alpha[a, k]
-            ddq += w.phi[2, a] * alpha[a, k]
-        rows[0, k], rows[1, k], rows[2, k] = q, dq, ddq
+    jets(f.powers, centre, scale, x, dx, view(w.variables, 6, (3,)), w.phi)
+    bend(w.phi, f.alpha, view(rows, 3 * n, (3, n)), rows)
     return True
 
 
 @kernel
-def references(
-    packed: Array,
-    powers: Array,
-    window: Array,
-    alpha: Array,
-    path: Array,
-    start: Array,
-    rows: Array,
-    out: Array,
-    work: Array,
-) -> None:
+def references(f: MapArrays, path: Array, rows: Array, out: Array) -> None:
     """Write the first three rows of :func:`reference` for each ball of a path."""
     for k in range(len(path)):
-        rows[3] = start
-        reference(packed, powers, window, alpha, path[k], rows, work)
+        rows[3] = f.start
+        reference(f, path[k], rows)
         out[k] = rows[:3]
-
-
-@kernel
-def root_time(s: float, ds: float, dds: float) -> float:
-    """Return the time to the next zero of s + ds t + dds t^2 / 2, 0 at one; infinite without."""
-    disc = ds * ds - 2.0 * s * dds
-    if not 0.0 <= disc < np.inf:
-        return np.inf
-    if s == 0.0:
-        return 0.0
-    slow, after = ds + np.copysign(np.sqrt(disc), ds), np.inf
-    if slow != 0.0:
-        after = -2.0 * s / slow
-        if after < 0.0:
-            after = np.inf
-    if dds != 0.0 and -slow / dds >= 0.0:
-        after = min(after, -slow / dds)
-    return float(after)
-
-
-@kernel
-def time_to_catch(
-    packed: Array, rows: Array, ball: Array, drag: float, led: bool, start: Array, work: Array
-) -> float:
-    """Return the time to the catch [s], as of :class:`mitt.signals.JointReference`.
-
-    Near the catch the ball's present motion tells it. Farther ahead it does not: gravity turns the
-    way of a ball that still rises, so the ball is flown on.
-
-    Args:
-        packed: The tangent map.
-        rows: As :func:`reference` writes them, shape (6, n).
-        ball: r_o, dr_o, ddr_o, shape (3, 3).
-        drag: Its drag coefficient [1/m].
-        led: Whether it is led.
-        start: Where the inverse starts [rad], shape (n,).
-        work: As for :func:`reference`.
-    """
-    g = unpack(packed)
-    s = to_go(g, rows[3])
-    ds, dds = coordinate(g, rows[4], g.catch), coordinate(g, rows[5], g.catch)
-    after, before = root_time(s, ds, dds), root_time(s, -ds, dds)
-    away = g.plane[0] * g.plane[2] + g.plane[1] * g.plane[3]
-    outside = g.planar and s * away > 0.0  # from where balls come: it has not passed by
-    if before <= PASSED and before < after and not outside:
-        return float(-before)
-    if after <= NEAR:
-        return float(after)
-    return float(max(_time_ahead(packed, s, after, (ball, drag, led), start, work), NEAR))
-
-
-@kernel
-def _time_ahead(
-    packed: Array, s: float, t: float, of: tuple[Array, float, bool], start: Array, work: Array
-) -> float:
-    """Return the time to a catch that is not near [s]; infinite where none is foreseen.
-
-    Args:
-        packed: The tangent map.
-        s: Distance still to go [rad].
-        t: Time to the catch by the ball's present motion [s]; the search begins there.
-        of: The ball: its motion, drag coefficient, whether it is led.
-        start: Where the inverse starts [rad], shape (n,).
-        work: Workspace of the tangent map.
-    """
-    g, n = unpack(packed), len(start)
-    w = unfold(work, n)
-    state, end, virtual = w.state, w.ball, w.virtual
-    q_o, dq_o, ddq_o = view(virtual, 0, (n,)), view(virtual, n, (n,)), view(virtual, 2 * n, (n,))
-    lay_state(of[0], of[1], of[2], state)
-    t, step = min(t, _GUESS), 0.0
-    fly_on(state, t, end)
-    for _ in range(_ROUNDS):
-        q_o[:] = start
-        if not (abs(step) < t and lift(g, end, virtual, w)):
-            break
-        ds, dds = coordinate(g, dq_o, g.catch), coordinate(g, ddq_o, g.catch)
-        if not s * ds < 0.0:  # it passes there on its way out
-            break
-        after, before = root_time(to_go(g, q_o), ds, dds), root_time(to_go(g, q_o), -ds, dds)
-        step = after if after < before else -before
-        t += step
-        if abs(step) < _CLOSE and t <= HORIZON:
-            return t
-        if abs(step) < np.inf:
-            go_on(end, state[9], step)
-    q_o[:] = start
-    return float(catch_time(packed, state, q_o, end, work))

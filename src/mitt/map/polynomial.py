@@ -127,3 +127,23 @@ def jets(
             f, df, ddf = out[0, a], out[1, a], out[2, a]
             out[0, a], out[1, a] = f * g, df * g + f * dg
             out[2, a] = ddf * g + 2.0 * df * dg + f * ddg
+
+
+@kernel
+def bend(phi: Array, alpha: Array, q: Array, out: Array) -> None:
+    """Write q + b(q) and its two time derivatives, eqs. (7) and (11), shape (3 or more, n).
+
+    Args:
+        phi: Monomials and their two time derivatives, shape (3, m).
+        alpha: Coefficients [rad], shape (m, n).
+        q: Joint angles and their two time derivatives [rad ...], shape (3, n).
+        out: Result, may be ``q``.
+    """
+    m, n = alpha.shape
+    for k in range(n):  # three sums at a time: each waits for its own last addition only
+        b0, b1, b2 = q[0, k], q[1, k], q[2, k]
+        for a in range(m):
+            b0 += phi[0, a] * alpha[a, k]
+            b1 += phi[1, a] * alpha[a, k]
+            b2 += phi[2, a] * alpha[a, k]
+        out[0, k], out[1, k], out[2, k] = b0, b1, b2

@@ -17,16 +17,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mitt import checks
 from mitt.ball.flight import STATES, MotionModel, acceleration, advance, advance_uncertain
-from mitt.kernels import kernel
-from mitt.map.tangent import invert, to_go, unfold, unpack
-from mitt.signals import GRAVITY, Array, BallState
+from mitt.kernels import kernel, view
+from mitt.map.tangent import MapArrays, coordinate, invert, lift, to_go, unfold, unpack
+from mitt.signals import GRAVITY, PASSED, Array, BallState
 
 if TYPE_CHECKING:  # the map asks this module for the time to its catch
     from mitt.map.mapping import DirectMap
 
 #: How far ahead a ball is flown [s], in what steps, and halvings of the step of the catch.
 HORIZON, _STRIDE, _HALVINGS = 1.0, 0.01, 12
+#: Time to the catch up to which the ball's present motion tells it [s].
+NEAR = 0.1
+#: Rounds in which a catch farther ahead is found, their last step, of which an error of the third
+#: order is left, below 1 us, and where they begin at the latest: before the ball passes by [s].
+_ROUNDS, _CLOSE, _GUESS = 5, 3e-3, 0.3
 #: Spectral density of the acceleration that the flight model does not explain [m^2/s^3].
 _UNEXPLAINED = 0.005
 LED = -1.0
@@ -56,7 +62,7 @@ def foresee(f: "DirectMap", ball: BallState) -> Foresight:
     q_o, end = f.start.copy(), np.zeros((3, 3))
     reach = float(np.linalg.norm(f.arm.position(f.start)))
     state = state_of(ball)
-    after = catch_time(f.packed, state, q_o, end, f.work)
+    after = catch_time(f.arrays, state, q_o, end)
     below = after == np.inf and bool(_passes_below(state, reach))
     return Foresight(after=after, q_o=q_o, below=below)
 
@@ -66,22 +72,13 @@ def spread(ball: BallState, after: float) -> float:
     return float(_spread(state_of(ball), ball.drag, ball.covariance, after))
 
 
-def sharpness(f: "DirectMap", ball: BallState, low: Array, high: Array) -> float:
+def sharpness(f: "DirectMap", ball: BallState) -> float:
     """Return the predicted 1-sigma of the ball at the catch [m].
 
-    Args:
-        f: The map.
-        ball: Estimate of the ball.
-        low: Smallest virtual joints of a catch that counts [rad], shape (n,).
-        high: Largest, shape (n,).
-
-    Returns:
-        Infinite without a catch within ``low`` and ``high``.
+    Infinite without a catch where the map is trusted.
     """
-    state, q_o = state_of(ball), f.start.copy()
-    return float(
-        sigma_at_catch(f.packed, state, ball.drag, ball.covariance, low, high, q_o, f.work)
-    )
+    ball = checks.instance("ball", ball, BallState)
+    return float(sigma_at_catch(f.arrays, state_of(ball), ball.drag, ball.covariance))
 
 
 def state_of(ball: BallState) -> Array:
@@ -163,10 +160,10 @@ def fly(state: Array, after: Array, path: Array) -> None:
 
 
 @kernel
-def catch_time(packed: Array, state: Array, q_o: Array, ball: Array, work: Array) -> float:
+def catch_time(f: MapArrays, state: Array, q_o: Array, ball: Array) -> float:
     """Return the time until s = q_o,i - q_alpha changes its sign, by halving; infinity without."""
-    g = unpack(packed)
-    w = unfold(work, len(q_o))
+    g = unpack(f.packed)
+    w = unfold(f.work, len(q_o))
     r = ball[0]
     fly_on(state, 0.0, ball)
     last, t, stride = 0.0, 0.0, _STRIDE
@@ -193,6 +190,86 @@ def catch_time(packed: Array, state: Array, q_o: Array, ball: Array, work: Array
 
 
 @kernel
+def root_time(s: float, ds: float, dds: float) -> float:
+    """Return the time to the next zero of s + ds t + dds t^2 / 2, 0 at one; infinite without."""
+    disc = ds * ds - 2.0 * s * dds
+    if not 0.0 <= disc < np.inf:
+        return np.inf
+    if s == 0.0:
+        return 0.0
+    slow, after = ds + np.copysign(np.sqrt(disc), ds), np.inf
+    if slow != 0.0:
+        after = -2.0 * s / slow
+        if after < 0.0:
+            after = np.inf
+    if dds != 0.0 and -slow / dds >= 0.0:
+        after = min(after, -slow / dds)
+    return float(after)
+
+
+@kernel
+def time_to_catch(f: MapArrays, rows: Array, ball: Array, drag: float, led: bool) -> float:
+    """Return the time to the catch [s], as of :class:`mitt.signals.JointReference`.
+
+    Near the catch the ball's present motion tells it. Farther ahead it does not: gravity turns the
+    way of a ball that still rises, so the ball is flown on.
+
+    Args:
+        f: The map.
+        rows: As :func:`mitt.map.mapping.reference` writes them, shape (6, n).
+        ball: r_o, dr_o, ddr_o, shape (3, 3).
+        drag: Its drag coefficient [1/m].
+        led: Whether it is led.
+    """
+    g = unpack(f.packed)
+    s = to_go(g, rows[3])
+    ds, dds = coordinate(g, rows[4], g.catch), coordinate(g, rows[5], g.catch)
+    after, before = root_time(s, ds, dds), root_time(s, -ds, dds)
+    away = g.plane[0] * g.plane[2] + g.plane[1] * g.plane[3]
+    outside = g.planar and s * away > 0.0  # from where balls come: it has not passed by
+    if before <= PASSED and before < after and not outside:
+        return float(-before)
+    if after <= NEAR:
+        return float(after)
+    return float(max(_time_ahead(f, s, after, (ball, drag, led)), NEAR))
+
+
+@kernel
+def _time_ahead(f: MapArrays, s: float, t: float, of: tuple[Array, float, bool]) -> float:
+    """Return the time to a catch that is not near [s]; infinite where none is foreseen.
+
+    Args:
+        f: The map.
+        s: Distance still to go [rad].
+        t: Time to the catch by the ball's present motion [s]; the search begins there.
+        of: The ball: its motion, drag coefficient, whether it is led.
+    """
+    g, n = unpack(f.packed), len(f.start)
+    w = unfold(f.work, n)
+    state, end, virtual = w.state, w.ball, w.virtual
+    q_o, dq_o, ddq_o = view(virtual, 0, (n,)), view(virtual, n, (n,)), view(virtual, 2 * n, (n,))
+    lay_state(of[0], of[1], of[2], state)
+    t, step = min(t, _GUESS), 0.0
+    fly_on(state, t, end)
+    for _ in range(_ROUNDS):
+        q_o[:] = f.start
+        if not (abs(step) < t and lift(g, end, virtual, w)):
+            break
+        ds, dds = coordinate(g, dq_o, g.catch), coordinate(g, ddq_o, g.catch)
+        if not s * ds < 0.0:  # it passes there on its way out
+            break
+        after, before = root_time(to_go(g, q_o), ds, dds), root_time(to_go(g, q_o), -ds, dds)
+        step = after if after < before else -before
+        t += step
+        if abs(step) < _CLOSE and t <= HORIZON:
+            return t
+        if abs(step) < np.inf:
+            go_on(end, state[9], step)
+    q_o[:] = f.start
+    return float(catch_time(f, state, q_o, end))
+
+
+@kernel
 def _passes_below(state: Array, reach: float) -> bool:
     """Say whether the ball comes over ground within reach of the shoulder, but below it."""
     ball, t = np.empty((3, 3)), 0.0
@@ -207,22 +284,14 @@ def _passes_below(state: Array, reach: float) -> bool:
 
 
 @kernel
-def sigma_at_catch(
-    packed: Array,
-    state: Array,
-    drag: float,
-    covariance: Array,
-    low: Array,
-    high: Array,
-    q_o: Array,
-    work: Array,
-) -> float:
+def sigma_at_catch(f: MapArrays, state: Array, drag: float, covariance: Array) -> float:
     """Return the 1-sigma at the catch; see :func:`sharpness`."""
-    after = catch_time(packed, state, q_o, np.empty((3, 3)), work)
+    q_o = f.start.copy()
+    after = catch_time(f, state, q_o, np.empty((3, 3)))
     if after == np.inf:
         return np.inf
     for k in range(len(q_o)):
-        if not low[k] <= q_o[k] <= high[k]:
+        if not f.trusted[0, k] <= q_o[k] <= f.trusted[1, k]:
             return np.inf
     return float(_spread(state, drag, covariance, after))
 

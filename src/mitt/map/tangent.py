@@ -31,13 +31,15 @@ other arm.
 
 Kernels take the map as one vector and their buffers as another (:func:`pack`, :func:`workspace`):
 handing over a named tuple of thirty arrays costs more than the kernel's own work. Inside compiled
-code :func:`unpack` and :func:`unfold` return the named tuples, whose arrays are views.
+code :func:`unpack` and :func:`unfold` return the named tuples, whose arrays are views. What else
+kernels know of a whole map is with both in :class:`MapArrays`.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 from numba.extending import register_jitable
+from numpy.typing import NDArray
 
 from mitt.arm.arm import Arm
 from mitt.arm.kinematics import (
@@ -107,6 +109,18 @@ class Scratch(NamedTuple):
     virtual: Array  # (3, n) virtual joints
     variables: Array  # (3, 3) of the polynomial, and their two derivatives
     phi: Array  # (3, m) monomials
+
+
+class MapArrays(NamedTuple):
+    """A map as kernels take it; all arrays are empty where there is none."""
+
+    packed: Array  # l_c, of :func:`pack`
+    powers: NDArray[np.int64]  # exponents of the monomials, (m, 3)
+    window: Array  # centre and scale of the polynomial's variables, (2, 3)
+    alpha: Array  # coefficients [rad], (m, n)
+    start: Array  # where the inverse starts [rad], (n,)
+    trusted: Array  # lowest and highest virtual joints of a catch that counts [rad], (2, n)
+    work: Array  # buffers, of :func:`workspace`
 
 
 def pack(g: Tangent) -> Array:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from mitt.ball.filter import update
 from mitt.catcher.catcher import Catcher
+from mitt.catcher.planner import undecided
 from mitt.catcher.settings import BRAKE, STOPPED
 from mitt.catcher.state import (
     Result,
@@ -25,7 +26,7 @@ from mitt.catcher.state import (
     rows_of,
     store,
 )
-from mitt.catcher.tick import looks, tick, undecided
+from mitt.catcher.tick import looks, tick
 from mitt.clock import Stopwatch, now_ns
 from mitt.errors import ShapeError
 from mitt.eyes.camera import CAMERA

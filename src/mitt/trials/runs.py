@@ -28,10 +28,10 @@ from mitt.catcher.generators import (
     map_of,
     refining,
 )
-from mitt.catcher.planner import load_decisions
+from mitt.catcher.planner import load_decisions, undecided
 from mitt.catcher.settings import CatcherSettings
 from mitt.catcher.several import Several
-from mitt.catcher.tick import act, perceive, refer, undecided
+from mitt.catcher.tick import act, perceive, refer
 from mitt.clock import Progress, Stopwatch, settled
 from mitt.errors import InputError, StoppedError
 from mitt.eyes.clock_offset import ClockOffset, LearnedClock, caught_offset

@@ -12,7 +12,6 @@ import numpy as np
 from mitt import checks
 from mitt.fields import brief
 from mitt.kernels import kernel
-from mitt.map import prediction
 from mitt.map.demand import Tolerance, shares_of
 from mitt.map.mapping import DirectMap
 from mitt.map.prediction import Foresight, flown, foresee, spread
@@ -21,8 +20,6 @@ from mitt.signals import Array, BallState
 
 #: Instants at which the demand is reckoned.
 _INSTANTS = 25
-#: How far beyond the region it was learned on a map is trusted [rad].
-_REGION_GAP = 0.3
 #: How far ahead the ball's way over the ground is looked at [s], and in what steps.
 _AHEAD, _STRIDE = 1.0, 0.01
 #: How long before its catch the arm begins to follow a ball, or learns for good that it cannot
@@ -184,15 +181,6 @@ def weigh(f: DirectMap, ball: BallState, after: float, tolerance: Tolerance) -> 
     )
 
 
-def trusted(f: DirectMap) -> Array:
-    """Return the lowest and highest virtual joints at a catch for which a map is trusted [rad].
-
-    Shape (2, n).
-    """
-    region: Array = f.region + np.array([[-_REGION_GAP], [_REGION_GAP]])
-    return region
-
-
 def is_far(ball: BallState, hand: Array) -> bool:
     """Say whether a ball comes nearest to a hand only later than a motion has to begin.
 
@@ -205,11 +193,6 @@ def is_far(ball: BallState, hand: Array) -> bool:
     path = flown(_checked(ball), np.arange(0.0, _AHEAD, _STRIDE))[:, 0]
     nearest = int(np.argmin(np.linalg.norm(path - checks.vector("hand", hand, 3), axis=1)))
     return nearest * _STRIDE > _START_AHEAD
-
-
-def sharpness(f: DirectMap, ball: BallState) -> float:
-    """Return the predicted 1-sigma of the ball at the catch [m]; infinite without a catch."""
-    return prediction.sharpness(f, _checked(ball), *trusted(f))
 
 
 def returns(f: DirectMap, ball: BallState) -> bool:
@@ -244,7 +227,7 @@ def _where(f: DirectMap, seen: Foresight) -> str | None:
     """Return why the predicted catch is outside the map's region; None inside."""
     if not np.isfinite(seen.after):
         return "domain"
-    low, high = trusted(f)
+    low, high = f.trusted
     for k, name in enumerate(f.arm.names):
         if not low[k] <= seen.q_o[k] <= high[k]:
             return f"region:{name}"
@@ -302,6 +285,6 @@ def _passes_over(f: DirectMap, ball: BallState) -> bool:
         return False
     point = np.array([path[near[0], 0], path[near[0], 1], nominal[2]])
     inside, rows = f.virtual(np.array([point, np.zeros(3), np.zeros(3)]))
-    low, high = trusted(f)
+    low, high = f.trusted
     within = (rows[0] >= low) & (rows[0] <= high)
     return bool(inside and np.all(np.delete(within, f.design.catch_joint)))
