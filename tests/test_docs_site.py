@@ -13,6 +13,7 @@ import pytest
 
 import mitt
 from mitt.arm.arm import Arm
+from mitt.arm.catching import CaughtBall
 from mitt.catcher.generators import Direct
 from mitt.cli.options import COMMANDS
 from mitt.files.arm_file import load_arm
@@ -21,7 +22,6 @@ from mitt.map.learn import Learned
 from mitt.trials.explain import LIMITS
 from mitt.trials.learning import learn
 from mitt.verdict.feasibility import judge
-from mitt.verdict.holding import CaughtBall
 from mitt.verdict.impact import shares_after
 
 ROOT = Path(__file__).parents[1]

@@ -5,11 +5,11 @@ from drawing import ball_at, save
 from matplotlib.figure import Figure
 
 import mitt
+from mitt.arm.catching import CaughtBall
 from mitt.map.demand import Tolerance
 from mitt.map.map_design import default_design
 from mitt.report.style import BAND, BLUE, GREEN, GREY, INK, ORANGE, PURPLE, YELLOW
 from mitt.verdict.feasibility import Outcome, judge
-from mitt.verdict.holding import CaughtBall
 from mitt.verdict.impact import examined
 from mitt.world.build import restitution_of
 from mitt.world.scene import read_scene

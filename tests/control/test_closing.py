@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from mitt.arm.basket import Basket
 from mitt.arm.description import Hand
 from mitt.arm.hands import Closing, HandModel
-from mitt.control.closing import ENTERS, FOLLOW_ON, TOUCH_BEFORE, close, fingers_of, has_closed
+from mitt.control.closing import FOLLOW_ON, TOUCH_BEFORE, close, fingers_of, has_closed
 from mitt.signals import PASSED, TICK, Array
 
 RADIUS, FAR = 0.04, np.array([[0.0, 0.0, 10.0], [0.0, 0.0, 0.0]])
@@ -167,7 +167,7 @@ def test_a_basket_never_closes_and_lets_the_arm_brake_at_the_catch(times: list[f
     for k, time in enumerate(times):
         assert basket.step(k * TICK, time) == 0.0
         start = min(start, k * TICK) if basket.started else start
-    assert basket.started == any(-PASSED <= time <= ENTERS for time in times)
+    assert basket.started == any(-PASSED <= time <= Basket().enters for time in times)
     if basket.started:
-        assert basket.closed(start + ENTERS + FOLLOW_ON + TICK, hurry=False)
-        assert not basket.closed(start + 0.5 * ENTERS, hurry=True)
+        assert basket.closed(start + Basket().enters + FOLLOW_ON + TICK, hurry=False)
+        assert not basket.closed(start + 0.5 * Basket().enters, hurry=True)

@@ -16,8 +16,8 @@ from mitt.catcher.generators import Direct
 from mitt.errors import InputError, MittError, ModelError, ShapeError
 from mitt.map.learn import Learned
 from mitt.map.map_design import MapDesign, tangent_of
-from mitt.map.mapping import NEAR, DirectMap, root_time, unlearned
-from mitt.map.prediction import flown
+from mitt.map.mapping import DirectMap, unlearned
+from mitt.map.prediction import NEAR, flown, root_time
 from mitt.map.tangent import invert_newton, scratch_of, to_go
 from mitt.signals import PASSED, Array, BallState, MapStatus
 

@@ -10,20 +10,12 @@ from verdict.test_impact import BANDWIDTH, V, approach
 
 from mitt.arm.arm import Arm
 from mitt.arm.basket import Basket
+from mitt.arm.catching import CaughtBall, Strike
 from mitt.arm.description import Hand
-from mitt.arm.hands import HandModel
+from mitt.arm.hands import HandModel, jam, rate
 from mitt.arm.load import build_arm
-from mitt.verdict.contact_force import (
-    contact_force,
-    force_of,
-    jam,
-    meeting,
-    rate,
-    speed_left,
-    speed_through,
-)
 from mitt.verdict.feasibility import Outcome, Verdict
-from mitt.verdict.holding import CaughtBall
+from mitt.verdict.holding import force_of
 from mitt.verdict.impact import examined, harms, shares_after
 from mitt.world.build import build_scene
 from mitt.world.hand_bodies import NET
@@ -76,8 +68,8 @@ def hardest(arm: Arm, b: CaughtBall, speed: float) -> float:
 
 
 def on_palm(hand: Hand, b: CaughtBall, speed: float) -> float:
-    """Return the force [N] of a ball that nothing slows before the palm."""
-    return contact_force(hand, b, palm_speed=speed, finger_speed=0.0)
+    """Return the force [N] of a ball that nothing slows before the palm: fingers start too late."""
+    return hand.contact_force(b, Strike(speed, speed, lead=0.0))
 
 
 @pytest.mark.parametrize(
@@ -124,33 +116,33 @@ def test_fingers_meet_a_ball_the_farther_out_the_earlier_they_start() -> None:
     """At 20 ms they close around a ball in the palm; from 27 ms on they come below it."""
     leads = (0.020, 0.024, 0.026, 0.028, 0.031)
     for speed in (4.5, 5.2):
-        places = [meeting(HAND, 0.04, lead, speed) for lead in leads]
+        places = [HAND.meeting(0.04, lead, speed) for lead in leads]
         assert all(a < b for a, b in pairwise(places))
         assert places[0] < -0.005 < 0.0 < places[3]
-    assert meeting(HAND, 0.04, 0.028, 0.2) < -0.02  # a slow ball is in the palm by then
+    assert HAND.meeting(0.04, 0.028, 0.2) < -0.02  # a slow ball is in the palm by then
     slow = replace(HAND, closing=replace(HAND.closing, acceleration=50.0, touch_speed=2.0))
-    assert meeting(slow, 0.04, 0.028, 4.5) < meeting(HAND, 0.04, 0.028, 4.5)
+    assert slow.meeting(0.04, 0.028, 4.5) < HAND.meeting(0.04, 0.028, 4.5)
 
 
 def test_fingers_that_come_between_ball_and_palm_stop_it_a_heavy_one_later() -> None:
     """What they leave falls from all to nothing with the place where they meet it."""
     places = np.linspace(-0.02, 0.02, 41)
     for mass, stops in ((0.034, 0.002), (0.2, 0.006), (0.5, 0.014)):
-        left = [speed_left(HAND, ball(mass), float(x)) for x in places]
+        left = [HAND.speed_left(ball(mass), float(x)) for x in places]
         assert left == sorted(left, reverse=True)
         assert (left[0], left[-1]) == (1.0, 0.0)
-        assert speed_left(HAND, ball(mass), stops) == 0.0 < speed_left(HAND, ball(mass), -0.001)
+        assert HAND.speed_left(ball(mass), stops) == 0.0 < HAND.speed_left(ball(mass), -0.001)
 
 
 def test_a_ball_with_more_energy_than_the_fingers_take_goes_through_them() -> None:
     """The more the heavier and faster it is, never faster than it came; a strong drive stops it."""
     strong = replace(HAND, drive=replace(HAND.drive, tau_max=50.0))
     for mass, speed in ((0.034, 7.0), (0.1, 5.0), (0.5, 1.0)):
-        assert speed_through(HAND, ball(mass), speed) == 0.0
+        assert HAND.speed_through(ball(mass), speed) == 0.0
     for mass, speed in ((0.2, 5.0), (0.5, 3.0), (0.5, 5.0)):
-        through = speed_through(HAND, ball(mass), speed)
-        assert 0.0 < through < min(speed, speed_through(HAND, ball(1.2 * mass), 1.2 * speed))
-        assert speed_through(strong, ball(mass), speed) == 0.0
+        through = HAND.speed_through(ball(mass), speed)
+        assert 0.0 < through < min(speed, HAND.speed_through(ball(1.2 * mass), 1.2 * speed))
+        assert strong.speed_through(ball(mass), speed) == 0.0
 
 
 def test_a_heavy_ball_at_5_m_s_is_above_what_the_hand_takes(arm: Arm) -> None:

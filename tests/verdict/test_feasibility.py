@@ -11,7 +11,7 @@ from support import ball_state
 from mitt.map.demand import Tolerance, demand
 from mitt.map.learn import Learned
 from mitt.map.mapping import DirectMap
-from mitt.map.prediction import flown
+from mitt.map.prediction import flown, sharpness
 from mitt.signals import BallState
 from mitt.verdict.feasibility import (
     Outcome,
@@ -19,7 +19,6 @@ from mitt.verdict.feasibility import (
     judge,
     levelled,
     returns,
-    sharpness,
     unsettled,
 )
 

@@ -7,11 +7,12 @@ import pytest
 
 from mitt.arm.arm import Arm
 from mitt.arm.basket import Basket
+from mitt.arm.catching import CaughtBall
 from mitt.arm.hands import Finger, HandModel
 from mitt.arm.load import build_arm
 from mitt.control.stop import Brake, plan_brake
 from mitt.errors import InputError
-from mitt.verdict.holding import CaughtBall, pull, spill
+from mitt.verdict.holding import hand_shares
 from mitt.verdict.impact import speed_jump
 
 RADII = np.concatenate([np.linspace(0.005, 0.12, 47), np.linspace(0.13, 0.5, 10)]).tolist()
@@ -20,6 +21,8 @@ HANDS = (
     HandModel(), HandModel(catch_offset=0.16), HandModel(catch_offset=0.04), HandModel(fingers=2),
     HandModel(finger=Finger(proximal=0.08, distal=0.02)), HandModel(finger=Finger(offset=0.05)),
 )  # fmt: skip
+V = np.array([0.0, 0.0, -3.0])
+"""Velocity of the ball relative to the hand [m/s]."""
 BASKETS = (Basket(), Basket(ring_radius=0.3), Basket(depth=0.05, catch_depth=0.02))
 
 
@@ -39,7 +42,7 @@ def test_a_ball_that_does_not_fit_the_fingers_is_refused(hand: HandModel) -> Non
     arm = build_arm("wam", hand=hand)
     stop = braking(arm)
     for radius in RADII:
-        share = pull(arm, stop, ball(radius))
+        share = hand_shares(arm, stop, ball(radius), arm.q_ready, V)["grip"]
         assert np.isfinite(share)
         assert (share > 1.0) == (not hand.reaches(radius))
 
@@ -48,8 +51,8 @@ def test_a_ball_that_does_not_fit_the_fingers_is_refused(hand: HandModel) -> Non
 def test_a_ball_that_does_not_fit_a_basket_is_refused(basket: Basket) -> None:
     """The share rises with the radius, and is beyond 1 from the ring's own on."""
     arm = build_arm("wam", hand=basket)
-    stop, v_rel = braking(arm), np.array([0.0, 0.0, -3.0])
-    shares = [spill(arm, stop, ball(radius), basket, v_rel) for radius in RADII]
+    stop = braking(arm)
+    shares = [hand_shares(arm, stop, ball(radius), arm.q_ready, V)["spill"] for radius in RADII]
     assert np.all(np.isfinite(shares))
     assert min(shares) >= 0.0
     assert shares == sorted(shares)

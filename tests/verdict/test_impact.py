@@ -7,13 +7,13 @@ import pytest
 
 from mitt.arm.arm import Arm
 from mitt.arm.basket import Basket
+from mitt.arm.catching import CaughtBall
 from mitt.arm.hands import HandModel
 from mitt.arm.limits import joint_level
 from mitt.arm.load import build_arm
 from mitt.control.envelope import bounds_of
 from mitt.signals import Array
 from mitt.verdict.feasibility import Approach, Outcome, Verdict
-from mitt.verdict.holding import CaughtBall
 from mitt.verdict.impact import examined, gap_at_catch, shares_after, speed_caps, speed_jump
 
 #: Arithmetic of an impulse [kg m/s].

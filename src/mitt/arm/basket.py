@@ -21,17 +21,22 @@ from typing import ClassVar, Final
 import numpy as np
 
 from mitt import checks
+from mitt.arm.catching import LOST, Catch, CaughtBall, Strike, reduced
 from mitt.arm.description import Capsule, Hand
 from mitt.arm.hands import HandModel
 from mitt.errors import InputError, UnknownNameError
 from mitt.fields import brief
-from mitt.signals import Array
+from mitt.signals import GRAVITY, Array
 
 #: Shares of the mass: ring, struts with net, flange. A ring of aluminium tube, 10 mm thick outside,
 #: and three struts of 8 mm weigh 0.1 kg each.
 _RING, _STRUTS, _FLANGE = 0.35, 0.45, 0.20
 #: Gap between a basket that lies across the plate and the plate [m].
 _GAP = 0.01
+#: Rate of the net, of all its cords together [1/s]: its damping (``hand_bodies.NET``).
+_NET = 300.0
+#: Instants of a brake in which a ball's way in the net is followed.
+_INSTANTS = 24
 #: Largest tilt [rad].
 MOST_TILT = 2.0
 #: Lengths that a basket cannot be without.
@@ -79,7 +84,7 @@ class Basket(Hand):
     tilt: float = 0.0
     restitution: float = 0.06
     force: float = 180.0
-    closes: ClassVar[bool] = False
+    enters: ClassVar[float] = 0.010
 
     __repr__ = brief
 
@@ -174,6 +179,40 @@ class Basket(Hand):
             ),
             Capsule(start=(0.0, 0.0, low), end=(0.0, 0.0, top), radius=wide),
         )
+
+    def shares(self, catch: Catch) -> dict[str, float]:
+        """Return ``spill``: how far the ball leaves the bottom, in units of the depth."""
+        return {"spill": self._spill(catch)}
+
+    def _spill(self, catch: Catch) -> float:
+        """Return how far the ball leaves the bottom towards the ring, as share.
+
+        It springs back from the net, and goes on where the arm brakes under it; friction and the
+        sides of the net are left out. A basket that comes to rest facing down holds nothing, and
+        one whose ring or net is too small for the ball does not let it in.
+        """
+        ball = catch.ball
+        if ball.radius >= min(self.ring_radius, self.depth):
+            return LOST
+        h = catch.duration / _INSTANTS
+        normal = catch.felt(0.0)[1]
+        height, speed, most = 0.0, max(-ball.restitution * float(catch.v_rel @ normal), 0.0), 0.0
+        for k in range(_INSTANTS):
+            force, normal = catch.felt((k + 0.5) * h)
+            speed -= h * float(force @ normal)
+            height += h * speed
+            if height < 0.0:
+                height, speed = 0.0, 0.0
+            most = max(most, height)
+        weight = GRAVITY * float(normal[2])
+        if weight <= 0.0:
+            return LOST
+        most = max(most, height + 0.5 * max(speed, 0.0) ** 2 / weight)
+        return min(most / (self.depth - ball.radius), LOST)
+
+    def contact_force(self, ball: CaughtBall, strike: Strike) -> float:
+        """Return the force of the net [N], which gives way from whichever side the ball comes."""
+        return _NET * reduced(ball.mass, strike.behind) * strike.whole
 
     def contains(self, place: Array) -> bool:
         """Say whether a ball is in the basket: its centre between ring and bottom, inside the net.

@@ -16,6 +16,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from mitt import checks
+from mitt.arm.catching import Catch, CaughtBall, ClosingPlan, Strike
 from mitt.errors import InputError, ModelError
 from mitt.fields import brief
 from mitt.signals import Array
@@ -91,13 +92,16 @@ class Hand(ABC):
         mass: Mass, fingers included [kg].
         force: Largest force of a single contact with a ball that it takes [N]; infinite where
             nobody knows.
-        closes: Whether it has fingers that close on the ball.
+        closes: Whether it has fingers that close on the ball; then ``closing_on`` says how.
+        enters: From the first time that a ball can strike it to the catch, where nothing closes
+            [s].
     """
 
     __slots__ = ()
     mass: float
     force: float
-    closes: ClassVar[bool]
+    closes: ClassVar[bool] = False
+    enters: ClassVar[float] = 0.0
 
     @property
     @abstractmethod
@@ -127,6 +131,24 @@ class Hand(ABC):
     @abstractmethod
     def capsules(self) -> tuple[Capsule, ...]:
         """Return capsules on the plate that hold it, its fingers at any angle."""
+
+    def closing_on(self, radius: float, restitution: float, aside: Array) -> ClosingPlan | None:  # noqa: ARG002
+        """Return how it closes on a ball; None where nothing closes.
+
+        Args:
+            radius: Radius of the ball [m].
+            restitution: Share of its speed with which it springs back from the palm.
+            aside: Distances from the palm's axis for which the time is wanted [m], shape (k,).
+        """
+        return None
+
+    @abstractmethod
+    def shares(self, catch: Catch) -> dict[str, float]:
+        """Return what a catch asks of it, by the name of the limit; 1 is the limit."""
+
+    @abstractmethod
+    def contact_force(self, ball: CaughtBall, strike: Strike) -> float:
+        """Return the largest single force of a contact with a ball that it catches [N]."""
 
 
 def mounting(hand: Hand | None) -> tuple[float, Array]:

@@ -30,8 +30,8 @@ from mitt.errors import MittError
 from mitt.kernels import kernel
 from mitt.map.prediction import lay_state, sigma_at_catch
 from mitt.signals import TICK, Array, BallState, MapStatus
-from mitt.verdict.contact_force import force_of
 from mitt.verdict.feasibility import Approach, Outcome, Verdict, is_far, waiting_height
+from mitt.verdict.holding import force_of
 from mitt.verdict.impact import examined, gap_at_catch, harms, speed_caps, speed_jumps
 
 #: Time after which a ball that is far, or not seen, is looked at again for a verdict [s].

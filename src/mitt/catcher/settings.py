@@ -5,11 +5,11 @@ from enum import Enum
 from math import inf
 from typing import Annotated
 
+from mitt.arm.catching import CaughtBall
 from mitt.arm.shapes import Surroundings
 from mitt.ball.filter import THROWN_BALL, FilterConfig
 from mitt.control.encoders import Encoders
 from mitt.fields import Range, brief, check
-from mitt.verdict.holding import CaughtBall
 
 #: What the catcher is about, in the field ``phase``; the names are those of :class:`Phase`.
 WATCH, FOLLOW, BRAKE, REFUSED, STOPPED = range(5)

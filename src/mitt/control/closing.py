@@ -17,7 +17,7 @@ from functools import lru_cache
 import numpy as np
 
 from mitt.arm.description import Hand
-from mitt.arm.hands import HandModel, closing_angle
+from mitt.arm.hands import closing_angle
 from mitt.kernels import Fields, Record, kernel
 from mitt.signals import PASSED, Array
 
@@ -27,8 +27,6 @@ FOLLOW_ON = 0.001
 #: When an arm that is short of room may brake, after the catch [s]: the palm lies one radius behind
 #: it.
 TOUCH_BEFORE = -0.004
-#: From the first time that a ball can strike a basket's net to the catch [s].
-ENTERS = 0.010
 #: Longest time from when the ball is inside to the catch [s]: the gap is no parabola for longer.
 LONGEST_INSIDE = 0.03
 #: How far from the palm's axis a ball may pass between the fingertips, beyond ``_FREE``, for each
@@ -37,15 +35,13 @@ _ASIDE, _FREE = np.linspace(0.0, 0.04, 9), 0.004
 
 FINGERS = np.dtype(
     [
-        ("profile", float, (5,)),  # of :func:`mitt.arm.hands.closing_angle`
-        ("inside", float),  # distance at which the ball is inside [m]
-        ("early", float),  # before the catch the hand has closed by this at the latest [s]
-        # How far before the catch point the ball passes between the fingertips, and how far it is
-        # at most when they first are as narrow as it [m]; time from then until they hold [s].
+        # As of :class:`mitt.arm.catching.ClosingPlan`; ``takes`` for distances of _ASIDE.
+        ("profile", float, (5,)),
+        ("inside", float),
+        ("early", float),
         ("ring", float),
         ("near", float),
         ("firm", float),
-        # Time that the closing takes, by how far from the palm's axis the ball passes (_ASIDE) [s].
         ("takes", float, (len(_ASIDE),)),
         ("t_begun", float),  # when the closing began, infinite before [s]
         ("t_catch", float),  # when the catch was to be then [s]
@@ -59,8 +55,8 @@ FINGERS = np.dtype(
 def fingers_of(hand: Hand | None, ball_radius: float, restitution: float = 0.0) -> Record:
     """Return an open hand and how it closes on a ball, shape (1,), not to be written to.
 
-    No hand is one that stays open. So is a basket: the ball is inside at the catch, and the arm
-    may brake. What would be its closing begins as early as the ball can strike its net.
+    No hand is one that stays open. So is one without fingers: the ball is inside at the catch, and
+    the arm may brake. What would be its closing begins as early as the ball can strike it.
 
     Args:
         hand: The hand.
@@ -70,16 +66,12 @@ def fingers_of(hand: Hand | None, ball_radius: float, restitution: float = 0.0) 
     fingers = np.zeros(1, FINGERS)
     f = fingers[0]
     f["t_begun"] = f["t_catch"] = f["duration"] = f["near"] = np.inf
-    if not isinstance(hand, HandModel):
-        f["profile"][:3], f["takes"] = 1.0, 0.0 if hand is None else ENTERS
+    on = None if hand is None else hand.closing_on(ball_radius, restitution, _ASIDE)
+    if on is None:
+        f["profile"][:3], f["takes"] = 1.0, 0.0 if hand is None else hand.enters
         return fingers
-    c, hardness = hand.closing, hand.closing.hardness(restitution)
-    f["profile"] = hand.profile(ball_radius)
-    f["inside"], f["early"] = (1.0 - hardness) * hand.inside(ball_radius), hardness * c.early
-    f["ring"], f["firm"] = hand.ring(ball_radius)[0], c.firm
-    if hardness < 1.0:
-        f["near"] = (f["ring"] + c.near) / (1.0 - hardness)
-    f["takes"] = [hand.closing_time(ball_radius, x) for x in _ASIDE.tolist()]
+    for name, value in on._asdict().items():
+        f[name] = value
     return fingers
 
 
@@ -122,13 +114,47 @@ def close(
         if not may_begin(f, time_to_catch, later):
             return 0.0
         takes = later + takes_of(f, _passes_aside(f.ring, time_to_catch, gap, palm))
-        if time_to_catch > takes + f.early and _gap_after(takes, time_to_catch, gap) > f.inside:
-            return 0.0
-        touch = takes - f.firm
-        if time_to_catch > touch and _gap_after(touch, time_to_catch, gap) > f.near:
+        if not in_time(f, time_to_catch, takes, gap):
             return 0.0
         f.t_begun, f.t_catch, f.duration = t, t + time_to_catch, takes
     return float(closing_angle(t - f.t_begun, f.profile))
+
+
+@kernel
+def in_time(f: Fields, time_to_catch: float, takes: float, gap: Array) -> bool:
+    """Say whether fingers that begin now have not closed too early on a ball.
+
+    Args:
+        f: Of type :data:`FINGERS`.
+        time_to_catch: Time until the catch [s].
+        takes: Time that the closing takes [s].
+        gap: From the catch point to the ball, and its rate [m, m/s], shape (2, 3).
+    """
+    if time_to_catch > takes + f.early and _gap_after(takes, time_to_catch, gap) > f.inside:
+        return False
+    touch = takes - f.firm
+    return not (time_to_catch > touch and _gap_after(touch, time_to_catch, gap) > f.near)
+
+
+@kernel
+def lead_of(f: Fields, speed: float, aslant: float) -> float:
+    """Return the time from the start of a closing to the catch, drives and delays apart [s].
+
+    Args:
+        f: Of type :data:`FINGERS`.
+        speed: Steady speed of the ball relative to the catch point [m/s].
+        aslant: Sine of the angle between its way and the palm's normal.
+    """
+    takes, gap = takes_of(f, aslant * f.ring), np.zeros((2, 3))
+    low, high = 0.0, takes + LONGEST_INSIDE
+    for _ in range(50):
+        middle = 0.5 * (low + high)
+        gap[0, 0], gap[1, 0] = speed * middle, -speed
+        if in_time(f, middle, takes, gap):
+            low = middle
+        else:
+            high = middle
+    return low
 
 
 @kernel

@@ -21,6 +21,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from mitt.arm.arm import Arm
+from mitt.arm.catching import CaughtBall
 from mitt.arm.shapes import Surroundings, clearance, shapes_of
 from mitt.ball.flight import advance
 from mitt.catcher.generators import Direct
@@ -38,7 +39,6 @@ from mitt.trials.learning import FASTEST_SHARE, Neighbourhood, learn
 from mitt.trials.runner import TrialRunner
 from mitt.trials.score import Trial, reason_of
 from mitt.verdict.feasibility import Approach, Verdict, judge
-from mitt.verdict.holding import CaughtBall
 from mitt.verdict.impact import examined, relative_velocity, speed_caps
 from mitt.world.flights import CATCH_FRACTION, PlacedFlight
 from mitt.world.throws import Throw

@@ -23,7 +23,7 @@ from functools import lru_cache
 import numpy as np
 
 from mitt.arm.arm import Arm, Tables
-from mitt.arm.basket import Basket
+from mitt.arm.catching import CaughtBall
 from mitt.arm.dynamics import bias_and_mass, solve_positive
 from mitt.control.closing import TOUCH_BEFORE
 from mitt.control.envelope import bounds_of, clamp, speeds_of
@@ -32,9 +32,8 @@ from mitt.control.tracking import Tracking, track, tracking_of
 from mitt.kernels import Record, kernel
 from mitt.map.demand import Tolerance, shares_of
 from mitt.signals import TICK, Array
-from mitt.verdict.contact_force import force_of
 from mitt.verdict.feasibility import Approach, Outcome, Verdict
-from mitt.verdict.holding import CaughtBall, aslant, closing, pull, spill
+from mitt.verdict.holding import closing, force_of, hand_shares
 
 #: Distance of the ball from the catch point at which the fingers still close around it [m].
 GRASP = 0.030
@@ -213,8 +212,7 @@ def shares_after(arm: Arm, approach: Approach, ball: CaughtBall) -> dict[str, fl
         they hold; ``hand`` the time that they need to close, in units of what is left until the
         catch; ``palm`` how far the ball comes from the side or from behind the palm;
         ``spill`` how far the ball leaves the bottom of a basket, in units of its depth; ``force``
-        the largest force of a contact (:mod:`mitt.verdict.contact_force`), in units of what hand
-        and arm take.
+        the largest force of a contact, in units of what hand and arm take.
     """
     cap = speed_caps(arm, approach, ball)
     dq = np.clip(approach.motion[-1, 1], -cap, cap)
@@ -229,12 +227,9 @@ def shares_after(arm: Arm, approach: Approach, ball: CaughtBall) -> dict[str, fl
     for name, x, kept in zip(arm.names, late.tolist(), slowed.tolist(), strict=True):
         shares[f"{'impact' if kept else 'speed'}:{name}"] = x
     v_rel = relative_velocity(arm, approach, cap)
-    if isinstance(arm.model.hand, Basket):
-        shares["spill"] = spill(arm, brake, ball, arm.model.hand, v_rel)
-    else:
+    shares |= hand_shares(arm, brake, ball, approach.motion[-1, 0], v_rel)
+    if arm.model.hand is not None and arm.model.hand.closes:
         shares["hand"] = closing(arm, ball, approach.step * (len(approach.motion) - 1))
-        shares["grip"] = pull(arm, brake, ball)
-        shares["palm"] = aslant(arm, approach.motion[-1, 0], v_rel)
     if np.isfinite(arm.force):
         shares["force"] = force_of(arm, approach.motion[-1, 0], v_rel, ball) / arm.force
     return shares

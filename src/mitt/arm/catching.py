@@ -1,0 +1,96 @@
+"""What a catch asks of a hand: the ball, how it strikes, how it is held while the arm brakes.
+
+A hand of :mod:`mitt.arm.description` answers with shares of what it can and with the force of the
+hardest contact. What moves it, arm and brake, is known here as numbers alone.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Annotated, Final, NamedTuple
+
+import numpy as np
+
+from mitt.fields import Range, check
+from mitt.signals import Array
+
+LOST: Final = 10.0
+"""Share of a ball that is lost whatever the arm does, as one that is too large for the hand."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CaughtBall:
+    """What is known of the ball that will be in the hand.
+
+    Attributes:
+        mass: Its mass [kg].
+        radius: Its radius [m].
+        restitution: Share of the approach speed with which it springs back from the palm.
+        friction: Coefficient of friction of ball and hand.
+        doubt: Relative error that the mass may have.
+    """
+
+    mass: Annotated[float, Range(0.0, 1e4)]
+    radius: Annotated[float, Range(1e-4, 10.0)]
+    restitution: Annotated[float, Range(0.0, 1.0)] = 0.2
+    friction: Annotated[float, Range(0.0, 100.0)] = 1.0
+    doubt: Annotated[float, Range(0.0, 1.0)] = 0.1
+
+    def __post_init__(self) -> None:
+        """Refuse what no ball can be; InputError names the field."""
+        check(self)
+
+    @property
+    def heaviest(self) -> float:
+        """Largest mass that the ball may have [kg]."""
+        return self.mass * (1.0 + self.doubt)
+
+
+class ClosingPlan(NamedTuple):
+    """How a hand closes on a ball; see :mod:`mitt.control.closing`."""
+
+    profile: Array  # of :func:`mitt.arm.hands.closing_angle`, (5,)
+    inside: float  # distance from the catch point at which the ball is inside [m]
+    early: float  # before the catch the hand has closed by this at the latest [s]
+    ring: float  # how far before the catch point the ball passes between the fingertips [m]
+    near: float  # how far it is at most when they first are as narrow as it [m]
+    firm: float  # time from then until they hold [s]
+    takes: Array  # time that it takes, by how far from the palm's axis the ball passes [s], (k,)
+
+
+class Strike(NamedTuple):
+    """How a ball meets a hand.
+
+    Attributes:
+        whole: Its speed relative to the catch point [m/s].
+        into: Its speed along the palm's normal, towards the palm; 0 where it flies away [m/s].
+        lead: Time from the start of the closing to the catch [s].
+        behind: Mass that the palm has behind it, along its normal [kg].
+    """
+
+    whole: float
+    into: float
+    lead: float = 0.0
+    behind: float = np.inf
+
+
+class Catch(NamedTuple):
+    """A catch, and how the arm brakes with the ball.
+
+    Attributes:
+        ball: The ball.
+        v_rel: Its velocity relative to the catch point at the catch [m/s], shape (3,).
+        normal: The palm's normal then, shape (3,).
+        duration: Time until the arm rests [s].
+        felt: What the hand gives a kilogram at a time [N], shape (3,), and the palm's normal, (3,).
+    """
+
+    ball: CaughtBall
+    v_rel: Array
+    normal: Array
+    duration: float
+    felt: Callable[[float], tuple[Array, Array]]
+
+
+def reduced(mass: float, other: float) -> float:
+    """Return the reduced mass of two bodies [kg]."""
+    return mass if np.isinf(other) else mass * other / (mass + other)
