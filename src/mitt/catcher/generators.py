@@ -42,7 +42,10 @@ _LIMITS = (*_TORQUES, "continuous torques", "transmission", "joint ranges", "joi
 
 @runtime_checkable
 class Generator(Protocol):
-    """What turns the ball's estimate into desired joint motion."""
+    """What turns the ball's estimate into desired joint motion.
+
+    One that is derived from this waits for nothing, and is no map, unless it says otherwise.
+    """
 
     def sharpness(self, ball: BallState) -> float:
         """Return the predicted 1-sigma of the ball at the catch [m]; infinite without one."""
@@ -52,17 +55,17 @@ class Generator(Protocol):
         """Say before moving whether a ball can be caught from rest in ``q`` [rad], shape (n,)."""
         ...
 
-    def unsettled(self, ball: BallState, q: Array) -> bool:
+    def unsettled(self, ball: BallState, q: Array) -> bool:  # noqa: ARG002
         """Say, at less cost than a verdict, that it would be UNSETTLED; False where unclear."""
-        ...
+        return False
 
-    def returns(self, ball: BallState) -> bool:
+    def returns(self, ball: BallState) -> bool:  # noqa: ARG002
         """Say whether a ball whose verdict was OPEN can now be caught."""
-        ...
+        return True
 
     def waiting(self, ball: BallState) -> BallState:
         """Return the ball to be followed in place of one whose verdict is OPEN."""
-        ...
+        return ball
 
     def adapt(self, ball: BallState, q: Array, dq: Array) -> Self:
         """Return the generator that starts in ``q``, ``dq`` [rad, rad/s], shapes (n,)."""
@@ -74,7 +77,7 @@ class Generator(Protocol):
 
     def as_map(self) -> DirectMap | None:
         """Return the map that ``reference`` evaluates, for the compiled tick; None if another."""
-        ...
+        return None
 
 
 @runtime_checkable
@@ -83,6 +86,31 @@ class Movable(Generator, Protocol):
 
     def on(self, arm: Arm) -> Generator:
         """Return the generator for an arm."""
+        ...
+
+
+@runtime_checkable
+class Underway(Generator, Protocol):
+    """A generator that knows of an arm that moves: its verdict, and what else it could follow."""
+
+    @property
+    def certificate(self) -> Verdict | None:
+        """What a refined map says of its catch; None where nothing was refined."""
+        ...
+
+    def verdict(self, ball: BallState, q: Array, dq: Array | None = None) -> Verdict:
+        """Say whether an arm in ``q`` that moves at ``dq`` can catch a ball, shapes (n,)."""
+        ...
+
+    def astray(self, ball: BallState) -> bool:
+        """Say whether what is followed cannot catch any more, and something else can."""
+        ...
+
+    def wait(self, ball: BallState, q: Array, dq: Array) -> Self:
+        """Return the generator that waits, from ``q``, ``dq`` on, for a ball whose verdict is OPEN.
+
+        It is to follow :meth:`waiting`.
+        """
         ...
 
 
@@ -168,6 +196,14 @@ class Direct:
         g = refine(f, ball, q, dq)
         return replace(self, map=g, certificate=certify(g, ball, (q, dq), self.tolerance))
 
+    def astray(self, ball: BallState) -> bool:  # noqa: ARG002
+        """Know of nothing else that could."""
+        return False
+
+    def wait(self, ball: BallState, q: Array, dq: Array) -> "Direct":
+        """Adapt to where it waits."""
+        return self.adapt(self.waiting(ball), q, dq)
+
     def reference(self, ball: BallState) -> JointReference:
         """Evaluate the map."""
         return self.map.reference(ball)
@@ -184,7 +220,7 @@ def refining(f: DirectMap) -> Direct:
 
 @final
 @dataclass(frozen=True, slots=True)
-class Unoptimised:
+class Unoptimised(Generator):
     """The map with alpha = 0, as the paper's figs. 10 and 11 show it; it never refuses."""
 
     map: DirectMap
@@ -207,18 +243,6 @@ class Unoptimised:
         """Never refuse; the limits are still reckoned, to be reported."""
         judged = judge(self.map, ball, q, tolerance=Tolerance())
         return replace(judged, outcome=Outcome.FEASIBLE)
-
-    def unsettled(self, ball: BallState, q: Array) -> bool:  # noqa: ARG002
-        """Wait for nothing: every verdict is feasible."""
-        return False
-
-    def returns(self, ball: BallState) -> bool:  # noqa: ARG002
-        """Follow whatever comes."""
-        return True
-
-    def waiting(self, ball: BallState) -> BallState:
-        """Wait for nothing."""
-        return ball
 
     def adapt(self, ball: BallState, q: Array, dq: Array) -> "Unoptimised":  # noqa: ARG002
         """Start nowhere in particular: alpha stays 0."""

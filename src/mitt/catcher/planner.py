@@ -7,7 +7,7 @@ from typing import Any, final
 import numpy as np
 
 from mitt.arm.arm import Arm
-from mitt.catcher.generators import Direct, Generator, Unoptimised
+from mitt.catcher.generators import Generator, Underway, Unoptimised
 from mitt.catcher.settings import (
     BRAKE,
     DECIDE,
@@ -21,7 +21,6 @@ from mitt.catcher.settings import (
     WATCH,
     CatcherSettings,
 )
-from mitt.catcher.several import Several
 from mitt.catcher.state import CatcherState, Result, ball_in, exchange_arm, overwrite
 from mitt.control.envelope import speeds_of
 from mitt.control.health import FAILED_TICKS, is_lost
@@ -250,14 +249,14 @@ class Planner:
         g, verdict = self.generator, self._said(ball)
         if isinstance(g, Unoptimised):  # alpha = 0 is never refused
             return verdict
-        if self.phase != WATCH and not isinstance(g, Direct | Several):
+        if self.phase != WATCH and not isinstance(g, Underway):
             verdict = replace(verdict, outcome=Outcome.FEASIBLE)
         return examined(self._arm, verdict, self._caught, bandwidth=self._settings.bandwidth)
 
     def _said(self, ball: BallState) -> Verdict:
         """Return what the generator says of a ball, of an arm that moves if it knows of one."""
         g, (q, dq) = self.generator, self._state.estimated.copy()
-        if self.phase != WATCH and isinstance(g, Direct | Several):
+        if self.phase != WATCH and isinstance(g, Underway):
             return g.verdict(ball, q, dq)
         return g.verdict(ball, q)
 
@@ -350,11 +349,11 @@ class Planner:
     def _adapt(self, ball: BallState, *, waits: bool = False) -> None:
         """Let the generator start from where the arm is, for a ball or to wait for it."""
         g, (q, dq) = self.generator, self._state.estimated.copy()
-        if waits and isinstance(g, Several):
+        if waits and isinstance(g, Underway):
             self.generator = g.wait(ball, q, dq)
         else:
             self.generator = g.adapt(g.waiting(ball) if waits else ball, q, dq)
-        if isinstance(self.generator, Direct):
+        if isinstance(self.generator, Underway):
             self.certificate = self.generator.certificate
         f = self.generator.as_map()
         if f is not None:
@@ -364,7 +363,7 @@ class Planner:
     def _review(self, ball: BallState) -> None:
         """Follow another map where the present one cannot catch any more what it could at first."""
         hoped = self.verdict is not None and self.verdict.outcome is Outcome.FEASIBLE
-        if hoped and isinstance(self.generator, Several) and self.generator.astray(ball):
+        if hoped and isinstance(self.generator, Underway) and self.generator.astray(ball):
             self._renew(ball)
 
     def move(self, motion: Array, t: float) -> None:

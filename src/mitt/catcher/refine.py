@@ -18,21 +18,21 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mitt.map.demand import Tolerance, shares_of
+from mitt.map.demand import FOLLOWED, Tolerance, shares_of
 from mitt.map.learn import Flight, LearnSettings, Lifted, lift_flight, refined
 from mitt.map.mapping import DirectMap, project
 from mitt.map.prediction import flown, foresee
 from mitt.signals import Array, BallState
 from mitt.verdict.feasibility import Verdict, weigh
+from mitt.verdict.impact import GRASP
 
 #: Displacement of the six flights in position [m] and velocity [m/s]: a third of it costs 40 throws
 #: with 48 V half as much again, and twice as much costs flights that are known exactly a quarter.
 _DISPLACED = 0.03, 0.15
-#: Gauss-Newton steps, instants of a flight, and how long after the catch it is followed [s].
-_STEPS, _INSTANTS, _FOLLOWED = 1, 12, 0.012
-#: Time before the catch in which the arm can no longer follow [s] (aT^2/4 of 3 mm), and the ball's
-#: distance from the catch point at which the fingers still close around it [m].
-_BLIND, _GRASP = 0.020, 0.030
+#: Gauss-Newton steps, and instants of a flight.
+_STEPS, _INSTANTS = 1, 12
+#: Time before the catch in which the arm can no longer follow [s] (aT^2/4 of 3 mm).
+_BLIND = 0.020
 
 
 class Around(NamedTuple):
@@ -53,7 +53,7 @@ def around(f: DirectMap, ball: BallState, start: tuple[Array, Array]) -> Around 
     after = foresee(f, ball).after
     if not after < np.inf:
         return None
-    t = np.linspace(0.0, after + _FOLLOWED, _INSTANTS)
+    t = np.linspace(0.0, after + FOLLOWED, _INSTANTS)
     lifted = []
     for way in (np.zeros(3), *np.eye(3), *-np.eye(3)):
         dr, ddr = (size * way for size in _DISPLACED)
@@ -121,4 +121,4 @@ def _below(bound: float, sigma: float) -> float:
 def _in_hand(P: Array) -> float:
     """Return the probability that a ball with a covariance (6, 6) comes to where fingers close."""
     ahead = P[:3, :3] + _BLIND * (P[:3, 3:] + P[3:, :3]) + _BLIND**2 * P[3:, 3:]
-    return float(1.0 - np.exp(-0.5 * _GRASP**2 / max(np.trace(ahead) / 3.0, 1e-18)))
+    return float(1.0 - np.exp(-0.5 * GRASP**2 / max(np.trace(ahead) / 3.0, 1e-18)))

@@ -11,9 +11,6 @@ from mitt.ball.filter import THROWN_BALL, FilterConfig
 from mitt.control.encoders import Encoders
 from mitt.fields import Range, brief, check
 
-#: What the catcher is about, in the field ``phase``; the names are those of :class:`Phase`.
-WATCH, FOLLOW, BRAKE, REFUSED, STOPPED = range(5)
-
 
 class Phase(Enum):
     """What the catcher is about."""
@@ -27,12 +24,13 @@ class Phase(Enum):
 
 #: The phases in the order of their numbers.
 PHASES = tuple(Phase)
+#: Those numbers, as the field ``phase`` of a state has them.
+WATCH, FOLLOW, BRAKE, REFUSED, STOPPED = range(len(PHASES))
 #: What is to be thought about after a tick, as bits of its result: the verdict is open, the ball
 #: has left the arm behind, the fingers have closed as far as there is time for, the catcher has
-#: stopped, the choice of the map is to be reviewed.
-DECIDE, LAGS, GRASPS, STOPS, REVIEWS = 1, 2, 4, 8, 16
-#: And that no catch is ahead any more: the ball has passed by, unless a bounce may bring it up.
-PASSES = 64
+#: stopped, the choice of the map is to be reviewed, no catch is ahead any more (the ball has passed
+#: by, unless a bounce may bring it up).
+DECIDE, LAGS, GRASPS, STOPS, REVIEWS, PASSES = 1, 2, 4, 8, 16, 32
 #: Time without a catch ahead after which that is looked into [s]: longer than the estimate needs to
 #: settle after a bounce or a kick.
 PATIENCE = 0.1

@@ -67,6 +67,11 @@ class Several:
         return self.maps[self.chosen or 0]
 
     @property
+    def certificate(self) -> Verdict | None:
+        """As of the map that is followed."""
+        return self.map.certificate
+
+    @property
     def arms(self) -> tuple[Arm, ...]:
         """The arms that its maps were made for."""
         return tuple(arm for f in self.maps for arm in f.arms)

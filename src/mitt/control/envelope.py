@@ -70,8 +70,8 @@ _SPEED_SHARE, _SLOW_SHARE = 0.995, 0.96
 _APPROACH = 0.006
 #: Share of a torque rate that the jerk of one joint takes in the pose where it takes most.
 _RATE_SHARE = 0.7
-#: Poses over which the largest of something is looked for, and their seed.
-_POSES, _SEED = 256, 1
+#: Poses over which the largest of something is looked for.
+_POSES = 256
 #: Rate at which a gap to the wished position is closed [1/s].
 _CLOSING = 50.0
 #: Share of the jerk that ends an acceleration, and shares of jerk and acceleration that close a gap
@@ -84,8 +84,8 @@ LONGEST = 5000
 #: Halvings between wish and brake, and rounding of a speed [rad/s].
 _HALVINGS, _ROUNDING = 10, 1e-12
 #: What positions [rad] and speeds [rad/s] of a caller's motion may be off by, as numbers of a file
-#: are, and the share by which a limit may be exceeded.
-_ROUNDED, _ROUNDED_SPEED, _SLACK = 1e-6, 1e-4, 1e-6
+#: are; by the former as a share, a limit may be exceeded.
+_ROUNDED, _ROUNDED_SPEED = 1e-6, 1e-4
 
 
 def bounds_of(arm: Arm, *, commanded: bool = True) -> Record:
@@ -151,7 +151,7 @@ def _largest_acceleration(arm: Arm) -> Array:
 
 def poses_of(arm: Arm) -> Array:
     """Return the poses over which the worst of something is looked for [rad], shape (k, n)."""
-    poses = np.random.default_rng(_SEED).uniform(arm.q_min, arm.q_max, (_POSES, arm.n))
+    poses = np.random.default_rng(1).uniform(arm.q_min, arm.q_max, (_POSES, arm.n))
     return np.asarray(poses)
 
 
@@ -462,7 +462,7 @@ def check_motion(names: Sequence[str], b: Record, last: Array, motion: Array) ->
         ("acceleration", np.abs(ddq), b["ddq_max"], "rad/s^2"),
         ("jerk", np.abs(np.diff(ddq, axis=0, prepend=ddq[:1])) / TICK, b["jerk"], "rad/s^3"),
     ):  # fmt: skip
-        if (k := _worst(value - most * (1.0 + _SLACK), _ROUNDED)) is not None:
+        if (k := _worst(value - most * (1.0 + _ROUNDED), _ROUNDED)) is not None:
             given = f"{value[k]:.4g} {unit} at tick {k[0]}"
             raise InputError("motion", f"a {name} of {names[k[1]]} of at most {most[k[1]]:.4g}",
                              given, do="plan one within the limits")  # fmt: skip

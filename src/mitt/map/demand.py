@@ -13,7 +13,7 @@
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Annotated, NamedTuple
+from typing import Annotated, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +25,11 @@ from mitt.fields import Range, check
 from mitt.kernels import kernel
 from mitt.signals import Array
 
+KINDS: Final = ("torque", "speed", "range", "acceleration")
+"""Kinds of limits on a motion: the fields of :class:`Demand` that are shares of one."""
+
 #: Time after the catch in which the hand closes and the arm still follows [s].
-_GRASP = 0.012
+FOLLOWED = 0.012
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,6 +69,14 @@ class Demand(NamedTuple):
     range: Array
     excess: Array
     acceleration: Array
+
+    @property
+    def shares(self) -> Array:
+        """Shares of the limits of drives, and of accelerations, at all instants in one row.
+
+        Ranges are not among them: what exceeds them counts by ``excess``.
+        """
+        return np.concatenate([x.ravel() for x in (self.torque, self.speed, self.acceleration)])
 
     @property
     def cost(self) -> float:
@@ -191,5 +202,5 @@ def shares_of(arm: Arm, motion: Array, tolerance: Tolerance) -> dict[str, float]
 def _rest(arm: Arm, motion: Array, strength: float) -> Array:
     """Return where each joint, braking alone from q, dq at the catch, comes to rest [rad], (n,)."""
     rate = trusted_deceleration(arm, motion[0], strength)
-    way: Array = motion[0] + motion[1] * (_GRASP + 0.5 * np.abs(motion[1]) / rate)
+    way: Array = motion[0] + motion[1] * (FOLLOWED + 0.5 * np.abs(motion[1]) / rate)
     return way

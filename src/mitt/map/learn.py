@@ -481,13 +481,9 @@ def _unoptimised(f: DirectMap, lifted: Sequence[Lifted]) -> Step:
     steps = []
     for x in lifted:
         asked = demand(f.arm, x.motion(np.zeros_like(f.alpha)))
-        shares = float(max(x.max() for x in (asked.torque, asked.speed, asked.acceleration)))
+        costs = float(asked.cost_torque.mean()), float(asked.cost_speed.mean())
         steps.append(
-            Step(
-                cost_torque=float(asked.cost_torque.mean()),
-                cost_speed=float(asked.cost_speed.mean()),
-                worst=shares,
-            )
+            Step(cost_torque=costs[0], cost_speed=costs[1], worst=float(asked.shares.max()))
         )
     return _mean(steps)
 
@@ -540,8 +536,7 @@ def _merit(f: DirectMap, lifted: Sequence[Lifted], settings: LearnSettings) -> f
     for x in lifted:
         alpha = project(f.alpha, f.H_inverse, x.phi_0, x.gap)
         asked = demand(f.arm, x.motion(alpha))
-        shares = asked.torque, asked.speed, asked.acceleration
-        over = np.concatenate([share.ravel() for share in shares]) - settings.share
+        over = asked.shares - settings.share
         excess = float(np.sum(np.maximum(over, 0.0) ** 2) + np.sum(asked.excess**2))
         total += asked.cost + _PENALTY * excess / len(x.virtual)
         total += f.design.match_weight * float(np.sum(x.relative_velocity(alpha) ** 2))

@@ -27,7 +27,7 @@ if TYPE_CHECKING:  # the map asks this module for the time to its catch
     from mitt.map.mapping import DirectMap
 
 #: How far ahead a ball is flown [s], in what steps, and halvings of the step of the catch.
-HORIZON, _STRIDE, _HALVINGS = 1.0, 0.01, 12
+HORIZON, STRIDE, _HALVINGS = 1.0, 0.01, 12
 #: Time to the catch up to which the ball's present motion tells it [s].
 NEAR = 0.1
 #: Rounds in which a catch farther ahead is found, their last step, of which an error of the third
@@ -166,7 +166,7 @@ def catch_time(f: MapArrays, state: Array, q_o: Array, ball: Array) -> float:
     w = unfold(f.work, len(q_o))
     r = ball[0]
     fly_on(state, 0.0, ball)
-    last, t, stride = 0.0, 0.0, _STRIDE
+    last, t, stride = 0.0, 0.0, STRIDE
     while t < HORIZON:
         if not invert(g, r, q_o, w):
             return np.inf
@@ -278,8 +278,8 @@ def _passes_below(state: Array, reach: float) -> bool:
         x, y = ball[0, 0], ball[0, 1]
         if np.sqrt(x * x + y * y) <= reach:
             return bool(ball[0, 2] < 0.0)
-        go_on(ball, state[9], _STRIDE)
-        t += _STRIDE
+        go_on(ball, state[9], STRIDE)
+        t += STRIDE
     return False
 
 

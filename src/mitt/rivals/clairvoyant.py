@@ -28,6 +28,7 @@ import numpy as np
 from mitt import checks
 from mitt.arm.arm import Arm
 from mitt.arm.description import Link
+from mitt.catcher.generators import Generator
 from mitt.errors import MissingPackageError
 from mitt.map.demand import demand
 from mitt.map.mapping import DirectMap
@@ -43,7 +44,7 @@ from mitt.rivals.intercept import (
 )
 from mitt.rivals.paths import Motion, quintic
 from mitt.rivals.pursuit import resting, still
-from mitt.signals import GRAVITY, Array, BallState, JointReference, MapStatus
+from mitt.signals import GRAVITY, TICK, Array, BallState, JointReference, MapStatus
 from mitt.verdict.feasibility import Outcome, Verdict
 
 #: What CasADi makes, expressions and functions; CasADi is untyped.
@@ -170,8 +171,8 @@ PARTS = 16
 #: Share of torque and speed limits that may be used; between the instants and in feedback a
 #: little more is needed.
 _SHARE = 0.95
-#: Bound on IPOPT's iterations, and gap to a joint stop that is kept [rad].
-_ITERATIONS, _GAP = 120, 0.08
+#: Gap to a joint stop that is kept [rad].
+_GAP = 0.08
 
 
 @final
@@ -230,7 +231,7 @@ class Programme:
         ca, (x, p, cost, g) = casadi(), self._parts[:4]
         options = {
             "ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": False,
-            "ipopt.max_iter": _ITERATIONS, "ipopt.tol": 1e-5,
+            "ipopt.max_iter": 120, "ipopt.tol": 1e-5,
             "ipopt.acceptable_tol": 1e-4, "ipopt.mu_strategy": "adaptive", "expand": True,
         }  # fmt: skip
         return ca.nlpsol("catch", "ipopt", {"x": x, "p": p, "f": cost, "g": g}, options)
@@ -355,12 +356,6 @@ Flight = Callable[[float], tuple[Array, Array]]
 #: How far a catch may move from the one it was looked for around [s], wide and narrow; samples of
 #: the flight there; residual from which on the flight has a kink there [m].
 _WINDOWS, _SAMPLES, _KINK = (0.08, 0.03), 25, 1e-3
-#: Where else to start from: shifts of the guessed catch in time [s].
-_SHIFTS = (0.0, -0.08, 0.08, 0.16)
-#: Time after which a refusal is reconsidered [s], and difference of two rests that are one [rad].
-_AGAIN, _SAME = 0.02, 1e-3
-#: Step of the difference that gives the ball's acceleration [s].
-_NUDGE = 1e-3
 
 
 class _Last:
@@ -375,18 +370,19 @@ class _Last:
         """Say whether there was no plan from the same rest a moment ago.
 
         The flight is known and the arm could have waited: a later start can do no more. It is
-        tried anew from time to time all the same, for what IPOPT did not find.
+        tried anew each 20 ms all the same, for what IPOPT did not find. Two rests are the same
+        within 1 mrad.
         """
-        if not self.key or self.plan is not None or not t - self.key[0] < _AGAIN:
+        if not self.key or self.plan is not None or not t - self.key[0] < 0.02:
             return False
         before = np.array(self.key[1:]).reshape(motion.shape)
         is_rest = not motion[1:].any() and not before[1:].any()
-        return bool(is_rest and np.abs(motion[0] - before[0]).max() < _SAME)
+        return bool(is_rest and np.abs(motion[0] - before[0]).max() < 1e-3)
 
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Clairvoyant:
+class Clairvoyant(Generator):
     """The optimum that knows the flight; see the module's text.
 
     Attributes:
@@ -435,18 +431,6 @@ class Clairvoyant:
             share=float(shares[k]), t_catch=plan.t_c, sigma=0.0,
         )  # fmt: skip
 
-    def unsettled(self, ball: BallState, q: Array) -> bool:  # noqa: ARG002
-        """Wait for nothing: the flight is known."""
-        return False
-
-    def returns(self, ball: BallState) -> bool:  # noqa: ARG002
-        """Wait for nothing: no verdict is open."""
-        return True
-
-    def waiting(self, ball: BallState) -> BallState:
-        """Wait for nothing."""
-        return ball
-
     def adapt(self, ball: BallState, q: Array, dq: Array) -> "Clairvoyant":
         """Plan from where the arm is."""
         ball = checks.instance("ball", ball, BallState)
@@ -454,9 +438,6 @@ class Clairvoyant:
         q, dq = (checks.vector(*x, n, finite=True) for x in (("q", q), ("dq", dq)))
         plan = self._planned(ball.t, np.array([q, dq, np.zeros(len(q))]))
         return replace(self, plan=plan or self.plan)
-
-    def as_map(self) -> None:
-        """Say that this is no map."""
 
     def reference(self, ball: BallState) -> JointReference:
         """Evaluate the plan; after the catch, stay on the ball."""
@@ -493,7 +474,7 @@ class Clairvoyant:
         if first is None:
             return None
         found: list[Motion] = []
-        for shift in _SHIFTS:
+        for shift in (0.0, -0.08, 0.08, 0.16):  # of the guessed catch in time [s]
             guess = self._guess(first, shift, t, motion)
             plan = None if guess is None else self._optimum(t, motion, guess)
             if plan is not None:
@@ -531,8 +512,8 @@ class Clairvoyant:
         """Return r_o, dr_o, ddr_o of the true flight, shape (3, 3)."""
         if self.flight is None:
             raise RuntimeError("the clairvoyant was given no flight")
-        (r, dr), ahead, back = self.flight(t), self.flight(t + _NUDGE), self.flight(t - _NUDGE)
-        return np.array([r, dr, (ahead[1] - back[1]) / (2.0 * _NUDGE)])
+        (r, dr), ahead, back = self.flight(t), self.flight(t + TICK), self.flight(t - TICK)
+        return np.array([r, dr, (ahead[1] - back[1]) / (2.0 * TICK)])
 
 
 def make_clairvoyant(f: DirectMap) -> Clairvoyant:

@@ -45,7 +45,7 @@ from mitt.arm.kinematics import (
     turn,
 )
 from mitt.kernels import kernel
-from mitt.map.demand import Demand, Plant, Work, plant_of, reckon, work_of
+from mitt.map.demand import KINDS, Demand, Plant, Work, plant_of, reckon, work_of
 from mitt.map.mapping import DirectMap
 from mitt.map.prediction import flown, fly_on, state_of
 from mitt.map.tangent import unfold, unpack
@@ -262,7 +262,7 @@ class Intercept:
 
 
 #: What a catch comes to: its price [1], infinite where there is none; the largest utilization of a
-#: limit [1]; and which limit, kind n + joint with the kinds torque, speed, range.
+#: limit [1]; and which limit, kind n + joint, of the first three of KINDS.
 WEIGHED = np.dtype([("price", np.float64), ("utilization", np.float64), ("limit", np.int64)])
 
 
@@ -344,7 +344,7 @@ class Chooser:
             t_c=float(after[k]),
             end=ends[k],
             r_c=balls[k, 0],
-            binding_limit=f"{('torque', 'speed', 'range')[kind]}:{self.arm.names[joint]}",
+            binding_limit=f"{KINDS[kind]}:{self.arm.names[joint]}",
             utilization=utilization,
             low=bool(balls[k, 0, 2] < self.floor),
         )

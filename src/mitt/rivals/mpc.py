@@ -29,6 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitt.arm.arm import Arm
+from mitt.arm.description import STOP_GAP
 from mitt.arm.dynamics import torque_slopes
 from mitt.arm.limits import bound_of, drive_asked, drives_of
 from mitt.catcher.generators import Generator
@@ -38,13 +39,11 @@ from mitt.map.mapping import DirectMap
 from mitt.rivals.intercept import Intercept
 from mitt.rivals.paths import Motion, quintic, responses
 from mitt.rivals.planned import Plan, Planned
-from mitt.rivals.pursuit import rival
+from mitt.rivals.pursuit import SPEED, rival
 from mitt.signals import Array
 
 #: Kinds of DAQP's rows: an equality, an inequality that may give way.
 _EQUAL, _SOFT = 5, 8
-#: Residual at the intercept beyond which a solution is rejected [rad, rad/s].
-_RESIDUAL = 1e-4
 #: Share of a drive's peak torque that its bound never falls below.
 _LEAST = 0.05
 
@@ -64,8 +63,8 @@ class MpcSettings:
 
     parts: int = 10
     share: float = 0.9
-    speed: float = 0.98
-    gap: float = 0.06
+    speed: float = SPEED
+    gap: float = STOP_GAP
     damping: float = 1e-7
 
 
@@ -181,7 +180,7 @@ def solve(problem: Quadratic) -> Array | None:
         return None
     must = np.count_nonzero(problem.kind == _EQUAL)  # the first rows
     left = np.abs(problem.A[:must] @ a - problem.low[:must]).max()
-    return a if left < _RESIDUAL else None
+    return a if left < 1e-4 else None  # at the intercept [rad, rad/s]
 
 
 def make_mpc(f: DirectMap) -> Generator:

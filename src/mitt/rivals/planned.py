@@ -21,7 +21,7 @@ from mitt.catcher.generators import Generator
 from mitt.map.mapping import DirectMap
 from mitt.rivals.intercept import Intercept
 from mitt.rivals.paths import quintic
-from mitt.rivals.pursuit import rival
+from mitt.rivals.pursuit import SPEED, rival
 from mitt.signals import Array, BallState
 
 
@@ -109,12 +109,6 @@ def make_quintic(f: DirectMap) -> Generator:
     return rival(f, Planned(planner=plan_quintic))
 
 
-#: Share of the speed limits, and time in which the largest acceleration builds up [s].
-_SPEED, _ONSET = 0.98, 0.04
-#: Difference of the duration from the time left that is accepted [s].
-_LATE = 2e-4
-
-
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class RuckigPlan:
@@ -158,7 +152,7 @@ class RuckigPlanner:
             return None
         if answer not in (Result.Working, Result.Finished):
             return None
-        ends = abs(float(trajectory.duration) - (catch.t_c - t)) <= _LATE
+        ends = abs(float(trajectory.duration) - (catch.t_c - t)) <= 2e-4  # a fifth of a tick [s]
         return RuckigPlan(t, trajectory) if ends else None
 
     def _request(self, motion: Array, catch: Intercept, left: float) -> InputParameter:
@@ -170,8 +164,9 @@ class RuckigPlanner:
         request.current_acceleration = list(np.clip(motion[2], -most, most))
         request.target_position, request.target_velocity = list(catch.end[0]), list(catch.end[1])
         request.target_acceleration = list(np.clip(catch.end[2], -0.98 * most, 0.98 * most))
-        request.max_velocity = list(_SPEED * self.arm.dq_max)
-        request.max_acceleration, request.max_jerk = list(most), list(most / _ONSET)
+        request.max_velocity = list(SPEED * self.arm.dq_max)
+        request.max_acceleration = list(most)
+        request.max_jerk = list(most / 0.04)  # it builds up in 40 ms
         request.minimum_duration = max(left, 0.0)
         return request
 

@@ -18,8 +18,9 @@ import numpy as np
 from mitt import checks
 from mitt.arm.arm import Arm
 from mitt.ball.flight import forecast
+from mitt.catcher.generators import Generator
 from mitt.map.mapping import DirectMap
-from mitt.map.prediction import flown, state_of
+from mitt.map.prediction import HORIZON, STRIDE, flown, state_of
 from mitt.rivals.intercept import Chooser, Intercept, meet
 from mitt.signals import GRAVITY, Array, BallState, JointReference, MapStatus
 from mitt.verdict.feasibility import Outcome, Verdict, tempered
@@ -30,8 +31,8 @@ _MOVED, _CHOOSE_UNTIL = 0.03, 0.021
 #: Utilization of a limit from which on a low catch is left for one after a bounce, and distance
 #: from the nominal catch point within which a ball has come back [m].
 _HARD, _NEAR = 0.95, 0.5
-#: How far ahead a ball is looked for near the nominal catch point [s], and in what steps.
-_AHEAD, _STRIDE = 1.0, 0.02
+#: Share of the speed limits that rivals plan with.
+SPEED = 0.98
 #: Size from which on a number of an estimate is absurd [m, m/s, m/s^2].
 _SANE = 1e3
 
@@ -75,7 +76,7 @@ class _Memory:
 
 @final
 @dataclass(frozen=True, eq=False)
-class Rival:
+class Rival(Generator):
     """A generator that predicts the catch and pursues it; see the module's text.
 
     Attributes:
@@ -151,9 +152,6 @@ class Rival:
             pursuit = self.pursuit.begin(catch, ball.t, motion)
             chase = _Chase(ball.t, pursuit, catch, catch.r_c, motion)
         return replace(self, q_hold=motion[0].copy(), memory=_Memory(chase))
-
-    def as_map(self) -> None:
-        """Say that this is no map."""
 
     def reference(self, ball: BallState) -> JointReference:
         """Go on with the pursuit; at rest where there is nothing to pursue."""
@@ -262,7 +260,7 @@ def _passing(f: DirectMap, ball: BallState) -> float:
     """Return when the ball passes nearest to the nominal catch point [s]."""
     if not _sane(ball):
         return 0.0
-    after = np.arange(0.0, _AHEAD, _STRIDE)
+    after = np.arange(0.0, HORIZON, 2.0 * STRIDE)
     gap = flown(ball, after)[:, 0] - f.arm.position(f.start)
     return float(after[np.argmin(np.sum(gap * gap, axis=1))])
 

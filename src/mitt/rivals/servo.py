@@ -31,14 +31,9 @@ from mitt.map.prediction import fly_on, state_of
 from mitt.map.tangent import unfold, unpack
 from mitt.rivals.intercept import Hand, Intercept, hand_of, lift
 from mitt.rivals.paths import quintic
-from mitt.rivals.pursuit import rival
+from mitt.rivals.pursuit import SPEED, rival
 from mitt.signals import Array, BallState
 
-#: Share of the speed limits, and share of the torques on each joint's own inertia that bounds its
-#: acceleration.
-_SPEED, _TORQUE = 0.98, 2.0
-#: Share of the reach within which the hand may wait, and values of each joint that it is found by.
-_REACH, _GRID = 0.96, 9
 #: Relative acceleration along the palm's normal at the catch [m/s^2], largest set-back h [m].
 _APPROACH, _BACK = 90.0, 0.2
 #: Bandwidth of the joints times the time to the catch, and its largest value [rad/s].
@@ -70,10 +65,10 @@ class Reach:
 
     @cached_property
     def most(self) -> Bounds:
-        """Bounds of the joints."""
+        """Bounds of the joints; twice the torques on each joint's own inertia for acceleration."""
         arm = self.map.arm
-        top = _TORQUE * arm.tau_max / np.diag(arm.mass_matrix(arm.q_ready))
-        return Bounds(arm.q_min + STOP_GAP, arm.q_max - STOP_GAP, _SPEED * arm.dq_max, top)
+        top = 2.0 * arm.tau_max / np.diag(arm.mass_matrix(arm.q_ready))
+        return Bounds(arm.q_min + STOP_GAP, arm.q_max - STOP_GAP, SPEED * arm.dq_max, top)
 
     @cached_property
     def hand(self) -> Hand:
@@ -82,13 +77,16 @@ class Reach:
 
     @cached_property
     def sphere(self) -> Sphere:
-        """Where the hand may wait: about the second joint."""
+        """Where the hand may wait: about the second joint, within 96 % of the reach.
+
+        That is found by nine values of each joint.
+        """
         f, arm, centre = self.map, self.map.arm, np.zeros(3)
         _second(f.packed, arm.q_ready, centre, f.work)
         ends = zip(arm.q_min, arm.q_max, strict=True)
-        grid = product(*(np.linspace(low, high, _GRID) for low, high in ends))
+        grid = product(*(np.linspace(low, high, 9) for low, high in ends))
         far = max(float(np.linalg.norm(arm.position(np.array(q)) - centre)) for q in grid)
-        return Sphere(centre, _REACH * far)
+        return Sphere(centre, 0.96 * far)
 
     def lead(self, point: Array, left: float, goal: Array) -> None:
         """Write the joint motion that leads the hand, palm first, to a moving point.
@@ -220,12 +218,10 @@ def _follow(most: Bounds, goal: Array, gain: float, dt: float, rows: Array) -> N
         rows[0, k], rows[1, k] = q, dq
 
 
-#: ``ik``: time before the catch at which the hand sets off along the line [s], share of the time to
-#: the catch in which it gets there, and smallest bandwidth of the joints [rad/s].
-_RUN, _JOIN, _SLOWEST_IK = 0.13, 0.95, 15.0
-#: ``ds``: distance R of the ball from the intercept at which the coupling begins [m], and smallest
-#: rate of the system [rad/s].
-_RADIUS, _SLOWEST_DS = 1.6, 6.0
+#: ``ik``: time before the catch at which the hand sets off along the line [s].
+_RUN = 0.13
+#: ``ds``: distance R of the ball from the intercept at which the coupling begins [m].
+_RADIUS = 1.6
 
 
 def on_the_line(catch: Intercept, ball: BallState) -> Array:
@@ -254,7 +250,7 @@ def on_the_line(catch: Intercept, ball: BallState) -> Array:
 
 def make_ik(f: DirectMap) -> Generator:
     """Return the rival for the arm of a map."""
-    return rival(f, Servo(reach=Reach(f), point=on_the_line, slowest=_SLOWEST_IK, join=_JOIN))
+    return rival(f, Servo(reach=Reach(f), point=on_the_line, slowest=15.0, join=0.95))
 
 
 def virtual_ball(catch: Intercept, ball: BallState) -> Array:
@@ -285,4 +281,4 @@ def virtual_ball(catch: Intercept, ball: BallState) -> Array:
 
 def make_ds(f: DirectMap) -> Generator:
     """Return the rival for the arm of a map."""
-    return rival(f, Servo(reach=Reach(f), point=virtual_ball, slowest=_SLOWEST_DS))
+    return rival(f, Servo(reach=Reach(f), point=virtual_ball, slowest=6.0))

@@ -14,14 +14,12 @@ from mitt.fields import brief
 from mitt.kernels import kernel
 from mitt.map.demand import Tolerance, shares_of
 from mitt.map.mapping import DirectMap
-from mitt.map.prediction import Foresight, flown, foresee, spread
+from mitt.map.prediction import HORIZON, STRIDE, Foresight, flown, foresee, spread
 from mitt.map.tangent import to_go
 from mitt.signals import Array, BallState
 
 #: Instants at which the demand is reckoned.
 _INSTANTS = 25
-#: How far ahead the ball's way over the ground is looked at [s], and in what steps.
-_AHEAD, _STRIDE = 1.0, 0.01
 #: How long before its catch the arm begins to follow a ball, or learns for good that it cannot
 #: catch it [s]: about what learned flights last.
 _START_AHEAD = 0.5
@@ -190,9 +188,9 @@ def is_far(ball: BallState, hand: Array) -> bool:
         ball: Estimate of the ball.
         hand: Where the hand waits [m], shape (3,).
     """
-    path = flown(_checked(ball), np.arange(0.0, _AHEAD, _STRIDE))[:, 0]
+    path = flown(_checked(ball), np.arange(0.0, HORIZON, STRIDE))[:, 0]
     nearest = int(np.argmin(np.linalg.norm(path - checks.vector("hand", hand, 3), axis=1)))
-    return nearest * _STRIDE > _START_AHEAD
+    return nearest * STRIDE > _START_AHEAD
 
 
 def returns(f: DirectMap, ball: BallState) -> bool:
@@ -258,7 +256,7 @@ def _can_wait(
         start: q, dq of the arm [rad, rad/s], shape (n,) each.
         tolerance: Share of each limit that may be asked for.
     """
-    path = flown(ball, np.arange(0.0, _AHEAD, _STRIDE))
+    path = flown(ball, np.arange(0.0, HORIZON, STRIDE))
     ways = list[float]()
     for motion in path:
         level(motion, waiting_height(f))
@@ -279,7 +277,7 @@ def _can_wait(
 def _passes_over(f: DirectMap, ball: BallState) -> bool:
     """Say whether the ball's way over the ground leads through the map's region."""
     nominal = f.arm.position(f.start)
-    path = flown(ball, np.arange(0.0, _AHEAD, _STRIDE))[:, 0]
+    path = flown(ball, np.arange(0.0, HORIZON, STRIDE))[:, 0]
     near = np.flatnonzero(np.hypot(path[:, 0], path[:, 1]) <= np.hypot(nominal[0], nominal[1]))
     if len(near) == 0:
         return False
