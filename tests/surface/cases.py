@@ -153,8 +153,8 @@ class Cases:
         }  # fmt: skip
         one = {"ball": ball}
         of_direct = {
-            "adapt": throw, "reference": one, "returns": one,
-            "sharpness": one, "unsettled": {"ball": ball, "q": q}, "waiting": one,
+            "adapt": throw, "astray": one, "reference": one, "returns": one,
+            "sharpness": one, "unsettled": {"ball": ball, "q": q}, "wait": throw, "waiting": one,
             "verdict": throw, "on": {"arm": self.arm},
         }  # fmt: skip
         parts = {x.name: getattr(f, x.name) for x in fields(f)}

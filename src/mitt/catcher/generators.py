@@ -196,8 +196,9 @@ class Direct:
         g = refine(f, ball, q, dq)
         return replace(self, map=g, certificate=certify(g, ball, (q, dq), self.tolerance))
 
-    def astray(self, ball: BallState) -> bool:  # noqa: ARG002
+    def astray(self, ball: BallState) -> bool:
         """Know of nothing else that could."""
+        checks.instance("ball", ball, BallState)
         return False
 
     def wait(self, ball: BallState, q: Array, dq: Array) -> "Direct":
