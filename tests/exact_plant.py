@@ -16,7 +16,7 @@ from mitt.ball.filter import THROWN_BALL
 from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
 from mitt.catcher.state import REASONS
 from mitt.control.health import Reason
-from mitt.kernels import kernel
+from mitt.kernels import Record, kernel
 from mitt.signals import ArmState, Array, Command, Senses, Sighting
 from mitt.world.throws import Throw
 
@@ -29,8 +29,8 @@ Change = Callable[[int, ArmState], ArmState]
 
 @kernel
 def _move(
-    bodies: Array, index: NDArray[np.int64], state: Array, tau: Array, steps: int, h: float,
-    work: Array,
+    bodies: Record, index: NDArray[np.int64], state: Array, tau: Array, steps: int, h: float,
+    work: Record,
 ) -> None:  # fmt: skip
     """Carry q, dq on in steps of constant torques, shape (2, n)."""
     n = state.shape[1]

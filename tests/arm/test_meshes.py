@@ -194,11 +194,11 @@ def test_shapes_that_never_meet_are_not_watched(tmp_path: Path) -> None:
     path.write_text("<joint ".join(text))
     arm = build_arm(path, tip="l5", joints=_NAMES)
     shapes = shapes_of(arm, Surroundings())
-    carriers = [tuple(shapes.table[list(pair), 0].astype(int)) for pair in shapes.pairs]
+    carriers = [tuple(shapes.table["link"][pair].tolist()) for pair in shapes.pairs]
     assert (0, 2) not in carriers
     ends = shapes.ends
     place_shapes(arm.bodies, arm.q_ready, shapes.table, ends)
-    rows = {int(row[0]): k for k, row in enumerate(shapes.table)}
+    rows = {int(row["link"]): k for k, row in enumerate(shapes.table)}
     assert 0.01 < gap(shapes.table, ends, rows[0], rows[2]) < 0.1
     assert (0, 3) in carriers
 

@@ -10,9 +10,9 @@ from stages import SafetyFilter
 
 from mitt.arm.arm import Arm
 from mitt.arm.description import Capsule
-from mitt.arm.shapes import Surroundings, clearance
+from mitt.arm.shapes import MARGIN, Surroundings, clearance
 from mitt.control.envelope import slow_down
-from mitt.control.viability import BLOCKED, MARGIN, PASSED
+from mitt.control.viability import BLOCKED, PASSED
 from mitt.signals import TICK, Array
 
 ROUNDING = 1e-9

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mitt.arm.arm import Arm
-from mitt.arm.kinematics import packed_chain, tip_motion
+from mitt.arm.kinematics import joint_records, tip_motion
 from mitt.eyes.clock_offset import (
     TRIAL,
     WARNED,
@@ -53,7 +53,7 @@ def test_the_catch_point_and_its_velocity_are_those_of_the_arm(arm: Arm) -> None
     rng, motion = np.random.default_rng(1), np.zeros((3, 3))
     for _ in range(20):
         q, dq = rng.uniform(arm.q_min, arm.q_max), rng.standard_normal(arm.n)
-        tip_motion(packed_chain(arm.chain), q, dq, motion)
+        tip_motion(joint_records(arm.chain), q, dq, motion)
         assert motion[0] == pytest.approx(arm.position(q), abs=1e-12)
         assert motion[1] == pytest.approx(arm.jacobian(q) @ dq, abs=1e-12)
 

@@ -18,12 +18,11 @@ import numpy as np
 
 from mitt.arm.arm import Arm
 from mitt.arm.hands import HandModel
-from mitt.arm.shapes import clearance, shapes_of
+from mitt.arm.shapes import MARGIN, clearance, shapes_of
 from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
 from mitt.catcher.state import REASONS
 from mitt.control.envelope import bounds_of
 from mitt.control.health import ABORT, ENCODER_REASONS, Reason
-from mitt.control.viability import MARGIN
 from mitt.kernels import Record, kernel
 from mitt.signals import TICK, Array, Command
 from soak.commands import ROUNDING, inside, obeys

@@ -9,7 +9,7 @@ not say which of them differ, and changes where a number lies at the edge betwee
 """
 
 import threading
-from typing import TypeAlias, final
+from typing import NamedTuple, TypeAlias, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,10 +28,17 @@ from mitt.arm.dynamics import (
 from mitt.arm.kinematics import chain_of, motion_of, place
 from mitt.arm.limits import Limits
 from mitt.errors import InputError, ShapeError
+from mitt.kernels import Record
 from mitt.signals import Array
 
-Tables: TypeAlias = tuple[Array, Array, NDArray[np.int64]]
-"""An arm for kernels: ``Arm.bodies``, ``Limits.packed``, active joints among the links."""
+
+class Tables(NamedTuple):
+    """An arm for kernels."""
+
+    bodies: Record  # its links, of type LINK of mitt.arm.dynamics, (N,)
+    drives: Array  # ``Limits.packed``, (2 N + 3, N)
+    active: NDArray[np.int64]  # indices of the active joints among the links, (n,)
+
 
 Identity: TypeAlias = dict[str, list[float | None]]
 """Numbers of an arm by what they are, all links in a row each; None where one is infinite."""
@@ -75,8 +82,8 @@ class Arm:
         encoder_step: Resolution of their encoders [rad], shape (n,).
         brakes: Their holding brakes.
         chain: Arrays of the kinematic kernels.
-        bodies: Table of the dynamic kernels, shape (N, 31).
-        tables: All that kernels ask of its drives.
+        bodies: Its links for the dynamic kernels, shape (N,).
+        tables: All that kernels ask of it for torques.
     """
 
     def __init__(self, model: ArmModel, limits: Limits) -> None:
@@ -101,7 +108,7 @@ class Arm:
         self.chain = chain_of(complete)
         self.bodies = bodies_of(complete)
         self._moved = limits.transmission[:, self._index] != 0.0
-        self.tables: Tables = self.bodies, limits.packed, self._index
+        self.tables = Tables(self.bodies, limits.packed, self._index)
         self._holding: dict[float, Arm] = {}
         self._plate = self._last_to_plate(complete)
         self._scratch = _Scratch(self.n, len(model.links))

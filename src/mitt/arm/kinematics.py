@@ -10,18 +10,22 @@
 All in the world frame. Rows of ``J`` are the columns of the Jacobian.
 """
 
-from typing import NamedTuple, TypeAlias
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 
 from mitt.arm.description import ArmModel, joint_motion, transform
-from mitt.kernels import kernel, view
+from mitt.kernels import Fields, Record, kernel
 from mitt.signals import Array
 
 Vec: TypeAlias = tuple[float, float, float]
 Mat: TypeAlias = tuple[float, float, float, float, float, float, float, float, float]
 """Vectors, and rotations row by row, as tuples: what compiled kernels keep in registers, where
 views of arrays cost reference counts."""
+
+VECTOR: Final = np.dtype([(name, np.float64) for name in ("x", "y", "z")])
+MATRIX: Final = np.dtype([(row + column, np.float64) for row in "xyz" for column in "xyz"])
+"""The same as parts of records."""
 
 ZERO: Vec = (0.0, 0.0, 0.0)
 IDENTITY: Mat = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
@@ -129,25 +133,29 @@ def matrix(rows: Array, k: int) -> Mat:
 
 
 @kernel
-def vec_at(rows: Array, k: int, column: int) -> Vec:
-    """Return three numbers of row k from a column on."""
-    return rows[k, column], rows[k, column + 1], rows[k, column + 2]
+def vec(v: Fields) -> Vec:
+    """Return a record of type :data:`VECTOR` as a tuple."""
+    return v.x, v.y, v.z
 
 
 @kernel
-def put_at(rows: Array, k: int, column: int, v: Vec) -> None:
-    """Write a vector to row k from a column on."""
-    rows[k, column], rows[k, column + 1], rows[k, column + 2] = v
+def put_vec(record: Fields, v: Vec) -> None:
+    """Write a vector into a record of type :data:`VECTOR`."""
+    record.x, record.y, record.z = v
 
 
 @kernel
-def mat_at(rows: Array, k: int, column: int) -> Mat:
-    """Return nine numbers of row k from a column on."""
-    return (
-        rows[k, column], rows[k, column + 1], rows[k, column + 2],
-        rows[k, column + 3], rows[k, column + 4], rows[k, column + 5],
-        rows[k, column + 6], rows[k, column + 7], rows[k, column + 8],
-    )  # fmt: skip
+def mat(m: Fields) -> Mat:
+    """Return a record of type :data:`MATRIX` as a tuple."""
+    return m.xx, m.xy, m.xz, m.yx, m.yy, m.yz, m.zx, m.zy, m.zz
+
+
+@kernel
+def put_mat(record: Fields, m: Mat) -> None:
+    """Write a matrix into a record of type :data:`MATRIX`."""
+    record.xx, record.xy, record.xz = m[0], m[1], m[2]
+    record.yx, record.yy, record.yz = m[3], m[4], m[5]
+    record.zx, record.zy, record.zz = m[6], m[7], m[8]
 
 
 class Chain(NamedTuple):
@@ -158,6 +166,15 @@ class Chain(NamedTuple):
     axis: Array  # (n, 3) joint axis in its own frame
     prismatic: Array  # (n,) 1 where the joint slides, 0 where it turns
     tip: Array  # (3,) catch point in the last frame [m]
+
+
+JOINT: Final = np.dtype([
+    ("R", MATRIX),  # orientation of the joint's frame in the one before, at joint position 0
+    ("p", VECTOR),  # its position there [m]
+    ("axis", VECTOR),  # joint axis in its own frame
+    ("slides", np.bool_),  # whether the joint slides; else it turns
+], align=True)  # fmt: skip
+"""A joint of a :class:`Chain`."""
 
 
 class Motion(NamedTuple):
@@ -200,18 +217,25 @@ def motion_of(n: int) -> Motion:
     )  # fmt: skip
 
 
-def packed_chain(chain: Chain) -> Array:
-    """Return a chain as one vector, to be read by :func:`tip_motion`, shape (16 n + 3,)."""
-    parts = (chain.R, chain.p, chain.axis, chain.prismatic, chain.tip)
-    return np.concatenate([x.ravel() for x in parts])
+def joint_records(chain: Chain) -> Record:
+    """Return a chain as records of type :data:`JOINT`, shape (n + 1,).
+
+    The last one stands for the catch point; of it only the position counts.
+    """
+    joints = np.zeros(len(chain.R) + 1, JOINT)
+    for joint, R, p, axis, slides in zip(joints[:-1], *chain[:4], strict=True):
+        joint["R"], joint["p"], joint["axis"] = tuple(R.flat), tuple(p), tuple(axis)
+        joint["slides"] = slides > 0.0
+    joints[-1]["p"] = tuple(chain.tip)
+    return joints
 
 
 @kernel
-def tip_motion(packed: Array, q: Array, dq: Array, motion: Array) -> Mat:
+def tip_motion(joints: Record, q: Array, dq: Array, motion: Array) -> Mat:
     """Write where the catch point is and how fast it moves.
 
     Args:
-        packed: As of :func:`packed_chain`.
+        joints: As of :func:`joint_records`.
         q: Joint positions [rad], shape (n,).
         dq: Joint velocities [rad/s], shape (n,).
         motion: Result, position [m] and velocity [m/s] in its first two rows, shape (.., 3).
@@ -219,26 +243,20 @@ def tip_motion(packed: Array, q: Array, dq: Array, motion: Array) -> Mat:
     Returns:
         The rotation of the last frame, row by row.
     """
-    n = len(q)
-    R, p, axis = (
-        view(packed, 0, (n, 3, 3)),
-        view(packed, 9 * n, (n, 3)),
-        view(packed, 12 * n, (n, 3)),
-    )
     frame, o, omega, v = IDENTITY, ZERO, ZERO, ZERO
-    for k in range(n):
-        step = rotate(frame, row(p, k))
+    for k in range(len(q)):
+        joint = joints[k]
+        step = rotate(frame, vec(joint.p))
         o, v = plus(o, step), plus(v, cross(omega, step))
-        frame = compose(frame, matrix(R, k))
-        w = rotate(frame, row(axis, k))
-        if packed[15 * n + k] > 0.0:
+        frame = compose(frame, mat(joint.R))
+        w = rotate(frame, vec(joint.axis))
+        if joint.slides:
             step = times(q[k], w)
             o, v = plus(o, step), plus(v, plus(cross(omega, step), times(dq[k], w)))
         else:
-            frame = compose(frame, turn(row(axis, k), q[k]))
+            frame = compose(frame, turn(vec(joint.axis), q[k]))
             omega = plus(omega, times(dq[k], w))
-    a = 16 * n
-    step = rotate(frame, (packed[a], packed[a + 1], packed[a + 2]))
+    step = rotate(frame, vec(joints[len(q)].p))
     put(motion, 0, plus(o, step))
     put(motion, 1, plus(v, cross(omega, step)))
     return frame

@@ -4,56 +4,60 @@ Every shape is a capsule, but for the floor. Moving ones hang on a link; those t
 the arm's base and the zones to be kept out of. A pair is watched if the arm in its ready pose
 keeps the two apart: shapes that overlap at a joint are not obstacles to one another. Nor are shapes
 of the arm that no pose brings together, as those of a wrist: they are near all the time.
-
-| here     | meaning                                                            | unit | shape  |
-|----------|--------------------------------------------------------------------|------|--------|
-| ``table``| link that carries a shape (``STILL``, ``FLOOR``), start, end,      | m    | (m, 8) |
-|          | radius, first those that stand still, then by link; of the floor   |      |        |
-|          | the height stands in the place of the start's z                    |      |        |
-| ``ends`` | both ends of every shape in the world                              | m    | (2m, 3)|
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mitt.arm.arm import Arm
 from mitt.arm.description import ArmModel, Capsule
-from mitt.arm.dynamics import AXIS, JOINT, SLIDES, P
 from mitt.arm.kinematics import (
     IDENTITY,
+    VECTOR,
     ZERO,
     Vec,
     compose,
     dot,
-    mat_at,
+    mat,
     minus,
     plus,
-    put,
+    put_vec,
     rotate,
-    row,
     times,
     turn,
-    vec_at,
+    vec,
 )
 from mitt.errors import InputError
 from mitt.fields import brief, check
-from mitt.kernels import kernel
+from mitt.kernels import Fields, Record, kernel
 from mitt.signals import Array
 
 #: What stands in the place of a link's index.
 STILL, FLOOR = -1, -2
-#: Gap in the ready pose above which a pair is watched [m].
-_APART = 0.01
-#: Gap in the ready pose below which it is tried whether any pose brings a pair together [m], and
-#: most joints between two shapes for which that is tried.
-_NEAR, _MOST_BETWEEN = 0.1, 2
-#: Gap that two shapes keep in every pose if they never meet [m], and the most boxes of poses that
-#: are looked at to find that out.
-LEAST_GAP, MOST_BOXES = 0.012, 20000
+#: Gap that the arm keeps from itself and from what stands around it [m]. A pair that is nearer in
+#: the ready pose is not watched.
+MARGIN = 0.01
+#: Gap that two shapes keep in every pose if they never meet [m].
+LEAST_GAP = MARGIN + 0.002
+#: Whether any pose brings a pair together is tried if its gap in the ready pose is smaller [m], if
+#: there are at most so many joints between the two, and with at most so many boxes of poses.
+_NEAR, _MOST_BETWEEN, MOST_BOXES = 0.1, 2, 20000
+
+SHAPE: Final = np.dtype([
+    ("link", np.int64),  # that carries it, or STILL, or FLOOR
+    ("start", VECTOR),  # in the link's frame [m]; of the floor, z is its height in the world
+    ("end", VECTOR),  # likewise
+    ("radius", np.float64),  # [m]
+])  # fmt: skip
+"""A capsule, or the floor."""
+
+SEGMENT: Final = np.dtype([("start", VECTOR), ("end", VECTOR)])
+"""Where both ends of a shape are in the world [m]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,21 +87,21 @@ class Shapes:
     """Shapes of an arm and of what stands around it, as arrays.
 
     Attributes:
-        table: Shapes; see the module's table, shape (m, 8).
+        table: Shapes of type :data:`SHAPE`, first those that stand still, then by link, shape (m,).
         pairs: Indices of shapes to be kept apart, shape (p, 2).
         reach: Farthest of any point from each active joint [m], shape (n,); 1 where it slides.
     """
 
-    table: Array
+    table: Record
     pairs: NDArray[np.int64]
     reach: Array
 
     __repr__ = brief
 
     @property
-    def ends(self) -> Array:
-        """Scratch for the ends of the shapes in the world, shape (2 m, 3)."""
-        return np.zeros((2 * len(self.table), 3))
+    def ends(self) -> Record:
+        """Scratch for where the shapes are, of type :data:`SEGMENT`, shape (m,)."""
+        return np.zeros(len(self.table), SEGMENT)
 
 
 def shapes_of(arm: Arm, around: Surroundings) -> Shapes:
@@ -108,21 +112,21 @@ def shapes_of(arm: Arm, around: Surroundings) -> Shapes:
             above what the arm stands on.
     """
     check_floor(arm.model, around.floor)
-    still = [_row(STILL, x, arm.model.mount) for x in arm.model.base_capsules]
-    still += [_row(STILL, x, np.eye(4)) for x in around.zones]
-    floor = np.array([FLOOR, 0.0, 0.0, around.floor, 0.0, 0.0, 0.0, 0.0])
-    table = np.array([floor, *still, *_moving(arm.model)])
-    ends = np.zeros((2 * len(table), 3))
+    still = [_record(STILL, x, arm.model.mount) for x in arm.model.base_capsules]
+    still += [_record(STILL, x, np.eye(4)) for x in around.zones]
+    floor = FLOOR, (0.0, 0.0, around.floor), ZERO, 0.0
+    table = np.array([floor, *still, *_moving(arm.model)], SHAPE)
+    ends = np.zeros(len(table), SEGMENT)
     place_shapes(arm.bodies, arm.q_ready, table, ends)
     first_zone, zones = 1 + len(arm.model.base_capsules), len(around.zones)
     apart = []
     for a, b in combinations(range(len(table)), 2):
-        if table[a, 0] != table[b, 0] and table[b, 0] >= 0:
+        if table[a]["link"] != table[b]["link"] and table[b]["link"] >= 0:
             distance = gap(table, ends, a, b)
-            if distance > _APART:
+            if distance > MARGIN:
                 apart.append((a, b))
             elif first_zone <= a < first_zone + zones:
-                raise InputError(f"zone {a - first_zone}", f"{1e3 * _APART:.0f} mm or more from "
+                raise InputError(f"zone {a - first_zone}", f"{1e3 * MARGIN:.0f} mm or more from "
                                  "the arm in its ready pose", f"{1e3 * distance:.0f} mm",
                                  do="move the zone or the ready pose")  # fmt: skip
     near = [x for x in apart if gap(table, ends, *x) < _NEAR]
@@ -141,11 +145,11 @@ def check_floor(model: ArmModel, floor: float) -> None:
                          do="give its height in the frame of the arm's base")  # fmt: skip
 
 
-def _never_meeting(arm: Arm, table: Array, near: list[tuple[int, int]]) -> set[tuple[int, int]]:
+def _never_meeting(arm: Arm, table: Record, near: list[tuple[int, int]]) -> set[tuple[int, int]]:
     """Return the pairs of the arm's own shapes that the one or two joints between never join."""
     never = set()
     for a, b in near:
-        first, last = (int(table[x, 0]) for x in (a, b))
+        first, last = (int(table[x]["link"]) for x in (a, b))
         between = [j for j, link in enumerate(arm.model.active) if first < link <= last]
         around = first < 0 and not 1 <= a <= len(arm.model.base_capsules)
         if not around and len(between) <= _MOST_BETWEEN and _stay_apart(arm, table, a, b, between):
@@ -153,57 +157,61 @@ def _never_meeting(arm: Arm, table: Array, near: list[tuple[int, int]]) -> set[t
     return never
 
 
-def _stay_apart(arm: Arm, table: Array, a: int, b: int, between: list[int]) -> bool:
+def _stay_apart(arm: Arm, table: Record, a: int, b: int, between: list[int]) -> bool:
     """Say whether it is certain that no pose brings two shapes nearer than ``LEAST_GAP``."""
     both, boxes = table[[a, b]], np.zeros((MOST_BOXES + 2, 2, len(between)))
     boxes[0, 0] = 0.5 * (arm.q_min + arm.q_max)[between]
     boxes[0, 1] = arm.q_max[between] - boxes[0, 0]
     slopes = np.array([_slope(arm, table, a, b, arm.model.active[j]) for j in between])
     joints, q = np.array(between, dtype=np.int64), arm.q_ready.copy()
-    return bool(all_apart(arm.bodies, both, joints, slopes, boxes, q, np.zeros((4, 3))))
+    return bool(all_apart(arm.bodies, both, joints, slopes, boxes, q, np.zeros(2, SEGMENT)))
 
 
-def _slope(arm: Arm, table: Array, a: int, b: int, k: int) -> float:
+def _slope(arm: Arm, table: Record, a: int, b: int, k: int) -> float:
     """Return how fast link ``k``'s joint may change the gap of two shapes [m/rad]; 1 if it slides.
 
     The farthest of the points of either shape from the joint: what turns against what is the same.
     The radii do not count, as the gap is that of the segments less the radii.
     """
-    links, (first, last) = arm.model.links, (int(table[x, 0]) for x in (a, b))
+    links, (first, last) = arm.model.links, (int(table[x]["link"]) for x in (a, b))
     if links[k].prismatic:
         return 1.0
-    far = [max(np.linalg.norm(table[x, 1:4]), np.linalg.norm(table[x, 4:7])) for x in (a, b)]
+    far = [_farthest(table[x]) for x in (a, b)]
     if first < 0:  # in the world, where the first link is placed on the mount
-        far[0] += np.linalg.norm(arm.model.mount[:3, 3])
+        far[0] += float(np.linalg.norm(arm.model.mount[:3, 3]))
     for side, way in enumerate((range(first + 1, k + 1), range(k + 1, last + 1))):
         for i in way:
             slide = max(abs(links[i].q_min), abs(links[i].q_max)) if links[i].prismatic else 0.0
-            far[side] += np.linalg.norm(links[i].placement[:3, 3]) + slide
-    return float(min(far))
+            far[side] += float(np.linalg.norm(links[i].placement[:3, 3]) + slide)
+    return min(far)
 
 
-def _moving(model: ArmModel) -> Iterator[Array]:
-    """Yield the rows of the shapes of links and hand."""
+def _moving(model: ArmModel) -> Iterator[tuple[Any, ...]]:
+    """Yield the records of the shapes of links and hand."""
     for k, link in enumerate(model.links):
-        yield from (_row(k, x, np.eye(4)) for x in link.capsules)
+        yield from (_record(k, x, np.eye(4)) for x in link.capsules)
     if model.hand is not None:
         last = len(model.links) - 1
-        yield from (_row(last, x, model.tool) for x in model.hand.capsules())
+        yield from (_record(last, x, model.tool) for x in model.hand.capsules())
 
 
-def _row(carrier: int, capsule: Capsule, T: Array) -> Array:
-    """Return a capsule as a row, moved by a transform."""
+def _record(link: int, capsule: Capsule, T: Array) -> tuple[Any, ...]:
+    """Return the record of a capsule moved by a transform."""
     start, end = (T[:3, :3] @ np.array(x) + T[:3, 3] for x in (capsule.start, capsule.end))
-    return np.array([carrier, *start, *end, capsule.radius])
+    return link, tuple(start), tuple(end), capsule.radius
 
 
-def _reach(arm: Arm, table: Array) -> Array:
+def _farthest(shape: Fields) -> float:
+    """Return how far the segment of a shape reaches from its link's origin [m]."""
+    return float(max(np.linalg.norm(shape[end].item()) for end in ("start", "end")))
+
+
+def _reach(arm: Arm, table: Record) -> Array:
     """Return a bound on the distance of any moving point from each active joint, shape (n,)."""
     links, out, beyond = arm.model.links, np.ones(arm.n), 0.0
     for k in range(len(links) - 1, -1, -1):
-        own = table[table[:, 0] == k]
-        far = [max(np.linalg.norm(x[1:4]), np.linalg.norm(x[4:7])) + x[7] for x in own]
-        beyond = max([beyond, *far])
+        own = table[table["link"] == k]
+        beyond = max([beyond, *(_farthest(x) + float(x["radius"]) for x in own)])
         if links[k].prismatic:
             beyond += max(abs(links[k].q_min), abs(links[k].q_max))
         elif links[k].held is None:
@@ -213,54 +221,54 @@ def _reach(arm: Arm, table: Array) -> Array:
 
 
 @kernel
-def place_shapes(bodies: Array, q: Array, table: Array, ends: Array) -> None:
+def place_shapes(bodies: Record, q: Array, table: Record, ends: Record) -> None:
     """Write where both ends of every shape are in the world.
 
     Args:
-        bodies: Table of :mod:`mitt.arm.dynamics`, shape (N, 31).
+        bodies: ``Arm.bodies``, shape (N,).
         q: Active joint positions [rad], shape (n,).
-        table: Shapes, those that stand still first, then by link, shape (m, 8).
-        ends: Result [m], shape (2 m, 3).
+        table: ``Shapes.table``.
+        ends: Result, shape (m,).
     """
     R, p, at = IDENTITY, ZERO, 0
     for link in range(-1, len(bodies)):
         if link >= 0:
-            axis, j = vec_at(bodies, link, AXIS), int(bodies[link, JOINT])
-            p = plus(p, rotate(R, vec_at(bodies, link, P)))
-            R = compose(R, mat_at(bodies, link, 0))
-            if j >= 0 and bodies[link, SLIDES] > 0.0:
+            body = bodies[link]
+            axis, j = vec(body.axis), body.joint
+            p = plus(p, rotate(R, vec(body.p)))
+            R = compose(R, mat(body.R))
+            if j >= 0 and body.slides:
                 p = plus(p, rotate(R, times(q[j], axis)))
             elif j >= 0:
                 R = compose(R, turn(axis, q[j]))
-        while at < len(table) and table[at, 0] <= link:
-            put(ends, 2 * at, plus(p, rotate(R, vec_at(table, at, 1))))
-            put(ends, 2 * at + 1, plus(p, rotate(R, vec_at(table, at, 4))))
+        while at < len(table) and table[at].link <= link:
+            put_vec(ends[at].start, plus(p, rotate(R, vec(table[at].start))))
+            put_vec(ends[at].end, plus(p, rotate(R, vec(table[at].end))))
             at += 1
 
 
 @kernel
-def gap(table: Array, ends: Array, a: int, b: int) -> float:
+def gap(table: Record, ends: Record, a: int, b: int) -> float:
     """Return the gap between two placed shapes [m]; negative where they overlap.
 
     Args:
-        table: Shapes, shape (m, 8).
-        ends: Where they are, shape (2 m, 3).
+        table: ``Shapes.table``.
+        ends: Where they are, shape (m,).
         a: Index of one shape, which may be the floor.
         b: Index of another one, which is a capsule.
     """
-    if table[a, 0] == FLOOR:
-        lowest = min(ends[2 * b, 2], ends[2 * b + 1, 2])
-        return float(lowest - table[b, 7] - table[a, 3])
-    apart = segment_distance(
-        row(ends, 2 * a), row(ends, 2 * a + 1), row(ends, 2 * b), row(ends, 2 * b + 1)
-    )
-    return float(apart - table[a, 7] - table[b, 7])
+    one, other = ends[a], ends[b]
+    if table[a].link == FLOOR:
+        lowest = min(other.start.z, other.end.z)
+        return float(lowest - table[b].radius - table[a].start.z)
+    apart = segment_distance(vec(one.start), vec(one.end), vec(other.start), vec(other.end))
+    return float(apart - table[a].radius - table[b].radius)
 
 
 @kernel
 def all_apart(
-    bodies: Array, table: Array, joints: NDArray[np.int64], slopes: Array, boxes: Array,
-    q: Array, ends: Array,
+    bodies: Record, table: Record, joints: NDArray[np.int64], slopes: Array, boxes: Array,
+    q: Array, ends: Record,
 ) -> bool:  # fmt: skip
     """Say whether no pose of a box brings two shapes nearer than ``LEAST_GAP``.
 
@@ -269,13 +277,13 @@ def all_apart(
     1972). What is not settled after ``MOST_BOXES`` boxes counts as meeting.
 
     Args:
-        bodies: Table of :mod:`mitt.arm.dynamics`, shape (N, 31).
-        table: The two shapes, shape (2, 8).
+        bodies: ``Arm.bodies``, shape (N,).
+        table: The two shapes, shape (2,).
         joints: Active joints that move, shape (k,).
         slopes: How fast each of them may change the gap [m/rad], shape (k,).
         boxes: Middle and half width [rad]; the first is the box, shape (MOST_BOXES + 2, 2, k).
         q: A pose, overwritten [rad], shape (n,).
-        ends: Scratch, shape (4, 3).
+        ends: Scratch, shape (2,).
     """
     left = 1
     for _ in range(MOST_BOXES):
@@ -304,16 +312,16 @@ def all_apart(
 
 @kernel
 def clearance(
-    bodies: Array, q: Array, table: Array, pairs: NDArray[np.int64], ends: Array
+    bodies: Record, q: Array, table: Record, pairs: NDArray[np.int64], ends: Record
 ) -> float:
     """Return the smallest gap of any watched pair [m]; infinite if none is watched.
 
     Args:
-        bodies: Table of :mod:`mitt.arm.dynamics`, shape (N, 31).
+        bodies: ``Arm.bodies``, shape (N,).
         q: Active joint positions [rad], shape (n,).
         table: ``Shapes.table``.
         pairs: ``Shapes.pairs``.
-        ends: Scratch, shape (2 m, 3).
+        ends: Scratch, shape (m,).
     """
     place_shapes(bodies, q, table, ends)
     nearest = np.inf

@@ -42,6 +42,7 @@ from mitt.ball.motion_models import (
     MODELS,
     RING,
     ROW,
+    UNLIKELY,
     activate,
     deactivate,
     fit,
@@ -62,12 +63,13 @@ MAX_HORIZON = 2.0
 MAX_DOUBTFUL = 24
 """Sightings that are reconsidered at most when some of them were rejected."""
 LOOK_BACK = 16
-"""Sightings that are reconsidered when the innovations lean to one side."""
+"""Sightings that are reconsidered when the innovations lean to one side, and among which a point
+that comes back is looked for."""
 SMALL_KICK = 1.0
 """Standard deviation of a velocity change that passes the gate [m/s]."""
-_REMEMBERED, _ELSEWHERE = 16, 0.05
-"""Sightings among which a point that comes back is looked for, and distance from it, along an axis,
-at which another one lies elsewhere [m]: far beyond noise and steps of digits."""
+_ELSEWHERE = 0.05
+"""Distance from a point, along an axis, at which another one lies elsewhere [m]: far beyond noise
+and steps of digits."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,7 +118,7 @@ class FilterConfig:
     accel_density: Annotated[float, Range(0.0, 1e6)] = 0.01
     speed_sigma: Annotated[float, Range(1e-6, 1e3)] = 8.0
     min_sightings: Annotated[int, Range(1, 1000)] = 6
-    gate: Annotated[float, Range(1e-6, 1e6)] = 25.0
+    gate: Annotated[float, Range(1e-6, 1e6)] = UNLIKELY
     first_gate: Annotated[float, Range(1e-6, 1e6)] = 100.0
     max_rejections: Annotated[int, Range(1, 8)] = 6
     max_rejection_time: Annotated[float, Range(0.0, 1.0)] = 0.008
@@ -359,7 +361,7 @@ def _comes_back(b: Fields, age: int, z: Array) -> bool:
     That is: a known track has rejected it, or a sighting since then lies elsewhere.
     """
     known, elsewhere = b.now.used >= b.settings.min_sightings, False
-    for k in range(age, min(b.filled, age + _REMEMBERED)):
+    for k in range(age, min(b.filled, age + LOOK_BACK)):
         slot, apart = _slot(b, k), 0.0
         for i in range(3):
             apart = max(apart, abs(slot.seen.z[i] - z[i]))
@@ -422,7 +424,7 @@ def _on_accepted(b: Fields, slot: Fields) -> None:
     if now.doubtful > 0:
         now.doubtful += 1
         now.in_a_row += 1
-        if now.in_a_row == 3 or now.doubtful > MAX_DOUBTFUL:
+        if now.in_a_row == ROW or now.doubtful > MAX_DOUBTFUL:
             now.doubtful = 0
 
 
@@ -443,7 +445,7 @@ def _on_rejected(b: Fields, age: int) -> None:
         depth = _telling(b, age, run)
         if run >= min(max(now.used, 2), limits.max_rejections) and depth > 0:
             _begin_with(b, age, depth)
-    elif run >= 3 and lasts >= limits.max_rejection_time:
+    elif run >= ROW and lasts >= limits.max_rejection_time:
         _reacquire(b, age, run, run)
     elif now.rejected >= limits.max_rejections:
         _reacquire(b, age, doubtful, run)

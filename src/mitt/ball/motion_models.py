@@ -41,7 +41,11 @@ MODELS = 3
 RING = 64
 """Sightings that are remembered: 64 ms at 1 kHz, of which 24 may be doubtful."""
 ROW = 3
-"""Sightings in a row that are believed to be of another time than the track's."""
+"""Sightings in a row that are believed: of another time than the track's, where the ball is after a
+doubt, or rejected for long enough, that it was kicked."""
+UNLIKELY = 25.0
+"""Squared Mahalanobis distance beyond which three numbers are in 1.5e-5 of cases, if all is as it
+is taken to be (chi-squared, 3 degrees of freedom)."""
 
 ESTIMATE = np.dtype(
     [
@@ -150,10 +154,8 @@ _ROUNDED = 1.0 + 1e-9
 FLOOR = 1e-3
 """Weight at which a model starts again from the best one."""
 NEW_SHARE = 1.0 / 16.0
-"""Share of the newest innovation in the mean that tells whether flight still fits."""
-BIAS_LIMIT = 25.0
-"""Squared Mahalanobis distance of that mean from zero at which it does not: beyond it in 1.5e-5
-of cases if flight is right (chi-squared, 3 degrees of freedom)."""
+"""Share of the newest innovation in the mean that tells whether flight still fits: not if the mean
+is ``UNLIKELY`` far from zero."""
 CALM_LIMIT = 8
 """Sightings in a row with all weight on flight after which the other models are deactivated."""
 
@@ -357,7 +359,7 @@ def is_biased(now: Fields) -> bool:
     p, (x, y, z) = now.precision, (now.bias[0], now.bias[1], now.bias[2])
     ok, a, b, c, d, e, f = inverse(p[0], p[1], p[2], p[3], p[4], p[5])
     distance = a * x * x + d * y * y + f * z * z + 2.0 * (b * x * y + c * x * z + e * y * z)
-    return bool(ok and distance > BIAS_LIMIT)
+    return bool(ok and distance > UNLIKELY)
 
 
 @kernel

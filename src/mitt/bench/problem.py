@@ -20,7 +20,7 @@ import numpy as np
 
 from mitt.arm.arm import Arm
 from mitt.arm.dynamics import slopes_work, torque_slopes
-from mitt.kernels import kernel
+from mitt.kernels import Record, kernel
 from mitt.map.demand import Plant, plant_of
 from mitt.map.learn import LearnSettings, learn_from, lift_flight
 from mitt.map.map_design import default_design
@@ -144,7 +144,7 @@ def reckon(problem: LearningProblem, p: Plant, alpha: Array) -> tuple[Array, Arr
 
 
 @kernel
-def _respond(p: Plant, z: Array, work: tuple[Array, Array, Array], r: Array, R: Array) -> None:
+def _respond(p: Plant, z: Array, work: tuple[Array, Array, Record], r: Array, R: Array) -> None:
     """Write torques and speeds over their bounds, and their slopes in q, dq, ddq."""
     tau, slope, links = work
     n = z.shape[2]

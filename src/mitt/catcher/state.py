@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, final
 import numpy as np
 
 from mitt.arm.arm import Arm
-from mitt.arm.kinematics import packed_chain, tip_motion
+from mitt.arm.kinematics import joint_records, tip_motion
 from mitt.arm.shapes import Surroundings
 from mitt.ball.filter import fresh_filter
 from mitt.catcher.settings import PHASES, WATCH, CatcherSettings, Phase
@@ -137,7 +137,7 @@ class CatcherState(NamedTuple):
     bounce: Array  # scratch, shape (3,)
     gap: Array  # from the catch point to the ball, and its rate [m, m/s], shape (2, 3)
     pose: Array  # scratch, shape (n,)
-    chain: Array  # of :func:`mitt.arm.kinematics.packed_chain`
+    chain: Record  # of :func:`mitt.arm.kinematics.joint_records`
     palm: Array  # the palm's normal in the last frame, shape (3,)
     palm_now: Array  # and in the base frame
     jump: Array  # change of the joint speeds by the ball, where it may come [rad/s], shape (n,)
@@ -245,7 +245,7 @@ def fresh_state(
         z=np.zeros(3), R=np.zeros((3, 3)),
         followed=np.zeros((3, 3)), hand=np.zeros((3, 3)), ahead=np.zeros((2, 3)),
         bounce=np.zeros(3), gap=np.zeros((2, 3)), pose=np.zeros(n),
-        chain=packed_chain(arm.chain).copy(), palm=palm_of(arm), palm_now=np.zeros(3),
+        chain=joint_records(arm.chain), palm=palm_of(arm), palm_now=np.zeros(3),
         jump=np.zeros(n), impact_dq=np.zeros(n), limits=of.limits.copy(),
         map=map_arrays(f), eyes=eyes.memory,
     )  # fmt: skip
@@ -254,7 +254,7 @@ def fresh_state(
 def palm_of(arm: Arm) -> Array:
     """Return the palm's normal in the frame of the last active joint, shape (3,)."""
     q = arm.q_ready
-    frame = np.reshape(tip_motion(packed_chain(arm.chain), q, q, np.zeros((2, 3))), (3, 3))
+    frame = np.reshape(tip_motion(joint_records(arm.chain), q, q, np.zeros((2, 3))), (3, 3))
     normal: Array = frame.T @ arm.orientation(q)[:, 2]
     return normal
 

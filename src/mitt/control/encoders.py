@@ -97,17 +97,21 @@ ENCODER = np.dtype(
     align=True,
 )
 
+#: Readings in a row that decide: refused ones after which the filter begins anew or the encoder has
+#: a fault, too fast ones, and first ones that no joint of the arm can have.
+IN_A_ROW = 3
 #: Ticks without a number after which an encoder is silent, for one that has read well and for one
-#: that loses readings or has not been read yet; first readings that no joint of the arm can have.
-SILENT_TICKS, LOSSY_TICKS, _IMPOSSIBLE = 6, 15, 3
+#: that loses readings or has not been read yet.
+SILENT_TICKS, LOSSY_TICKS = 6, 15
 #: Share of a gap that is forgotten in a tick, of one that still counts, and of a new encoder.
 _HEALS, _GAP, _NEW = 0.002, 0.3, 0.37
 #: How far outside a joint's range a first reading may lie [rad].
 BEYOND = 0.5
 #: Share of the modelled acceleration that may be wrong.
 _MODEL = 0.2
-#: Sigmas of an innovation beyond which a reading is refused.
-_GATE = 6.0
+#: Sigmas within which an estimate, and those of an innovation within which a reading, is believed;
+#: the model's largest error is as many.
+SIGMAS, _GATE = 3.0, 6.0
 #: Ticks for which readings in a row have to be refused at least before they are explained.
 _APART = 1.5
 #: Share of the unevenness of readings that may be their stamps', the most that may be [s], and what
@@ -120,9 +124,11 @@ GOOD_TICKS, _NEAR, _MOVES = 50, 0.1, 3.0
 TRIFLE = 1e-6
 #: Excess over a speed limit that is none of the joint.
 EXCESS = 1.5
-#: Counts of least motion after which a still encoder is stuck, and ticks in which it must have
-#: moved: a torque may act some ticks after its command.
-_COUNTS, _STILL_TICKS = 5.0, 5
+#: Counts of least motion after which a still encoder is stuck.
+_COUNTS = 5.0
+#: Ticks for which a model error lasts at least, which the process noise allows for, and after which
+#: a still encoder must have moved: a torque may act some ticks after its command.
+_LASTING = 5.0
 #: Room before the end of a joint's range in which the end stop may hold it [rad].
 _STOP = 0.03
 #: Mirror image of a velocity: smallest speed [rad/s], and how alike the two have to be.
@@ -135,12 +141,6 @@ _STEADY = 0.8
 _SURE, _TICKS_AGAINST, _GAINED = 2.0, 10, 0.1
 #: Share of the largest speed of late that is forgotten in a tick: what gave way then gives it back.
 _FORGETS = 0.005
-#: Share of the model's largest error that is one sigma.
-_SIGMA = 1.0 / 3.0
-#: For how many ticks a model error lasts at least, which the process noise allows for.
-_LASTING = 5.0
-#: Refused readings in a row after which the filter begins anew or the encoder has a fault.
-IN_A_ROW = 3
 #: Share of the largest speed of late that is kept in a tick.
 _KEEPS = 0.85
 #: Share of a joint's largest torque that friction and contact may always take, and the largest.
@@ -211,7 +211,7 @@ class Monitor(NamedTuple):
         bounds: Limits, as of :func:`mitt.control.envelope.bounds_of`, shape (n,).
         ddq_by_tau: Acceleration that the torques cause by the model that act now [rad/s^2], (n,).
         coupling: M_kj / M_kk, shape (n, n).
-        motion, solved: Scratch, shapes (3, n) and (n, 2 n).
+        motion, left, inverse: Scratch, shapes (3, n), (n, n), (n, n).
     """
 
     joints: Record
@@ -219,7 +219,8 @@ class Monitor(NamedTuple):
     ddq_by_tau: Array
     coupling: Array
     motion: Array
-    solved: Array
+    left: Array
+    inverse: Array
 
 
 def monitor_of(arm: Arm, encoders: Encoders) -> Monitor:
@@ -227,7 +228,7 @@ def monitor_of(arm: Arm, encoders: Encoders) -> Monitor:
     n = arm.n
     return Monitor(
         encoders.of(arm), bounds_of(arm, commanded=False), np.zeros(n), np.zeros((n, n)),
-        np.zeros((3, n)), np.zeros((n, 2 * n)),
+        np.zeros((3, n)), np.zeros((n, n)), np.zeros((n, n)),
     )  # fmt: skip
 
 
@@ -332,7 +333,7 @@ def _begin(m: Fields, b: Fields, q: float, dq: float, ticks: float) -> int:
     if not b.q_min - BEYOND <= q <= b.q_max + BEYOND:
         m.gone += ticks
         m.refused += 1.0 if np.isfinite(q) else 0.0
-        silent = m.gone >= LOSSY_TICKS - TRIFLE or m.refused >= _IMPOSSIBLE
+        silent = m.gone >= LOSSY_TICKS - TRIFLE or m.refused >= IN_A_ROW
         return SILENT if silent else BRIDGED
     known, unsure = abs(dq) <= EXCESS * b.dq_max, m.variance_dq
     _restart(m, q, dq if known else 0.0, TICK)
@@ -387,7 +388,7 @@ def _held_alone(
             moved += ratio * _finite(monitor.ddq_by_tau[j])
             variance += ratio * ratio * other.variance_dq
     error = own + _MODEL * (abs(push) + abs(moved)) + abs(push - joints[k].push)
-    return low, high, error, 3.0 * np.sqrt(variance) + struck
+    return low, high, error, SIGMAS * np.sqrt(variance) + struck
 
 
 @kernel
@@ -421,7 +422,7 @@ def _observe(
             return BRIDGED
         return int(_explain_refused(m, b, q, impact_dq))
     _correct(m, off, r, ticks)
-    too_fast = abs(m.dq) - 3.0 * np.sqrt(m.variance_dq) > EXCESS * b.dq_max
+    too_fast = abs(m.dq) - SIGMAS * np.sqrt(m.variance_dq) > EXCESS * b.dq_max
     m.fasts = m.fasts + 1.0 if too_fast else 0.0
     if m.fasts >= IN_A_ROW:
         return FAST
@@ -448,7 +449,7 @@ def _predict(m: Fields, push: float, error: float, dt: float) -> None:
     What the model misses is white within the time. Were it constant there, a fine encoder would
     leave an error of the velocity undamped: its sign would change from tick to tick for ever.
     """
-    sigma = _SIGMA * error
+    sigma = (1.0 / SIGMAS) * error
     v = max(_LASTING, abs(dt) / TICK) * sigma * sigma * TICK * abs(dt)
     m.q += dt * (m.dq + 0.5 * dt * push)
     m.dq += dt * push
@@ -507,7 +508,7 @@ def _stands_still(
     """
     (low, high, error, slack), dt = alone, m.dt
     if anew or abs(q - m.held) >= 0.5 * m.step:
-        sure = max(abs(m.dq) - 3.0 * np.sqrt(m.variance_dq) - slack, 0.0)
+        sure = max(abs(m.dq) - SIGMAS * np.sqrt(m.variance_dq) - slack, 0.0)
         m.held, m.still, m.due, m.rests = q, 0.0, 0.0, 0.0
         m.least = np.copysign(sure, m.dq)
         return False
@@ -522,7 +523,7 @@ def _stands_still(
         m.due = m.still = 0.0
     above, below = q > b.q_max + _STOP, q < b.q_min - _STOP
     at_stop = (m.due > 0.0 and above) or (m.due < 0.0 and below)
-    due = abs(m.due) > (_COUNTS + 1.0) * m.step and m.still >= _STILL_TICKS - TRIFLE
+    due = abs(m.due) > (_COUNTS + 1.0) * m.step and m.still >= _LASTING - TRIFLE
     if due and not at_stop and abs(m.dq) < abs(m.least):  # the reading has led it astray
         m.q, m.dq = m.held + m.due, m.least
     return bool(due and not at_stop)
@@ -546,7 +547,7 @@ def _moves_against(m: Fields, push: float, ticks: float, anew: bool) -> bool:
     m.against += ticks
     if before < _TICKS_AGAINST // 2 - TRIFLE <= m.against:  # an impact is over by now
         m.speed_before = max(m.speed_before, speed)
-    least = _GAINED + 3.0 * np.sqrt(m.variance_dq)
+    least = _GAINED + SIGMAS * np.sqrt(m.variance_dq)
     if m.against < _TICKS_AGAINST - TRIFLE or speed - m.speed_before < least:
         return False
     m.q, m.dq = m.shadow_q, m.shadow_dq
@@ -569,27 +570,29 @@ def predict_acceleration(
         tau: Torques [N m], shape (n,).
         w: Scratch.
     """
-    (bodies, _, index), joints, mass = arm, monitor.joints, w.mass
-    motion, solved, ddq = monitor.motion, monitor.solved, monitor.ddq_by_tau
+    index, joints, mass, motion = arm.active, monitor.joints, w.mass, monitor.motion
+    left, inverse, ddq = monitor.left, monitor.inverse, monitor.ddq_by_tau
     n = len(index)
     motion[0], motion[1], motion[2] = estimated[0], estimated[1], 0.0
-    bias_and_mass(bodies, motion, w.tau, mass, w.work)
+    bias_and_mass(arm.bodies, motion, w.tau, mass, w.work)
     for i in range(n):
         for j in range(n):
-            solved[i, j], solved[i, n + j] = mass[index[i], j], 1.0 if i == j else 0.0
+            left[i, j], inverse[i, j] = mass[index[i], j], 1.0 if i == j else 0.0
     for i in range(n):  # Gauss-Jordan; a mass matrix is positive definite and needs no pivots
-        scale = 1.0 / max(solved[i, i], 1e-9)
-        for c in range(2 * n):
-            solved[i, c] *= scale
+        scale = 1.0 / max(left[i, i], 1e-9)
+        for c in range(n):
+            left[i, c] *= scale
+            inverse[i, c] *= scale
         for j in range(n):
-            factor = solved[j, i]
+            factor = left[j, i]
             if j != i:
-                for c in range(2 * n):
-                    solved[j, c] -= factor * solved[i, c]
+                for c in range(n):
+                    left[j, c] -= factor * left[i, c]
+                    inverse[j, c] -= factor * inverse[i, c]
     for i in range(n):
         m, own = joints[i], max(mass[index[i], i], 1e-9)
         ddq[i], m.ddq_unknown, m.ddq_own = 0.0, 0.0, m.unknown / own
         for j in range(n):
-            ddq[i] += solved[i, n + j] * (tau[j] - w.tau[index[j]])
-            m.ddq_unknown += abs(solved[i, n + j]) * joints[j].unknown
+            ddq[i] += inverse[i, j] * (tau[j] - w.tau[index[j]])
+            m.ddq_unknown += abs(inverse[i, j]) * joints[j].unknown
             monitor.coupling[i, j] = mass[index[i], j] / own

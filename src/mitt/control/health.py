@@ -16,15 +16,13 @@ from typing import TypeAlias
 import numpy as np
 
 from mitt.arm.arm import Arm
-from mitt.control.encoders import BEYOND, BRIDGED, BRIDGED_TIME, FINE, IN_TIME
+from mitt.control.encoders import BEYOND, BRIDGED, BRIDGED_TIME, FINE, IN_TIME, TRIFLE
 from mitt.fields import brief
 from mitt.kernels import Fields, Record, kernel
 from mitt.signals import TICK, Array
 
 Plain: TypeAlias = str | float | bool | list[float | None] | None
 """A value as JSON has it."""
-
-NOMINAL, PREDICT, DEGRADED, ABORT, INVALID = range(5)
 
 
 class State(Enum):
@@ -35,6 +33,9 @@ class State(Enum):
     DEGRADED = "degraded"
     ABORT = "abort"
     INVALID = "invalid"
+
+
+NOMINAL, PREDICT, DEGRADED, ABORT, INVALID = range(len(State))
 
 
 class Reason(Enum):
@@ -60,7 +61,7 @@ class Reason(Enum):
 
 
 (_NONE, _UNSEEN, _ONE_CAMERA, _LATE, _BRIDGED, _BLOCKED, LOST, _SILENT, _JUMPED, _STUCK, _REVERSED,
- CLOCK, OVERRUN, _TRACKING, REQUESTED, _FAST, FAILED) = range(17)  # fmt: skip
+ CLOCK, OVERRUN, _TRACKING, REQUESTED, _FAST, FAILED) = range(len(Reason))  # fmt: skip
 
 #: Reason for each state of an encoder, in the order of :mod:`mitt.control.encoders`.
 _OF_ENCODER = (_NONE, _BRIDGED, _SILENT, _JUMPED, _STUCK, _REVERSED, _FAST)
@@ -69,14 +70,13 @@ ENCODER_REASONS = (Reason.SILENT, Reason.JUMPED, Reason.STUCK, Reason.REVERSED, 
 
 #: Age beyond which a reading of the encoders is none [s].
 OLD_READING = IN_TIME
-#: Ticks without usable time after which the catcher stops.
-_TIMELESS_TICKS = 20
 #: Age of the last measurement from which the ball is predicted, and from which it can be lost [s].
-_FRESH, _OLD = 0.005, 0.020
+_FRESH, _OLD = IN_TIME, BRIDGED_TIME
+#: Ticks in a row without usable time, or far from the commanded motion, after which the catcher
+#: stops: as long as is bridged at all.
+_MOST_TICKS = round(BRIDGED_TIME / TICK)
 #: Ticks in a row without an answer of the generator after which the catcher stops.
 FAILED_TICKS = 5
-#: Time for which a joint may be far from the commanded motion, in ticks.
-_FAR_TICKS = 20
 
 HEALTH = np.dtype(
     [
@@ -126,7 +126,7 @@ def pass_time(m: Fields, t: float) -> tuple[float, int]:
     if not (np.isfinite(t) and t > before):
         m.timeless += 1
         m.t = before + TICK if np.isfinite(before) else 0.0
-        return m.t, CLOCK if m.timeless >= _TIMELESS_TICKS else _LATE
+        return m.t, CLOCK if m.timeless >= _MOST_TICKS else _LATE
     m.timeless, m.t, passed = 0, t, time_since(before, t)
     if passed <= IN_TIME:
         return t, _NONE
@@ -188,7 +188,7 @@ def assess(
         return ABORT, _OF_ENCODER[s.encoder_fault]
     if s.clock_fault > _LATE:
         return ABORT, s.clock_fault
-    if m.far >= _FAR_TICKS - 1e-6:
+    if m.far >= _MOST_TICKS - TRIFLE:
         return ABORT, _TRACKING
     if out.following and not near and is_lost(out.age, s.flight_sigma, s.tolerance):
         return ABORT, LOST

@@ -81,7 +81,7 @@ class StopWork(NamedTuple):
     row: Array  # (3, n) q, dq, ddq at an instant
     tau: Array  # (N,) torques
     speed: Array  # (N,) speeds of all links
-    dynamics: Array
+    dynamics: Record
 
 
 def stop_work(arm: Arm) -> StopWork:
@@ -222,7 +222,7 @@ class MassWork(NamedTuple):
 
     tau: Array  # (N,)
     mass: Array  # (N, n)
-    work: Array
+    work: Record
 
 
 def mass_work(arm: Arm) -> MassWork:
@@ -241,8 +241,8 @@ def short_of_room(arm: Tables, limits: Array, motion: Array, w: MassWork) -> boo
         motion: q, dq, ddq in the first three rows, shape (3 or more, n).
         w: Scratch.
     """
-    index, (tau_max, q_min, q_max) = arm[2], (limits[0], limits[1], limits[2])
-    bias_and_mass(arm[0], motion, w.tau, w.mass, w.work)
+    index, (tau_max, q_min, q_max) = arm.active, (limits[0], limits[1], limits[2])
+    bias_and_mass(arm.bodies, motion, w.tau, w.mass, w.work)
     for k in range(len(index)):
         v = motion[1, k]
         end = motion[0, k] + 0.5 * v * abs(v) * w.mass[index[k], k] / tau_max[k]
@@ -350,7 +350,7 @@ class Scratch(NamedTuple):
     after: Array  # (8,) times of the rows from the start on [s]
     rate: Array  # (n,) deceleration that is tried [rad/s^2]
     tau: Array  # (2, N) torques, and speeds of all links
-    scratch: Array  # of the dynamics
+    scratch: Record  # of the dynamics
 
 
 def scratch_of(arm: Arm) -> Scratch:
@@ -431,14 +431,14 @@ def lay(motion: Array, w: Scratch) -> float:
 
 
 @kernel
-def torque_share(arm: Tables, rows: Array, tau: Array, scratch: Array) -> float:
+def torque_share(arm: Tables, rows: Array, tau: Array, scratch: Record) -> float:
     """Return the largest share of a drive's torque that a motion asks for.
 
     Args:
         arm: As of ``Arm.tables``.
         rows: q, dq, ddq at K instants, shape (K, 3, n).
         tau: Scratch, zero in its second row where no joint is active, shape (2, N).
-        scratch: Scratch of the dynamics, shape (N, 18).
+        scratch: Of :func:`mitt.arm.dynamics.dynamics_scratch`.
     """
     bodies, drives, index = arm
     largest = 0.0

@@ -29,16 +29,14 @@ import numpy as np
 
 from mitt.arm.arm import Arm, Tables
 from mitt.arm.dynamics import dynamics_scratch, inverse_dynamics
-from mitt.arm.limits import LEAST, bound_of, drive_asked, largest_share, saturate
-from mitt.control.encoders import FINE, Monitor
+from mitt.arm.limits import LEAST, bound_of, drive_asked, drives_of, largest_share, saturate
+from mitt.control.encoders import FINE, SIGMAS, Monitor
 from mitt.control.envelope import bound_acceleration, closing_speed, releasable
 from mitt.kernels import Record, kernel
 from mitt.signals import TICK, Array, Command
 
 #: Change of a torque that counts as meeting a limit [N m].
 _TOUCH = 1e-9
-#: Multiple of the estimate's 1-sigma by which a speed may be larger.
-_SIGMAS = 3.0
 #: Share of its peak that a drive may give while a joint is not measured; the rest is for what a
 #: wrong pose makes of the torques. The plant of a trial may exceed a limit by as much.
 _UNMEASURED = 0.99
@@ -75,7 +73,7 @@ class Tracking(NamedTuple):
     kept: Array
     given: Array
     level: Array
-    dynamics: Array
+    dynamics: Record
 
 
 def tracking_of(arm: Arm) -> Tracking:
@@ -105,29 +103,28 @@ def derate(
         lead: T, from the reading of the joints until the command has acted [s].
         struck: Whether the ball may come before the command ceases to act.
     """
-    (_, drives, index), joints, out = arm, monitor.joints, w.drives
-    links = drives.shape[1]
-    out[:] = drives
-    measured = True
+    index, joints, measured = arm.active, monitor.joints, True
+    w.drives[:] = arm.drives
+    own, now = drives_of(arm.drives), drives_of(w.drives)
     for k in range(len(index)):
         measured &= joints[k].fault == FINE and joints[k].gone == 0.0
-    for m in range(links):
-        out[2 * links, m] *= 1.0 if measured else _UNMEASURED
-        stall, top = drives[2 * links + 1, m], drives[2 * links + 2, m]
+    for m in range(len(own.tau_peak)):
+        now.tau_peak[m] *= 1.0 if measured else _UNMEASURED
+        stall, top = own.tau_stall[m], own.dq_max[m]
         if not np.isfinite(stall):
             continue
         speed, rate, impact_dq, margin = 0.0, 0.0, 0.0, 0.0
         for k in range(len(index)):
-            ratio = drives[links + m, index[k]]
+            ratio = own.transmission[m, index[k]]
             speed += ratio * dq[k]
             rate += ratio * monitor.ddq_by_tau[k]
             impact_dq += ratio * jump[k]
             sigma = np.sqrt(max(joints[k].variance_dq, 0.0))
-            margin += abs(ratio) * (_SIGMAS * sigma + lead * joints[k].ddq_unknown)
+            margin += abs(ratio) * (SIGMAS * sigma + lead * joints[k].ddq_unknown)
         way = 1.0 if speed >= 0.0 else -1.0
         margin += lead * max(way * rate, 0.0) + (max(way * impact_dq, 0.0) if struck else 0.0)
         left = max(1.0 - margin / top, LEAST)
-        out[2 * links + 1, m], out[2 * links + 2, m] = left * stall, left * top
+        now.tau_stall[m], now.dq_max[m] = left * stall, left * top
 
 
 @kernel
@@ -150,7 +147,7 @@ def track(
     Returns:
         Whether a torque limit was met.
     """
-    (bodies, _, index), q, dq, push = arm, estimated[0], estimated[1], w.push
+    bodies, index, q, dq, push = arm.bodies, arm.active, estimated[0], estimated[1], w.push
     links, n = len(bodies), len(index)
     for k in range(n):
         lag, slow = command[0, k] - q[k], command[1, k] - dq[k]
@@ -191,7 +188,7 @@ def _change_slowly(w: Tracking, tau: Array, ticks: float) -> bool:
 
 
 @kernel
-def _give_way(w: Tracking, bodies: Array, bounds: Record, q: Array, dq: Array) -> None:
+def _give_way(w: Tracking, bodies: Record, bounds: Record, q: Array, dq: Array) -> None:
     """Cut the torques of all joints by one share, towards what the arm does by itself at most.
 
     ``w.kept`` are those of which each drive gives what it can. They stay where the drives cannot

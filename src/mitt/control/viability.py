@@ -14,17 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitt.arm.arm import Arm, Tables
-from mitt.arm.shapes import Shapes, Surroundings, clearance, shapes_of
+from mitt.arm.shapes import MARGIN, Shapes, Surroundings, clearance, shapes_of
 from mitt.control.envelope import LONGEST, bounds_of, braked, clamp, slow_down
 from mitt.control.stop import StopWork, clamp_to_reserve, gentle_rates, stop_work
 from mitt.kernels import Record, kernel
 from mitt.signals import Array
 
-#: Gap that is kept [m], and what a look may leave open before the way counts as blocked [m].
-MARGIN, _SLIVER = 0.01, 0.0005
+#: Room that counts as none [m] unless the arm stands: with less, every look would lead the next one
+#: hardly on.
+_SLIVER = 0.0005
 #: Looks along the way; if they do not suffice it counts as blocked.
 _LOOKS = 40
-#: What the sums of a bound on the room may be off by [m].
+#: What the sums of a bound on the room may be off by: rounding [m].
 _TRIFLE = 1e-9
 
 #: What became of a desired motion: passed as it was, kept within the limits, replaced by braking.
@@ -37,7 +38,7 @@ class Safety(NamedTuple):
     Attributes:
         arm: As of ``Arm.tables``.
         bounds: Limits of type :data:`mitt.control.envelope.BOUNDS`, shape (n,).
-        shapes: Shapes, shape (m, 8).
+        shapes: ``Shapes.table``, shape (m,).
         pairs: Those to be kept apart, shape (p, 2).
         measured: Where room was last measured [rad], and how much there was [m], shape (n + 1,).
         ends, way, after, stop: Scratch.
@@ -45,10 +46,10 @@ class Safety(NamedTuple):
 
     arm: Tables
     bounds: Record
-    shapes: Array
+    shapes: Record
     pairs: NDArray[np.int64]
     measured: Array
-    ends: Array
+    ends: Record
     way: Array
     after: Array
     stop: StopWork
@@ -59,7 +60,7 @@ def safety_of(arm: Arm, around: Surroundings) -> Safety:
     (shapes, bounds), n = _shapes_and_bounds(arm, around), arm.n
     return Safety(
         arm.tables, bounds.copy(), shapes.table, shapes.pairs, np.full(n + 1, -np.inf),
-        np.zeros((2 * len(shapes.table), 3)), np.zeros((3, n)), np.zeros((3, n)), stop_work(arm),
+        shapes.ends, np.zeros((3, n)), np.zeros((3, n)), stop_work(arm),
     )  # fmt: skip
 
 
@@ -124,7 +125,7 @@ def stops_clear(s: Safety, motion: Array) -> bool:
             moved += reach * abs(motion[0, k] - known[k])
         if look == 0 and max(left, _SLIVER) < known[n] - moved:
             return True
-        room = clearance(s.arm[0], way, s.shapes, s.pairs, s.ends) - MARGIN
+        room = clearance(s.arm.bodies, way, s.shapes, s.pairs, s.ends) - MARGIN
         if look == 0:
             known[:n], known[n] = motion[0], room
         if room < 0.0 or (room < _SLIVER and left > 0.0):
@@ -148,7 +149,7 @@ def _stops_clear_smoothly(s: Safety, motion: Array) -> bool:
         moved += b[k].reach * abs(motion[0, k] - known[k])
     if left < known[n] - moved:
         return True
-    room = clearance(s.arm[0], motion[0], s.shapes, s.pairs, s.ends) - MARGIN
+    room = clearance(s.arm.bodies, motion[0], s.shapes, s.pairs, s.ends) - MARGIN
     known[:n], known[n] = motion[0], room
     row[:] = motion
     for _ in range(LONGEST):
@@ -162,14 +163,14 @@ def _stops_clear_smoothly(s: Safety, motion: Array) -> bool:
         room -= step
         left -= step
         if room < 0.0:
-            room = clearance(s.arm[0], row[0], s.shapes, s.pairs, s.ends) - MARGIN
+            room = clearance(s.arm.bodies, row[0], s.shapes, s.pairs, s.ends) - MARGIN
     return False
 
 
 @kernel
 def _leads_out(s: Safety, last: Array, desired: Array) -> bool:
     """Say whether an arm that stands too close already would get no closer."""
-    before = clearance(s.arm[0], last[0], s.shapes, s.pairs, s.ends)
+    before = clearance(s.arm.bodies, last[0], s.shapes, s.pairs, s.ends)
     if before >= MARGIN:
         return False
-    return bool(clearance(s.arm[0], desired[0], s.shapes, s.pairs, s.ends) > before)
+    return bool(clearance(s.arm.bodies, desired[0], s.shapes, s.pairs, s.ends) > before)

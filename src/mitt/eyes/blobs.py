@@ -4,7 +4,7 @@
 |---------------|-------------------------------------------------------------|------|--------|
 | ``runs``      | first and last column of each row; first > last: empty row  | px   | (2, k) |
 | ``top, rows`` | row of the image in which runs begin, and how many they are | px   |        |
-| ``box``       | first column, first row, last column, last row of a group   | px   | (4,)   |
+| ``box``       | record of ``BOX``, about a group                            |      |        |
 | ``threshold`` | level that bright pixels exceed                             | grey |        |
 | ``moments``   | record of ``MOMENTS``                                       |      |        |
 
@@ -16,7 +16,7 @@ from math import pi, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt.kernels import Fields, kernel
+from mitt.kernels import Fields, Record, kernel
 from mitt.signals import Image
 
 Ints = NDArray[np.int64]
@@ -28,6 +28,9 @@ MAX_BLOBS = 16
 
 MOMENTS = np.dtype([(name, float) for name in ("mass", "u", "v", "uu", "uv", "vv", "area")])
 """Mass [grey levels], centroid [px], central second moments [px^2] and area [px^2] of a target."""
+
+BOX = np.dtype([(name, np.int64) for name in ("left", "top", "right", "bottom")])
+"""First and last columns and rows of a group of pixels [px]."""
 
 STRETCH, SPREAD, JUDGED = 2.2, 1.35, 20.0
 """Ratio of the principal second moments, and their sum over that of a disc of the same area, above
@@ -238,28 +241,28 @@ def _row_has(pixels: Image, row: int, u0: int, u1: int, threshold: int) -> bool:
 
 
 @kernel
-def _grow(pixels: Image, threshold: int, box: Ints) -> None:
+def _grow(pixels: Image, threshold: int, box: Fields) -> None:
     """Widen ``box`` until no pixel around it lies above the threshold."""
     height, width = pixels.shape
     grown = True
     while grown:
         grown = False
-        u0, u1 = max(box[0] - 1, 0), min(box[2] + 1, width - 1)
-        v0, v1 = max(box[1] - 1, 0), min(box[3] + 1, height - 1)
-        if v0 < box[1] and _row_has(pixels, v0, u0, u1, threshold):
-            box[1], grown = v0, True
-        if v1 > box[3] and _row_has(pixels, v1, u0, u1, threshold):
-            box[3], grown = v1, True
+        u0, u1 = max(box.left - 1, 0), min(box.right + 1, width - 1)
+        v0, v1 = max(box.top - 1, 0), min(box.bottom + 1, height - 1)
+        if v0 < box.top and _row_has(pixels, v0, u0, u1, threshold):
+            box.top, grown = v0, True
+        if v1 > box.bottom and _row_has(pixels, v1, u0, u1, threshold):
+            box.bottom, grown = v1, True
         for v in range(v0, v1 + 1):
-            if u0 < box[0] and pixels[v, u0] > threshold:
-                box[0], grown = u0, True
-            if u1 > box[2] and pixels[v, u1] > threshold:
-                box[2], grown = u1, True
+            if u0 < box.left and pixels[v, u0] > threshold:
+                box.left, grown = u0, True
+            if u1 > box.right and pixels[v, u1] > threshold:
+                box.right, grown = u1, True
 
 
 @kernel
-def find_boxes(pixels: Image, threshold: int, boxes: Ints) -> int:
-    """Write all groups of bright pixels into ``boxes``, shape (MAX_BLOBS + 1, 4), from row 1 on.
+def find_boxes(pixels: Image, threshold: int, boxes: Record) -> int:
+    """Write all groups of bright pixels into ``boxes``, shape (MAX_BLOBS,).
 
     Returns:
         Their number.
@@ -271,14 +274,14 @@ def find_boxes(pixels: Image, threshold: int, boxes: Ints) -> int:
         u = 0
         while u < width and count < MAX_BLOBS:
             inside = False
-            for k in range(1, count + 1):
-                if boxes[k, 1] <= v <= boxes[k, 3] and boxes[k, 0] <= u <= boxes[k, 2]:
-                    inside, u = True, boxes[k, 2]
+            for k in range(count):
+                box = boxes[k]
+                if box.top <= v <= box.bottom and box.left <= u <= box.right:
+                    inside, u = True, box.right
             if not inside and pixels[v, u] > threshold:
-                count += 1
                 box = boxes[count]
-                box[0], box[1], box[2], box[3] = u, v, u, v
+                box.left, box.top, box.right, box.bottom = u, v, u, v
                 _grow(pixels, threshold, box)
-                u = box[2]
+                count, u = count + 1, box.right
             u += 1
     return count

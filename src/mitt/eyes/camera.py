@@ -43,7 +43,7 @@ class Camera:
         height: Rows [px].
         f_px: Focal length [px].
         cu: Column of the principal point [px].
-        cv: Row of the principal point [px].
+        cv: Fields of the principal point [px].
         T_world_cam: Pose of the optical frame in the world [m], shape (4, 4).
     """
 

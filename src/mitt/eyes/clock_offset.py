@@ -21,10 +21,10 @@ import numpy as np
 from mitt.arm.arm import Arm
 from mitt.arm.basket import Basket
 from mitt.arm.dynamics import solve_positive
-from mitt.arm.kinematics import packed_chain, tip_motion
+from mitt.arm.kinematics import joint_records, tip_motion
 from mitt.ball.motion_models import LOOSE
 from mitt.fields import brief
-from mitt.kernels import kernel
+from mitt.kernels import Record, kernel
 from mitt.signals import TICK, Array
 
 FEWEST = 20
@@ -33,12 +33,13 @@ FARTHEST = 0.05
 """Largest offset that is looked for after a catch [s]."""
 SETTLES = 0.02
 """Time from the catch until the ball lies still in the hand [s]."""
-GATE, LOST, HAND = 0.003, 0.006, 0.06
-"""Residual above which a fit tells nothing, as of a ball that slips: dropped ones leave 5 mm; above
-which the ball was lost; and distance from the catch point beyond which it is in no hand [m]."""
+GATE, HAND = 0.003, 0.06
+"""Residual above which a fit tells nothing, as of a ball that slips: dropped ones leave 5 mm, and
+above twice of it the ball was lost; distance from the catch point beyond which it is in no hand
+[m]."""
 UNSURE, WARNED = 0.001, 0.002
-"""Standard deviation above which the hand has moved too little to tell, and offset that costs
-catches [s]."""
+"""Standard deviation above which the hand has moved too little to tell, and least difference from
+which an offset can be another one; offset that costs catches [s]."""
 TRIAL = 0.007
 """Offset that is tried where no ball was held [s]: up to 8 ms either way the ball is held for long
 enough to tell."""
@@ -56,9 +57,9 @@ _STRUCK_COUNT = 10
 _SYSTEMATIC, _DRIFT = 3e-4, 1e-4
 """What a catch may be off beyond its own sigma, and what a clock drifts from throw to throw, one
 sigma [s]."""
-_OTHER, _OTHER_LEAST = 4.0, 1e-3
-"""Sigmas, and least difference [s], from which an offset is another one: a clock was set, or the
-catch was none. The next catch says which."""
+_OTHER = 4.0
+"""Sigmas from which an offset is another one: a clock was set, or the catch was none. The next
+catch says which."""
 _UNSEEN = "the ball was hardly seen in the braking hand"
 
 
@@ -100,22 +101,24 @@ def _between(rows: Array, t_arm: Array, t: float, out: Array) -> bool:
 
 @kernel
 def _in_hand(seen: Array, pose: Array, place: Array) -> None:
-    """Write a place in the hand [m]; ``pose`` is the catch point, then the rotation by rows."""
+    """Write a place in the hand [m]; ``pose`` is of :func:`_poses`."""
+    p, R = pose[0], pose[1:]
     for i in range(3):
         place[i] = 0.0
         for j in range(3):
-            place[i] += pose[3 + 3 * j + i] * (seen[j] - pose[j])
+            place[i] += R[j, i] * (seen[j] - p[j])
 
 
 @kernel
-def _poses(chain: Array, q: Array) -> Array:
-    """Return catch point and rotation of the hand at each reading, shape (m, 12)."""
-    poses, motion, still = np.empty((len(q), 12)), np.empty((2, 3)), np.zeros(q.shape[1])
+def _poses(chain: Record, q: Array) -> Array:
+    """Return the catch point, then the rows of the hand's rotation, at each reading, (m, 4, 3)."""
+    poses, motion, still = np.empty((len(q), 4, 3)), np.empty((2, 3)), np.zeros(q.shape[1])
     for k in range(len(q)):
-        turned = tip_motion(chain, q[k], still, motion)
-        poses[k, :3] = motion[0]
-        for i in range(9):
-            poses[k, 3 + i] = turned[i]
+        R = tip_motion(chain, q[k], still, motion)
+        poses[k, 0] = motion[0]
+        poses[k, 1] = R[0], R[1], R[2]
+        poses[k, 2] = R[3], R[4], R[5]
+        poses[k, 3] = R[6], R[7], R[8]
     return poses
 
 
@@ -135,29 +138,29 @@ def _row(
         A: Result, shape (3, 4).
 
     Returns:
-        Error in the hand, then the hand's rotation by rows, shape (12,); empty where the arm was
-        not read about then.
+        Error in the hand, then the rows of the hand's rotation, shape (4, 3); empty where the arm
+        was not read about then.
     """
-    pose = np.empty(12)
+    pose = np.empty((4, 3))
     for k in range(3):
         if not _between(poses, t_arm, t + (k - 1) * TICK, pose):
-            return np.empty(0)
+            return pose[:0]
         _in_hand(seen, pose, work[k])
     _between(poses, t_arm, t, pose)
     for i in range(3):
         A[i, 0] = (work[2, i] - work[0, i]) / (2.0 * TICK)
-        pose[i] = work[1, i] - x[1 + i]
+        pose[0, i] = work[1, i] - x[1 + i]
     return pose
 
 
 @kernel
 def fit_caught(
-    chain: Array, t_arm: Array, q: Array, t_seen: Array, seen: Array, weights: Array
+    chain: Record, t_arm: Array, q: Array, t_seen: Array, seen: Array, weights: Array
 ) -> tuple[float, float, float, float, int]:
     """Fit offset and place by Gauss-Newton steps, with Huber's weights from the second on.
 
     Args:
-        chain: As of :func:`mitt.arm.kinematics.packed_chain`.
+        chain: As of :func:`mitt.arm.kinematics.joint_records`.
         t_arm: Times of the readings, rising [s], shape (m,).
         q: Joint angles [rad], shape (m, n).
         t_seen: Times of the sightings [s], shape (k,).
@@ -210,11 +213,12 @@ def fit_caught(
 @kernel
 def _turn(pose: Array, A: Array, row: Array) -> None:
     """Turn derivative and error from the hand's frame to the world's: the columns of ``row``."""
+    error, R = pose[0], pose[1:]
     for i in range(3):
         for j in range(5):
             row[i, j] = 0.0
             for k in range(3):
-                row[i, j] += pose[3 + 3 * i + k] * (A[k, j] if j < 4 else pose[k])
+                row[i, j] += R[i, k] * (A[k, j] if j < 4 else error[k])
 
 
 @kernel
@@ -278,10 +282,10 @@ def caught_offset(arm: Arm, of: Catch) -> ClockOffset:
         return ClockOffset(count=count, unknown=_UNSEEN)
     weights = np.linalg.inv(of.covariance[use] + LEAST**2 * np.eye(3))
     offset, sigma, residual, place, count = fit_caught(
-        packed_chain(arm.chain), of.t_arm[read], np.ascontiguousarray(of.q[read]), of.t_seen[use],
+        joint_records(arm.chain), of.t_arm[read], np.ascontiguousarray(of.q[read]), of.t_seen[use],
         np.ascontiguousarray(of.seen[use]), weights,
     )  # fmt: skip
-    unknown, lost = "", count >= FEWEST and not (residual <= LOST and place <= HAND)
+    unknown, lost = "", count >= FEWEST and not (residual <= 2.0 * GATE and place <= HAND)
     if count < FEWEST:
         unknown = _UNSEEN
     elif not (residual <= GATE and place <= HAND):
@@ -349,7 +353,7 @@ class LearnedClock:
             return
         new, own = used + found.offset, float(np.hypot(found.sigma, _SYSTEMATIC))
         before = float(np.hypot(self.sigma, _DRIFT))
-        gap = max(_OTHER * float(np.hypot(own, before)), _OTHER_LEAST)
+        gap = max(_OTHER * float(np.hypot(own, before)), UNSURE)
         if self.count == 0:
             self.offset, self.sigma, self.count = new, own, 1
         elif abs(new - self.offset) <= gap:

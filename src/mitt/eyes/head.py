@@ -123,9 +123,9 @@ def bearing(head: Fields, r: Array, dr: Array, desired: Array) -> None:
 
 
 @kernel
-def _distance(head: Fields, r: Array) -> float:
-    """Return how far a point is from a head [m]."""
-    x, y, z = r[0] - head.origin[0], r[1] - head.origin[1], r[2] - head.origin[2]
+def _distance(a: Array, b: Array) -> float:
+    """Return how far two points are apart [m]."""
+    x, y, z = b[0] - a[0], b[1] - a[1], b[2] - a[2]
     return float(sqrt(x * x + y * y + z * z))
 
 
@@ -152,11 +152,7 @@ def lead(
             continue
         away, centre = heads[n].expected_range, eyes.cameras[n].centre
         if rig.known > 0.0:
-            away = sqrt(
-                (rig.r[0] - centre[0]) ** 2
-                + (rig.r[1] - centre[1]) ** 2
-                + (rig.r[2] - centre[2]) ** 2
-            )
+            away = _distance(centre, rig.r)
         _observe(n, eyes, te, away)
     follows = t - t_seen < LET_GO
     if follows:
@@ -246,7 +242,7 @@ def _from_others(
         head, track = eyes.heads[m], eyes.gaze[m]
         if m == n or track.count < 1 or t - track.t > oldest:
             continue
-        far = _distance(head, r) if known else head.expected_range
+        far = _distance(head.origin, r) if known else head.expected_range
         _along(head, track, t, far, work.camera, now)
         _along(head, track, t + h, far, work.camera, rate)
         for i in range(3):
@@ -275,7 +271,7 @@ def _search(head: Fields, motion: Array, silence: float, area: float, work: Fiel
         return
     speed = sqrt(change[0] ** 2 + change[1] ** 2 + change[2] ** 2)
     held = max(min(head.cu, head.cv) - BORDER - sqrt(area / pi), 0.0) / head.f_px
-    fits = 2.0 * held * _distance(head, motion[0]) / speed
+    fits = 2.0 * held * _distance(head.origin, motion[0]) / speed
     share, drift, swept = 0.5 * silence, 0.5, silence - fits
     if swept > 0.0:
         phase = 2.0 * pi * swept / SWEEP

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, final
 
 import numpy as np
 
-from mitt.eyes.blobs import ROWS, find_boxes, is_merged
+from mitt.eyes.blobs import BOX, ROWS, find_boxes, is_merged
 from mitt.eyes.camera import in_camera, sphere_centroid
 from mitt.eyes.segmentation import (
     GOOD,
@@ -43,8 +43,8 @@ TRACK = np.dtype([
     ("seen", np.int64), ("pair", np.int64, (2,)),  # in how many it was seen, its targets
 ])  # fmt: skip
 """A candidate for the ball."""
-SEEN = np.dtype([("u", float), ("v", float), ("area", float), ("box", np.int64, (4,))])
-"""A target that may be the ball: centroid [px], area [px^2], box [px]."""
+SEEN = np.dtype([("u", float), ("v", float), ("area", float), ("box", BOX)])
+"""A target that may be the ball: centroid [px], area [px^2], box."""
 RIG = np.dtype([
     ("status", np.int64),  # BLIND, ONE, BOTH or AT_ODDS
     ("r", float, (3,)), ("step", float, (3,)),  # position [m], its motion a frame [m]
@@ -348,13 +348,8 @@ def _count_where_they_meet(eyes: EyesMemory, since: float) -> int:
     Returns:
         How many cameras see the whole ball there; 0 if one does not, and ``points`` are as before.
     """
-    points, seen, ball, work, count = (
-        eyes.points,
-        eyes.corrected,
-        eyes.ball[0],
-        eyes.match_work[0],
-        0,
-    )
+    points, seen, ball, work = eyes.points, eyes.corrected, eyes.ball[0], eyes.match_work[0]
+    count = 0
     for n in range(len(points)):
         seen[n].sigma = -1.0
         own = eyes.targets[n]
@@ -432,12 +427,8 @@ def _learn(n: int, eyes: EyesMemory, r: Array) -> None:
     A calibration leaves such an offset, ten times the noise of a frame. Without it a camera that
     goes on alone would see the ball jump, which the filter would take for a kick.
     """
-    own, point, camera, radius = (
-        eyes.targets[n],
-        eyes.points[n],
-        eyes.cameras[n],
-        eyes.ball[0].radius,
-    )
+    own, point, camera = eyes.targets[n], eyes.points[n], eyes.cameras[n]
+    radius = eyes.ball[0].radius
     if own.expected > 0.0:
         own.weighed = min(own.weighed + 1.0, LIMITS.slowly)
         own.gain += (own.moments.mass / own.expected - own.gain) / own.weighed
@@ -518,18 +509,14 @@ def _list_targets(
 ) -> int:
     """Write the whole, round targets of a camera; return their number."""
     shown, own = _show_whole(images, backgrounds, n, eyes), eyes.targets[n]
-    work, settings, seen, count = (
-        eyes.segment_work[0],
-        eyes.segmenter[0],
-        eyes.match_work[0].seen,
-        0,
-    )
+    work, settings, seen = eyes.segment_work[0], eyes.segmenter[0], eyes.match_work[0].seen
+    count = 0
     measure_if_due(shown, own, settings, work.counts)
     height, width = shown.shape
-    for k in range(1, find_boxes(shown, int(own.threshold), work.boxes) + 1):
+    for k in range(find_boxes(shown, int(own.threshold), work.boxes)):
         box = work.boxes[k]
-        inside = box[0] > 0 and box[1] > 0 and box[2] < width - 1 and box[3] < height - 1
-        if count == MOST or not inside or box[3] - box[1] >= ROWS:
+        inside = box.left > 0 and box.top > 0 and box.right < width - 1 and box.bottom < height - 1
+        if count == MOST or not inside or box.bottom - box.top >= ROWS:
             continue
         if outline(shown, own, box, work.runs, own.moments) == 0:
             continue
@@ -537,7 +524,7 @@ def _list_targets(
             continue
         one = seen[n, count]
         one.u, one.v, one.area = own.moments.u, own.moments.v, own.moments.area
-        one.box[:] = box
+        one.box = box
         count += 1
     return count
 
@@ -553,7 +540,7 @@ def _take_both(
         rows = outline(shown, own, box, work.runs, own.moments)
         if rows > 0:
             own.du, own.dv = 0.0, 0.0
-            follow_target(own, box[1], rows, work.runs)
+            follow_target(own, box.top, rows, work.runs)
 
 
 @kernel

@@ -35,6 +35,7 @@ from typing import Annotated
 import numpy as np
 
 from mitt.eyes.blobs import (
+    BOX,
     EMPTY,
     MAX_BLOBS,
     MOMENTS,
@@ -75,7 +76,7 @@ TARGET = np.dtype([
 """What is remembered of the target in the images of one camera."""
 
 WORK = np.dtype([
-    ("boxes", np.int64, (MAX_BLOBS + 1, 4)), ("window", np.int64, (4,)),
+    ("boxes", BOX, (MAX_BLOBS,)), ("window", np.int64, (4,)),
     ("counts", np.int64, (256,)), ("runs", np.int64, (2, ROWS)), ("moments", MOMENTS),
 ])  # fmt: skip
 """Scratch of the segmentation of one image."""
@@ -299,38 +300,38 @@ def measure_if_due(shown: Image, target: Fields, settings: Fields, counts: Ints)
 
 
 @kernel
-def _choose_box(pixels: Image, target: Fields, min_area: int, boxes: Ints) -> bool:
-    """Write the box of the best group of bright pixels into ``boxes[0]``; False if there is none.
+def _best_box(pixels: Image, target: Fields, min_area: int, boxes: Record) -> int:
+    """Write the boxes of all groups of bright pixels; return which is the best, -1 if none.
 
     The nearest to the area that the ball should have; if that is not known the largest, the round
     ones before the long. It has to be where the ball should be.
     """
-    best, threshold, expected, found = -np.inf, int(target.threshold), target.expected, False
-    for k in range(1, find_boxes(pixels, threshold, boxes) + 1):
+    best, threshold, expected, found = -np.inf, int(target.threshold), target.expected, -1
+    for k in range(find_boxes(pixels, threshold, boxes)):
         box, area = boxes[k], 0
-        for v in range(box[1], box[3] + 1):
-            for u in range(box[0], box[2] + 1):
+        for v in range(box.top, box.bottom + 1):
+            for u in range(box.left, box.right + 1):
                 area += pixels[v, u] > threshold
-        sides = box[2] - box[0] + 1, box[3] - box[1] + 1
+        sides = box.right - box.left + 1, box.bottom - box.top + 1
         score = area * min(sides) / max(sides)
         if expected > 0.0:
             score = min(score / expected, expected / score)
-        du, dv = 0.5 * (box[0] + box[2]) - target.at_u, 0.5 * (box[1] + box[3]) - target.at_v
+        du = 0.5 * (box.left + box.right) - target.at_u
+        dv = 0.5 * (box.top + box.bottom) - target.at_v
         far = target.near > 0.0 and max(abs(du), abs(dv)) > target.near
         if area >= min_area and score > best and not far:
-            best, found = score, True
-            boxes[0] = box
+            best, found = score, k
     return found
 
 
 @kernel
-def outline(pixels: Image, target: Fields, box: Ints, runs: Ints, moments: Fields) -> int:
+def outline(pixels: Image, target: Fields, box: Fields, runs: Ints, moments: Fields) -> int:
     """Write runs and moments of the target in a box; return its rows, 0 if there is none."""
-    rows, threshold = min(box[3] - box[1] + 1, ROWS), int(target.threshold)
-    runs[0, :rows], runs[1, :rows] = box[0], box[2]
-    if connect(pixels, threshold, box[1], rows, runs, (box[0] + box[2]) // 2) == 0:
+    rows, threshold = min(box.bottom - box.top + 1, ROWS), int(target.threshold)
+    runs[0, :rows], runs[1, :rows] = box.left, box.right
+    if connect(pixels, threshold, box.top, rows, runs, (box.left + box.right) // 2) == 0:
         return 0
-    if not weigh(pixels, box[1], rows, runs, threshold, target.level, moments):
+    if not weigh(pixels, box.top, rows, runs, threshold, target.level, moments):
         return 0
     return int(rows)
 
@@ -427,9 +428,10 @@ def _segment(
     if not again:
         if part:
             shown = show(pixels, background, difference, target, window, True)
-        if _choose_box(shown, target, settings.min_area, work.boxes):
-            top = work.boxes[0, 1]
-            rows = outline(shown, target, work.boxes[0], new, moments)
+        found = _best_box(shown, target, settings.min_area, work.boxes)
+        if found >= 0:
+            top = work.boxes[found].top
+            rows = outline(shown, target, work.boxes[found], new, moments)
     if rows == 0:
         _lose(target)
         return 0, False

@@ -22,7 +22,7 @@ from mitt.arm.arm import Arm, trusted_deceleration
 from mitt.arm.dynamics import dynamics_scratch, inverse_dynamics, slopes_work
 from mitt.arm.limits import drive_asked, drives_of, torque_share
 from mitt.fields import Range, check
-from mitt.kernels import kernel
+from mitt.kernels import Record, kernel
 from mitt.signals import Array
 
 KINDS: Final = ("torque", "speed", "range", "acceleration")
@@ -87,7 +87,7 @@ class Demand(NamedTuple):
 class Plant(NamedTuple):
     """What kernels know of an arm and its limits."""
 
-    bodies: Array  # table of mitt.arm.dynamics, (N, 31)
+    bodies: Record  # of the type LINK of mitt.arm.dynamics, (N,)
     drives: Array  # Limits.packed, (2 N + 3, N)
     joints: NDArray[np.int64]  # active joints among the links, (n,)
     tau_max: Array  # (n,) [N m]
@@ -105,8 +105,8 @@ class Work(NamedTuple):
     tau: Array  # (N,) [N m]
     dq: Array  # (N,) [rad/s], 0 of joints that are held
     slope: Array  # (3, N, n) of tau in the motion
-    links: Array  # of mitt.arm.dynamics.torque_slopes
-    notes: Array  # of mitt.arm.dynamics.inverse_dynamics
+    links: Record  # of mitt.arm.dynamics.torque_slopes
+    notes: Record  # of mitt.arm.dynamics.inverse_dynamics
 
 
 @lru_cache(maxsize=8)

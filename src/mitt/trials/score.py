@@ -17,7 +17,7 @@ from mitt.arm.dynamics import bias_and_mass, slopes_work, solve_positive
 from mitt.catcher.settings import Phase
 from mitt.catcher.state import Result
 from mitt.control.health import Plain, StoppedBy
-from mitt.kernels import kernel
+from mitt.kernels import Record, kernel
 from mitt.map.demand import demand
 from mitt.signals import TICK, Array
 from mitt.verdict.feasibility import Verdict
@@ -75,13 +75,13 @@ def link_torques(arm: Arm, q: Array, dq: Array, tau: Array) -> Array:
 
 
 @kernel
-def _hold(arm: Tables, q: Array, dq: Array, tau: Array, work: Array, out: Array) -> None:
+def _hold(arm: Tables, q: Array, dq: Array, tau: Array, work: Record, out: Array) -> None:
     """Write what :func:`link_torques` returns.
 
     Eq. (14) is linear in the acceleration: tau = bias + M ddq. The active rows give ddq, the
     others are what it takes to hold the rest. Contact with a ball is not in the model.
     """
-    bodies, _, index = arm
+    bodies, index = arm.bodies, arm.active
     n, links = len(index), len(bodies)
     motion, mass, system = np.zeros((3, n)), np.zeros((links, n)), np.zeros((n, n + 1))
     for t in range(len(tau)):

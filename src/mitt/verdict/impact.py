@@ -302,7 +302,7 @@ def rehearse(
         w: Of the tracking, before the first torques.
         m: Scratch.
     """
-    (bodies, _, index), n = arm, state.shape[1]
+    bodies, index, n = arm.bodies, arm.active, state.shape[1]
     command, last = np.zeros((4, n)), np.zeros((3, n))
     last[:2] = state
     motion, system = np.zeros((3, n)), np.zeros((n, n + 1))
