@@ -130,7 +130,7 @@ def _share_of_stop(arm: Tables, motion: Array, w: StopWork) -> float:
     It jumps when a joint comes to rest: just before and just after are looked at for each joint,
     besides instants in equal steps.
     """
-    (bodies, drives, index), n = arm, motion.shape[1]
+    bodies, drives, index, n = arm.bodies, arm.drives, arm.active, motion.shape[1]
     rates, row, tau, speed = w.rates, w.row, w.tau, w.speed
     end, largest = 0.0, 0.0
     for k in range(n):
@@ -440,7 +440,7 @@ def torque_share(arm: Tables, rows: Array, tau: Array, scratch: Record) -> float
         tau: Scratch, zero in its second row where no joint is active, shape (2, N).
         scratch: Of :func:`mitt.arm.dynamics.dynamics_scratch`.
     """
-    bodies, drives, index = arm
+    bodies, drives, index = arm.bodies, arm.drives, arm.active
     largest = 0.0
     for k in range(len(rows)):
         inverse_dynamics(bodies, rows[k, 0], rows[k, 1], rows[k, 2], tau[0], scratch)
