@@ -226,13 +226,11 @@ class Arm:
         if mass < 0.0:
             raise InputError("mass", "at least 0 kg", mass)
         if mass not in self._holding:
-            self._holding[mass] = self._loaded(mass)
+            hand = self.model.hand
+            at = np.array([0.0, 0.0, 0.0 if hand is None else hand.catch_offset])
+            loaded = self.model.loaded(mass, at=at, inertia=np.zeros((3, 3)))
+            self._holding[mass] = Arm(loaded, self.limits)
         return self._holding[mass]
-
-    def _loaded(self, mass: float) -> "Arm":
-        """Build the arm with a ball at the catch point."""
-        at = np.array([0.0, 0.0, 0.0 if self.model.hand is None else self.model.hand.catch_offset])
-        return Arm(self.model.loaded(mass, at=at, inertia=np.zeros((3, 3))), self.limits)
 
     def _checked(self, name: str, x: Array) -> Array:
         """Return numbers of the active joints as kernels take them; refuse any others."""

@@ -154,8 +154,8 @@ class Eyes:
     def status(self) -> EyesStatus:
         """What the last frames said.
 
-        AT_ODDS: both cameras see a target, but for ``STUBBORN`` frames and more their lines of
-        sight have not met: two different things, cameras that are swapped, or a calibration that
+        AT_ODDS: both cameras see a target, but for 20 frames and more their lines of sight have not
+        met: two different things, cameras that are swapped, or a calibration that
         is not theirs.
         """
         return EyesStatus(int(self.memory.rig["status"][0]))
