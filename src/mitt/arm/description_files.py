@@ -365,6 +365,14 @@ def _check_xacro(path: Path, root: Element) -> None:
                 raise FileError(str(path), "a URDF", f"xacro, {key}={value[:60]!r}", do=_EXPAND)
 
 
+def number_of(text: str) -> float:
+    """Return the number that a text is, infinity included; NaN where it is none."""
+    try:
+        return float(text)
+    except ValueError:
+        return np.nan
+
+
 def numbers_of(element: Element | None, key: str, count: int, default: str = "") -> Array:
     """Return the numbers of an attribute, of its default where it is not there.
 

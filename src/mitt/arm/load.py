@@ -38,6 +38,7 @@ from mitt.signals import Array
 Mount = Literal["catch", "plate"]
 """What of a hand is at the tip of an arm: its catch point, or its plate."""
 _MOUNTS: tuple[Mount, ...] = ("catch", "plate")
+_Z = np.array([0.0, 0.0, 1.0])
 _READERS = {".urdf": read_urdf, ".xml": read_mjcf, ".mjcf": read_mjcf}
 #: What may be named as an arm; an arm file is read by :func:`mitt.load_arm`.
 _ARMS = ("wam", "an arm file (.toml)", "a URDF (.urdf)", "an MJCF (.xml)")
@@ -48,17 +49,17 @@ _LIMITS = {"range": "a range", "torque": "an effort limit above 0",
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Wanted:
-    """What is wanted of an arm from a file; see :func:`build_arm`."""
+    """What is wanted of an arm; see :func:`build_arm`. Tip and limit set are for files alone."""
 
     name: str
-    tip: str
     joints: tuple[str, ...]
     held: Mapping[str, float]
     ready: Sequence[float] | None
-    limits: LimitSet | None
     hand: Hand | None
     turn: float
     mount: Mount
+    tip: str = ""
+    limits: LimitSet | None = None
 
 
 def build_arm(
@@ -93,13 +94,14 @@ def build_arm(
     names = _names(joints)
     turn = checks.number("hand_turn", hand_turn, finite=True)
     checks.one_of("hand_mount", hand_mount, _MOUNTS)
-    held = _angles(held)
+    wanted = _Wanted(name=path.stem, joints=names, held=_angles(held), ready=ready, hand=mounted,
+                     turn=turn, mount=hand_mount)  # fmt: skip
     if str(name_or_path) == "wam":
         if tip is not None:
             raise ModelError("arm wam", "no tip: it is fixed", tip)
-        model, set_of = _wam(mounted, names, held, turn), _wam_limits(limits)
-        return Arm(_with_encoders(_with_ready(model, names, ready), encoder_step), set_of)
-    arm = _from_file(path, tip, names, ready, limits, (held, mounted, turn, hand_mount))
+        model, set_of = _wam(wanted), _wam_limits(limits)
+        return Arm(_with_encoders(_with_ready(model, wanted), encoder_step), set_of)
+    arm = _from_file(path, tip, limits, wanted)
     arm.model.check_ranges()
     return arm if encoder_step is None else with_encoders(arm, encoder_step)
 
@@ -139,19 +141,13 @@ def read_described(path: Path) -> Stated:
     return _READERS[path.suffix.lower()](path)
 
 
-def _from_file(
-    path: Path,
-    tip: str | None,
-    names: tuple[str, ...],
-    ready: Sequence[float] | None,
-    limits: str | LimitSet | None,
-    rest: tuple[Mapping[str, float], Hand | None, float, Mount],
-) -> Arm:
+def _from_file(path: Path, tip: str | None, limits: str | LimitSet | None, wanted: _Wanted) -> Arm:
     """Return an arm from a description file; arguments as of :func:`build_arm`."""
+    names, ready = wanted.joints, wanted.ready
     check_described(path)
     if isinstance(limits, str) and limits != "model":
-        wanted = ("model",) if limits in LIMIT_SETS else ("model", *LIMIT_SETS)
-        raise UnknownNameError("limits of an arm from a file", limits, wanted)
+        known = ("model",) if limits in LIMIT_SETS else ("model", *LIMIT_SETS)
+        raise UnknownNameError("limits of an arm from a file", limits, known)
     if ready is not None and names:
         ready = checks.vector("ready", ready, len(names), finite=True).tolist()
     stated = read_described(path)
@@ -166,12 +162,7 @@ def _from_file(
                          do=f"name the active joints; joints from the base to {tip!r}:"
                          f" {chain}")  # fmt: skip
     given = limits if isinstance(limits, LimitSet) else None
-    held, hand, turn, mount = rest
-    return _serial_arm(
-        stated,
-        _Wanted(name=path.stem, tip=tip, joints=names, held=held, ready=ready, limits=given,
-               hand=hand, turn=turn, mount=mount),
-    )  # fmt: skip
+    return _serial_arm(stated, replace(wanted, tip=tip, ready=ready, limits=given))
 
 
 def _serial_arm(stated: Stated, wanted: _Wanted) -> Arm:
@@ -289,11 +280,7 @@ def bounded(
 
 def _chain(stated: Stated, wanted: _Wanted) -> list[str]:
     """Return the joints between base and tip that turn or slide, from the base outwards."""
-    known = stated.tree.joints
-    for kind, names in (("joint", wanted.joints), ("held joint", tuple(wanted.held))):
-        for joint in names:
-            if joint not in known:
-                raise UnknownNameError(kind, joint, known)
+    _check_names(wanted, stated.tree.joints)
     both = [x for x in wanted.joints if x in wanted.held]
     if both:
         raise InputError("held", "joints that are not active", ", ".join(both))
@@ -365,7 +352,7 @@ def _check_loop(stated: Stated, chain: Sequence[str], first: str, second: str) -
 
 def _tool(tip: Array, wanted: _Wanted) -> Array:
     """Return the frame of the tool plate, at the tip or behind it, turned about its z axis."""
-    tool = tip @ transform(rotation(np.array([0.0, 0.0, 1.0]), wanted.turn))
+    tool = tip @ transform(rotation(_Z, wanted.turn))
     if wanted.hand is None or wanted.mount == "plate":
         return np.asarray(tool)
     return np.asarray(tool @ transform(p=np.array([0.0, 0.0, -mounting(wanted.hand)[0]])))
@@ -438,17 +425,20 @@ def _angles(held: Mapping[str, float] | None) -> dict[str, float]:
     }
 
 
-def _wam(
-    hand: Hand | None, names: tuple[str, ...], held: Mapping[str, float], turn: float
-) -> ArmModel:
-    """Return the WAM with all but the named joints held; joint 3 where none is named."""
-    full = wam(hand, held_3=None)
-    known = full.names
-    for kind, given in (("joint", names), ("held joint", tuple(held))):
-        for name in given:
+def _check_names(wanted: _Wanted, known: Sequence[str]) -> None:
+    """Refuse joints that the arm does not have."""
+    for kind, names in (("joint", wanted.joints), ("held joint", tuple(wanted.held))):
+        for name in names:
             if name not in known:
                 raise UnknownNameError(kind, name, known)
-    active = names or tuple(x for x in known if x != "j3")
+
+
+def _wam(wanted: _Wanted) -> ArmModel:
+    """Return the WAM with all but the named joints held; joint 3 where none is named."""
+    full, hand, held = wam(wanted.hand, held_3=None), wanted.hand, wanted.held
+    known = full.names
+    _check_names(wanted, known)
+    active = wanted.joints or tuple(x for x in known if x != "j3")
     both = [x for x in active if x in held]
     if both or len(set(active)) < len(active):
         raise InputError("joints", "different joints, none of them held", ", ".join(active))
@@ -461,7 +451,7 @@ def _wam(
             raise InputError(f"held {x.name}", f"an angle in {x.q_min:g}..{x.q_max:g}", x.held,
                              do="angles are in rad")  # fmt: skip
     q_ready = np.array([q for x, q in zip(known, full.q_ready, strict=True) if x in active])
-    about_z = transform(rotation(np.array([0.0, 0.0, 1.0]), turn)) if turn else np.eye(4)
+    about_z = transform(rotation(_Z, wanted.turn)) if wanted.turn else np.eye(4)
     tool = full.tool @ about_z @ mounting(hand)[1]
     return replace(full, links=links, q_ready=q_ready, tool=tool)
 
@@ -473,12 +463,13 @@ def _wam_limits(limits: str | LimitSet | None) -> Limits:
     return wam_limits("paper" if limits is None else checks.instance("limits", limits, str))
 
 
-def _with_ready(model: ArmModel, names: tuple[str, ...], ready: Sequence[float] | None) -> ArmModel:
+def _with_ready(model: ArmModel, wanted: _Wanted) -> ArmModel:
     """Return an arm with another ready pose, given in the order of the names."""
-    if ready is None:
+    if wanted.ready is None:
         return model
-    order = names or model.names
-    given = dict(zip(order, checks.vector("ready", ready, len(order), finite=True), strict=True))
+    order = wanted.joints or model.names
+    ready = checks.vector("ready", wanted.ready, len(order), finite=True)
+    given = dict(zip(order, ready, strict=True))
     return replace(model, q_ready=np.array([given[x] for x in model.names]))
 
 

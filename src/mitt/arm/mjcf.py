@@ -31,6 +31,7 @@ from mitt.arm.description_files import (
     Shape,
     Stated,
     Tree,
+    number_of,
     read_xml,
 )
 from mitt.arm.meshes import (
@@ -384,10 +385,7 @@ def _speeds_of(path: Path, root: Element) -> dict[str, float]:
         name, given = numeric.get("name", ""), numeric.get("data", "")
         if not name.startswith("velocity_limit_"):
             continue
-        try:
-            limit = float(given)
-        except ValueError:
-            limit = 0.0
+        limit = number_of(given)
         if not 0.0 < limit < np.inf:
             raise FileError(f"{path} {name}", "a number above 0", repr(given[:60]))
         out[name.removeprefix("velocity_limit_")] = limit

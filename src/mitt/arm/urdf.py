@@ -6,9 +6,9 @@ ROS wiki, pages urdf/XML/joint and urdf/XML/link.
 """
 
 from collections.abc import Iterator
-from math import hypot, inf, isfinite, pi
+from math import hypot, inf, isfinite, isnan, pi
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -24,6 +24,7 @@ from mitt.arm.description_files import (
     Part,
     Stated,
     Tree,
+    number_of,
     numbers_of,
     read_xml,
 )
@@ -54,14 +55,12 @@ def read_urdf(path: Path) -> Stated:
     joints = root.findall("joint")
     _check_tree(path, root, joints)
     left_out = _left_out(root, joints)
-    unusable = {x.get("name", ""): words for x in joints if (words := _unusable(x))}
-    ranges, torque, speed = _limits(path, joints)
+    limits = _limits(path, joints)
     mimics = dict(_mimics(path, joints))
     shapes, notes = urdf_shapes(path, root)
     return Stated(
-        place=str(path), tree=_tree(path, root, joints), ranges=ranges, torque=torque, speed=speed,
-        mimics=mimics, shapes=shapes, notes=(*notes, *_turned(root)), keys=_KEYS_OF,
-        left_out=left_out, unusable=unusable,
+        place=str(path), tree=_tree(path, root, joints), mimics=mimics, shapes=shapes,
+        notes=(*notes, *_turned(root)), keys=_KEYS_OF, left_out=left_out, **limits._asdict(),
     )  # fmt: skip
 
 
@@ -163,26 +162,29 @@ def _axis(path: Path, joint: Element) -> Array:
     """Return the unit axis of a joint, shape (3,); refuse one without a direction."""
     axis = joint.find("axis")
     given = "1 0 0" if axis is None else axis.get("xyz", "1 0 0")
-    try:
-        x, y, z = (float(x) for x in given.split())
-        size = hypot(x, y, z)
-    except ValueError:
-        size = 0.0
-    if not 1e-6 < size < 1e6:
+    direction = [number_of(x) for x in given.split()]
+    size = hypot(*direction)
+    if len(direction) != 3 or not 1e-6 < size < 1e6:
         do = "separate the numbers by spaces" if "," in given else ""
         raise FileError(str(path), "joint axes with a direction", repr(given[:60]), do=do)
-    return np.array([x, y, z]) / size
+    return np.array(direction) / size
 
 
-_Limits = tuple[dict[str, tuple[float, float]], dict[str, float], dict[str, float]]
 _KEYS = ("lower", "upper", "effort", "velocity")
 
 
+class _Limits(NamedTuple):
+    """What joints state, by their names."""
+
+    ranges: dict[str, tuple[float, float]]
+    torque: dict[str, float]
+    speed: dict[str, float]
+    unusable: dict[str, str]  # in the place of a limit: 0, less, or no end
+
+
 def _limits(path: Path, joints: list[Element]) -> _Limits:
-    """Return the ranges, torques and speeds that joints state."""
-    ranges: dict[str, tuple[float, float]] = {}
-    torque: dict[str, float] = {}
-    speed: dict[str, float] = {}
+    """Return the limits that joints state."""
+    out = _Limits({}, {}, {}, {})
     for joint in joints:
         name, kind = joint.get("name", ""), joint.get("type", "")
         if kind in ("floating", "planar"):
@@ -195,31 +197,19 @@ def _limits(path: Path, joints: list[Element]) -> _Limits:
             key: _number(path, name, limit, key) for key in _KEYS if limit.get(key)
         }  # fmt: skip
         if kind == "continuous":
-            ranges[name] = (-pi, pi)
+            out.ranges[name] = (-pi, pi)
         elif "lower" in stated or "upper" in stated:
             ends = stated.get("lower", 0.0), stated.get("upper", 0.0)
             if all(map(isfinite, ends)):
-                ranges[name] = ends
-        for table, key in ((torque, "effort"), (speed, "velocity")):
+                out.ranges[name] = ends
+        for table, key in ((out.torque, "effort"), (out.speed, "velocity")):
             if 0.0 < stated.get(key, 0.0) < inf:
                 table[name] = stated[key]
-    return ranges, torque, speed
-
-
-def _unusable(joint: Element) -> str:
-    """Return what a joint states in the place of a limit: 0, less, or no end."""
-    limit = joint.find("limit")
-    stated = {} if limit is None else {k: limit.get(k, "") for k in _KEYS if limit.get(k)}
-    return ", ".join(f"{key} {text[:20]}" for key, text in stated.items() if not _usable(key, text))
-
-
-def _usable(key: str, text: str) -> bool:
-    """Say whether a text is a limit: of a torque or a speed above 0, of any finite."""
-    try:
-        value = float(text)
-    except ValueError:
-        return False
-    return isfinite(value) and (value > 0.0 or key in ("lower", "upper"))
+        odd = [key for key, x in stated.items()
+               if not (isfinite(x) and (x > 0.0 or key in ("lower", "upper")))]  # fmt: skip
+        if limit is not None and odd:
+            out.unusable[name] = ", ".join(f"{key} {limit.get(key, '')[:20]}" for key in odd)
+    return out
 
 
 def _left_out(root: Element, joints: list[Element]) -> dict[str, LeftOut]:
@@ -242,7 +232,7 @@ def _left_out(root: Element, joints: list[Element]) -> dict[str, LeftOut]:
         others += [f"{key} {x[:20]}" for key, x in more.items() if key not in _KEYS]
         others += ["safety_controller"] * (joint.find("safety_controller") is not None)
         ratio = "1" if name not in geared else (geared[name].text or "1").strip()
-        others += [f"mechanicalReduction {ratio[:20]}"] * (not _is_one(ratio))
+        others += [f"mechanicalReduction {ratio[:20]}"] * (number_of(ratio) != 1.0)
         out[name] = LeftOut(**lost, others=tuple(others))
     return out
 
@@ -258,22 +248,11 @@ def _turned(root: Element) -> Iterator[str]:
                 return
 
 
-def _is_one(text: str) -> bool:
-    """Say whether a text is the number 1."""
-    try:
-        return float(text) == 1.0
-    except ValueError:
-        return False
-
-
 def _number(path: Path, joint: str, element: Element, key: str) -> float:
     """Return a number of an element, infinity included; refuse what is none."""
     given = element.get(key, "")
-    try:
-        value = float(given)
-    except ValueError:
-        value = np.nan
-    if np.isnan(value):
+    value = number_of(given)
+    if isnan(value):
         raise FileError(f"{path} joint {joint!r}", f"a number for {key}", repr(given[:60]))
     return value
 
