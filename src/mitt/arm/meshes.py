@@ -33,10 +33,10 @@ _KINDS = (".stl", ".obj", ".ply", ".dae")
 _LARGEST = 100.0
 #: Characters of a name that a note keeps.
 _LONGEST = 100
+#: Corners of a box of half widths 1, shape (8, 3).
+_CORNERS = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
 #: Points of the circles that stand for the ends of a cylinder.
 _CIRCLE = 16
-
-
 #: Steps towards the farthest point that find the smallest circle (Badoiu and Clarkson 2003).
 _STEPS = 60
 #: Share of the space that two capsules may take instead of one.
@@ -149,14 +149,12 @@ def check_place(place: str, points: Array) -> None:
 def _solid(path: Path, solid: Element, meshes: "Meshes") -> tuple[Array, float] | None:
     """Return the points of a solid, and a radius about them; None where a mesh is missing."""
     if solid.tag == "box":
-        return box_points(0.5 * _sizes(path, solid, "size", 3)), 0.0
+        return solid_points("box", 0.5 * _sizes(path, solid, "size", 3))
     if solid.tag == "sphere":
-        return np.zeros((1, 3)), float(_sizes(path, solid, "radius", 1)[0])
+        return solid_points("sphere", _sizes(path, solid, "radius", 1))
     if solid.tag in ("cylinder", "capsule"):
-        radius, half = (float(_sizes(path, solid, x, 1)[0]) for x in ("radius", "length"))
-        if solid.tag == "capsule":
-            return np.array([[0.0, 0.0, -0.5 * half], [0.0, 0.0, 0.5 * half]]), radius
-        return cylinder_points(radius, 0.5 * half), 0.0
+        (radius,), (length,) = (_sizes(path, solid, x, 1) for x in ("radius", "length"))
+        return solid_points(solid.tag, np.array([radius, 0.5 * length]))
     if solid.tag != "mesh":
         return None
     file = find_mesh(path, solid.get("filename", ""))
@@ -173,24 +171,34 @@ def _sizes(path: Path, solid: Element, key: str, count: int) -> Array:
     return sizes
 
 
-def box_points(half: Array) -> Array:
-    """Return the corners of a box of half widths [m], shape (8, 3)."""
-    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-    return np.asarray(signs * half)
+def solid_points(kind: str, size: Array) -> tuple[Array, float]:
+    """Return points of a solid about its middle, and a radius about them [m].
+
+    Args:
+        kind: ``sphere``, ``capsule``, ``cylinder``, ``ellipsoid`` or ``box``.
+        size: Its radius; radius and half length; half axes or half widths [m].
+    """
+    if kind == "sphere":
+        return np.zeros((1, 3)), float(size[0])
+    if kind == "capsule":
+        return np.array([[0.0, 0.0, -size[1]], [0.0, 0.0, size[1]]]), float(size[0])
+    if kind == "cylinder":
+        return _cylinder_points(float(size[0]), float(size[1])), 0.0
+    return (_ball_points() if kind == "ellipsoid" else _CORNERS) * size, 0.0
 
 
-def ball_points() -> Array:
+def _ball_points() -> Array:
     """Return the corners of a dodecahedron that holds the unit ball, shape (20, 3)."""
     golden = 0.5 * (1.0 + np.sqrt(5.0))
     signs = (-1.0, 1.0)
     edges = [(0.0, x / golden, y * golden) for x in signs for y in signs]
     turned = [np.roll(edge, k) for k in range(3) for edge in edges]
-    corners = np.vstack((box_points(np.ones(3)), turned))
+    corners = np.vstack((_CORNERS, turned))
     inside = golden**2 / np.sqrt(1.0 + golden**2)  # radius of the ball that touches the faces
     return np.asarray(corners / inside)
 
 
-def cylinder_points(radius: float, half: float) -> Array:
+def _cylinder_points(radius: float, half: float) -> Array:
     """Return points about z whose hull holds a cylinder of a half length [m], shape (k, 3)."""
     angles = 2.0 * np.pi * np.arange(_CIRCLE) / _CIRCLE
     ring = radius / np.cos(np.pi / _CIRCLE) * np.array([np.cos(angles), np.sin(angles)]).T

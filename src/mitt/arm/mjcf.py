@@ -37,12 +37,10 @@ from mitt.arm.description_files import (
 from mitt.arm.meshes import (
     Meshes,
     Missing,
-    ball_points,
-    box_points,
     check_place,
-    cylinder_points,
     find_mesh,
     missing_notes,
+    solid_points,
 )
 from mitt.errors import FileError, MittError, ModelError, heard
 from mitt.signals import GRAVITY, Array
@@ -53,14 +51,12 @@ _KEYS = {
 }  # fmt: skip
 #: Kinds of geoms, joints, ways of actuators to a joint and what they add to their control. As plain
 #: numbers: an enum of MuJoCo is not equal to a number of numpy.
-_PLANE, _SPHERE, _CAPSULE = (
-    int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_SPHERE),
-    int(mujoco.mjtGeom.mjGEOM_CAPSULE),
-)  # fmt: skip
-_ELLIPSOID, _CYLINDER, _BOX = (
-    int(mujoco.mjtGeom.mjGEOM_ELLIPSOID), int(mujoco.mjtGeom.mjGEOM_CYLINDER),
-    int(mujoco.mjtGeom.mjGEOM_BOX),
-)  # fmt: skip
+_PLANE = int(mujoco.mjtGeom.mjGEOM_PLANE)
+_SOLIDS = {
+    int(mujoco.mjtGeom.mjGEOM_SPHERE): "sphere", int(mujoco.mjtGeom.mjGEOM_CAPSULE): "capsule",
+    int(mujoco.mjtGeom.mjGEOM_CYLINDER): "cylinder", int(mujoco.mjtGeom.mjGEOM_BOX): "box",
+    int(mujoco.mjtGeom.mjGEOM_ELLIPSOID): "ellipsoid",
+}  # fmt: skip
 _HINGE, _SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
 _JOINTS: dict[int, Kind] = {
     _HINGE: "hinge", _SLIDE: "slide", int(mujoco.mjtJoint.mjJNT_BALL): "ball",
@@ -235,20 +231,12 @@ def _points(
     m: mujoco.MjModel, g: int, meshes: dict[str, _Mesh], known: Meshes
 ) -> tuple[Array, float] | None:
     """Return the points of a geom in its own frame, and a radius about them [m]."""
-    size, kind = m.geom_size[g], int(m.geom_type[g])
+    kind = _SOLIDS.get(int(m.geom_type[g]))
     _, file, scale = meshes.get(m.geom(g).name, _NONE)
     if m.geom(g).name in meshes:
         points = None if file is None else known.points(file)
         return None if points is None else (points * scale, 0.0)
-    if kind == _SPHERE:
-        return np.zeros((1, 3)), float(size[0])
-    if kind == _CAPSULE:
-        return np.array([[0.0, 0.0, -size[1]], [0.0, 0.0, size[1]]]), float(size[0])
-    if kind == _CYLINDER:
-        return cylinder_points(float(size[0]), float(size[1])), 0.0
-    if kind == _ELLIPSOID:
-        return ball_points() * size, 0.0
-    return (box_points(size), 0.0) if kind == _BOX else None
+    return None if kind is None else solid_points(kind, m.geom_size[g])
 
 
 def _check_weight(path: Path, spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> None:

@@ -85,7 +85,11 @@ def doubts(stated: Stated, links: Sequence[Link], tool: Array) -> tuple[str, ...
     lengths = _lengths(links, tool)
     strong, weak = _torques(stated, links, lengths)
     reach, mass = float(lengths.sum()), sum(x.mass for x in links)
-    sized = _sizes(reach, mass), _off(links, reach)
+    apart = {x.name: float(np.linalg.norm(x.com)) for x in links}
+    radii = {x.name: float(np.sqrt(np.linalg.eigvalsh(x.inertia)[2] / x.mass)) for x in links}
+    off = _long("centres of mass far from their joints", apart, reach,
+                "if they are in mm, write metres")  # fmt: skip
+    sized = _sizes(reach, mass), off
     active = [x for x in links if x.held is None]
     hinges = [x for x in active if not x.prismatic]
     slow = {x.name: f"{stated.speed[x.name]:.4g} rad/s" for x in hinges
@@ -102,7 +106,8 @@ def doubts(stated: Stated, links: Sequence[Link], tool: Array) -> tuple[str, ...
         *sized,
         "" if any(sized) else _named("small torque limits for the weight that they move", weak,
                                      "write N m, or N for sliding joints"),
-        _wide(links, reach),
+        _long("large inertias for their masses, radius of gyration behind", radii, reach,
+              "write kg m^2"),
         _dense(links),
     )  # fmt: skip
     return tuple(x for x in found if x)
@@ -193,12 +198,10 @@ def _sizes(reach: float, mass: float) -> str:
     return ""
 
 
-def _off(links: Sequence[Link], reach: float) -> str:
-    """Return a note of centres of mass that are far from anything of the arm."""
-    apart = {x.name: float(np.linalg.norm(x.com)) for x in links}
+def _long(what: str, lengths: Mapping[str, float], reach: float, do: str) -> str:
+    """Return a note of links with a length that nothing of the arm has."""
     most = _WIDEST_BODY * max(reach, _SHORTEST)
-    off = {name: f"{x:.4g} m" for name, x in apart.items() if x > most}
-    return _named("centres of mass far from their joints", off, "if they are in mm, write metres")
+    return _named(what, {name: f"{x:.4g} m" for name, x in lengths.items() if x > most}, do)
 
 
 def _dense(links: Sequence[Link]) -> str:
@@ -210,12 +213,3 @@ def _dense(links: Sequence[Link]) -> str:
     }  # fmt: skip
     return _named("small inertias for their masses", dense, "write kg m^2, about the centre of"
                   " mass")  # fmt: skip
-
-
-def _wide(links: Sequence[Link], reach: float) -> str:
-    """Return a note of inertias that only bodies far longer than the arm have."""
-    radii = {x.name: float(np.sqrt(np.linalg.eigvalsh(x.inertia)[2] / x.mass)) for x in links}
-    most = _WIDEST_BODY * max(reach, _SHORTEST)
-    wide = {name: f"{x:.4g} m" for name, x in radii.items() if x > most}
-    return _named("large inertias for their masses, radius of gyration behind", wide,
-                  "write kg m^2")  # fmt: skip
