@@ -32,7 +32,7 @@ from mitt.map.map_design import warnings_of
 from mitt.map.mapping import unlearned
 from mitt.reading import difference, noted
 from mitt.trials.learning import LEARNING_SEED, Neighbourhood
-from mitt.trials.learning import learn as learn_from
+from mitt.trials.learning import learn as learn_map
 from mitt.trials.registry import check_generator
 from mitt.trials.result import LEAVES, MAP, STATUSES, Kept, force_words, kept_words
 from mitt.trials.runs import FinishedRun, Prepared, RunSettings
@@ -159,11 +159,8 @@ def _prepared(options: CatchOptions) -> Prepared:
     check_folder(out, overwrite=options.overwrite or options.check)
     if not options.check:
         check_ours(out, LEAVES)
-    settings = RunSettings(
-        generator=options.generator, adapt=options.adapt, vision=options.vision, seed=options.seed,
-        record=options.record, record_images=options.record_images, overwrite=options.overwrite,
-        learn_clock=options.learn_clock,
-    )  # fmt: skip
+    said = asdict(options)
+    settings = RunSettings(**{x.name: said[x.name] for x in fields(RunSettings)})
     return Prepared(settings=settings, arm=arm, design=design, scene=scene, source=source,
                     learned=learned, out=out)  # fmt: skip
 
@@ -250,7 +247,7 @@ def learn(options: LearnOptions) -> int:
         return checked(f"{options.flights_count} flights, output to {options.out}")
     with progress() as report:
         report("learning", 0, 1)
-        learned = learn_from(
+        learned = learn_map(
             arm,
             design=design,
             seed=LEARNING_SEED if options.seed is None else options.seed,

@@ -133,11 +133,7 @@ def _keep(best: Design | None, origin: ArmFile, options: DesignOptions) -> str:
 
 
 def _task(options: DesignOptions, whole: Arm, scene: Scene) -> Task:
-    """Return what is to be caught: default throws, a user's throws, or recorded flights.
-
-    Raises:
-        MittError: There are none such, or two sources of them.
-    """
+    """Return what is to be caught: default throws, a user's throws, or recorded flights."""
     if options.throws_file is not None and options.flights is not None:
         raise InputError("--throws-file and --flights", "one of them", "both")
     aim, seed, drag = _aim(options), options.seed, scene.ball.drag
@@ -166,11 +162,7 @@ def _search(options: DesignOptions) -> Path:
 
 
 def _check_outputs(options: DesignOptions) -> None:
-    """Refuse an arm file, a page or answers of a search that may not be written.
-
-    Raises:
-        InputError: One of them may not be.
-    """
+    """Refuse an arm file, a page or answers of a search that may not be written."""
     if options.out.suffix != ".toml":
         raise InputError("--out", "a name that ends in .toml", options.out)
     if is_arm_file(options.arm) and options.out.resolve() == Path(options.arm).resolve():
@@ -205,11 +197,7 @@ def _write_page(path: Path, found: Design, scene: Scene, command: str) -> None:
 
 
 def _given(options: DesignOptions) -> ArmFile | None:
-    """Return the arm file that is given as the arm, whose description is the one it was made for.
-
-    Raises:
-        MittError: It is none that can be designed for.
-    """
+    """Return the arm file that is given as the arm, held to the description it was made for."""
     if not is_arm_file(options.arm):
         return None
     file = read_arm_file(Path(options.arm))

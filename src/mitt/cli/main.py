@@ -92,11 +92,7 @@ def _run(words: list[str]) -> int:
 
 
 def _check_words(words: list[str]) -> None:
-    """Refuse names that no text file could repeat.
-
-    Raises:
-        InputError: A word is no UTF-8.
-    """
+    """Refuse names that no text file could repeat."""
     for word in words:
         if any("\ud800" <= character <= "\udfff" for character in word):
             raise InputError("mitt", "names and values in UTF-8", word, do="rename the file")

@@ -120,11 +120,7 @@ def _page_of_study(options: ReportOptions) -> int:
 
 
 def _page_of_run(options: ReportOptions) -> int:
-    """Write the page of a run of ``mitt catch`` that was broken off, and its result if it died.
-
-    Raises:
-        FileError: The run has its page, or no throw; MittError: a file that it read has changed.
-    """
+    """Write the page of a run of ``mitt catch`` that was broken off, and its result if it died."""
     folder, kept = options.folder, read_kept(options.folder)
     if (folder / PAGE).exists():
         raise FileError(str(folder), "the folder of a study, or of a run that was broken off",

@@ -136,11 +136,7 @@ def see(options: SeeOptions) -> int:
 
 
 def _checked_rig(options: SeeOptions) -> CalibratedRig:
-    """Return the rig, checked with the other numbers of the options.
-
-    Raises:
-        InputError: The rig cannot be seen with, or a number is out of range.
-    """
+    """Return the rig, checked with the other numbers of the options."""
     rig = read_rig(options.rig)
     if len(rig.cameras) != 2:
         raise InputError(str(options.rig), "two cameras", len(rig.cameras))
@@ -286,11 +282,7 @@ def _draw_coverage(picture: Path, views: BoardViews, solved: Fit[BoardProblem]) 
 
 
 def _prepare(options: CalibrateOptions) -> Calibration:
-    """Check what can be checked without the work, and return the calibration to be made.
-
-    Raises:
-        InputError: The options do not go together; also its child FileError.
-    """
+    """Check what can be checked without the work, and return the calibration to be made."""
     o = options
     heads = [path for path in (o.left_head, o.right_head) if path is not None]
     stages = [name for name, given in (("boards", o.left), ("heads", heads), ("hand", o.hand),

@@ -603,8 +603,7 @@ def _whole(data: bytes, layout: np.dtype[Any]) -> None:
 
 def _sighting(row: Rows) -> Sighting:
     """Return a sighting from its message."""
-    values: dict[str, Any] = {
-        "t": float(row["t"][0]), "found": bool(row["found"][0]), "r_o": row["r_o"][0].copy(),
-        "covariance": row["covariance"][0].reshape(3, 3).copy(),
-    }  # fmt: skip
-    return Sighting(**values)
+    return Sighting(
+        t=float(row["t"][0]), found=bool(row["found"][0]), r_o=row["r_o"][0].copy(),
+        covariance=row["covariance"][0].reshape(3, 3).copy(),
+    )  # fmt: skip

@@ -319,11 +319,7 @@ def clear_temporary(folder: Path, leaves: Leaves) -> None:
 
 
 def _ours(folder: Path, leaves: Leaves, made: Callable[[str], bool] | None) -> list[str]:
-    """Return the files of a folder that are ours; refuse what else is in the way.
-
-    Raises:
-        InputError: Something is.
-    """
+    """Return the files of a folder that are ours; refuse what else is in the way."""
     owned = leaves.owns(folder) or not leaves.manifests
     ours = []
     for name in _names(folder, leaves):
