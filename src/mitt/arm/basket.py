@@ -28,9 +28,6 @@ from mitt.errors import InputError, UnknownNameError
 from mitt.fields import brief
 from mitt.signals import GRAVITY, Array
 
-#: Shares of the mass: ring, struts with net, flange. A ring of aluminium tube, 10 mm thick outside,
-#: and three struts of 8 mm weigh 0.1 kg each.
-_RING, _STRUTS, _FLANGE = 0.35, 0.45, 0.20
 #: Gap between a basket that lies across the plate and the plate [m].
 _GAP = 0.01
 #: Rate of the net, of all its cords together [1/s]: its damping (``hand_bodies.NET``).
@@ -157,12 +154,16 @@ class Basket(Hand):
 
     @property
     def _parts(self) -> tuple[tuple[float, float, float, float], ...]:
-        """Share of the mass, height [m], squared radius of gyration about z [m^2], length [m]."""
+        """Share of the mass, height [m], squared radius of gyration about z [m^2], length [m].
+
+        Of ring, struts with net, and flange. A ring of aluminium tube, 10 mm thick outside, and
+        three struts of 8 mm weigh 0.1 kg each.
+        """
         top, disc = self.ring_height, 0.5 * self.flange**2
         return (
-            (_RING, top, self.net_radius**2, 0.0),
-            (_STRUTS, 0.5 * top, (self.ring_radius + self.clear) ** 2, top),
-            (_FLANGE, 0.125 * self.flange, disc, 0.25 * self.flange),
+            (0.35, top, self.net_radius**2, 0.0),
+            (0.45, 0.5 * top, (self.ring_radius + self.clear) ** 2, top),
+            (0.20, 0.125 * self.flange, disc, 0.25 * self.flange),
         )
 
     def capsules(self) -> tuple[Capsule, ...]:

@@ -37,16 +37,12 @@ _LONGEST = 100
 _CORNERS = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
 #: Points of the circles that stand for the ends of a cylinder.
 _CIRCLE = 16
-#: Steps towards the farthest point that find the smallest circle (Badoiu and Clarkson 2003).
-_STEPS = 60
 #: Share of the space that two capsules may take instead of one.
 _WORTH = 0.7
 #: Fewest points that are fitted with two capsules.
 _FEWEST = 8
 #: Most points all of whose pairs are taken for edges.
 _FEW = 40
-#: What is added to a radius against rounding [m].
-_ROUNDING = 1e-9
 #: Most capsules of one link; a link of more shapes gets one about all of them.
 _MOST_CAPSULES = 6
 
@@ -437,7 +433,7 @@ def _about(points: Array, axis: Array, radius: float) -> Capsule:
     along = points @ axis
     flat = points - along[:, None] * axis
     centre = 0.5 * (flat.min(axis=0) + flat.max(axis=0))
-    for step in range(_STEPS):
+    for step in range(60):  # towards the smallest circle (Badoiu and Clarkson 2003)
         far = flat[np.argmax(np.linalg.norm(flat - centre, axis=1))]
         centre = centre + (far - centre) / (step + 2.0)
     centre = centre - (centre @ axis) * axis
@@ -449,4 +445,4 @@ def _about(points: Array, axis: Array, radius: float) -> Capsule:
         low = high = 0.5 * (low + high)
         most = float(np.max(np.hypot(away, along - low)))
     start, end = (tuple((centre + x * axis).tolist()) for x in (low, high))
-    return Capsule(start=start, end=end, radius=most + radius + _ROUNDING)
+    return Capsule(start=start, end=end, radius=most + radius + 1e-9)  # m, against rounding

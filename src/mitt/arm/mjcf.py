@@ -74,8 +74,6 @@ _OTHERS = ("model", "attach", "plugin", "extension", "include")
 _FOLDERS = ("assetdir", "meshdir", "texturedir")
 #: Most elements once copies are made.
 _MOST_ELEMENTS = 100_000
-#: How far gravity may be off [m/s^2]: it is 9.80 to 9.83 on Earth.
-_NEAR = 0.03
 _Mesh: TypeAlias = tuple[str, Path | None, Array]
 """What a mesh is called, where it is, and its scale."""
 _NONE: _Mesh = ("", None, np.ones(3))
@@ -465,9 +463,10 @@ def _others(m: mujoco.MjModel) -> defaultdict[int, list[str]]:
 def _file_notes(m: mujoco.MjModel, names: Names) -> tuple[str, ...]:
     """Return notes of what the file states of its world and is not read."""
     notes = []
-    off = bool(m.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY))
-    gravity = np.zeros(3) if off else np.array(m.opt.gravity)
-    if np.linalg.norm(gravity - np.array((0.0, 0.0, -GRAVITY))) > _NEAR:
+    none = bool(m.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY))
+    gravity = np.zeros(3) if none else np.array(m.opt.gravity)
+    off = float(np.linalg.norm(gravity - np.array((0.0, 0.0, -GRAVITY))))
+    if off > 0.03:  # m/s^2: on Earth it is 9.80 to 9.83
         said = " ".join(f"{x:g}" for x in gravity)
         notes.append(f"gravity {said} of the file is left out: taken as 0 0 -{GRAVITY:g} m/s^2,"
                      " with z up")  # fmt: skip

@@ -34,8 +34,6 @@ from mitt.signals import Array
 
 #: Joints that move, with a range that the file has to state or not.
 _MOVING: dict[str, Kind] = {"revolute": "hinge", "continuous": "hinge", "prismatic": "slide"}
-#: Largest angle of a frame that is believed: one turn, and room for rounding [rad].
-_ONE_TURN = 2.0 * pi + 0.01
 _TYPES = (*_MOVING, "fixed", "floating", "planar")
 _KEYS_OF = {
     "range": "<limit> lower and upper", "torque": "<limit> effort", "speed": "<limit> velocity"
@@ -242,7 +240,8 @@ def _turned(root: Element) -> Iterator[str]:
     for part in root:
         for origin in part.iter("origin") if part.tag in ("link", "joint") else ():
             rpy = origin.get("rpy", "0")
-            if max((abs(float(x)) for x in rpy.split()), default=0.0) > _ONE_TURN:
+            largest = max((abs(float(x)) for x in rpy.split()), default=0.0)
+            if largest > 2.0 * pi + 0.01:  # rad, with room for rounding
                 yield (f"large angles: rpy {rpy[:60]!r} of {part.tag} {part.get('name', '')!r}; if"
                        " they are in degrees, write radians")  # fmt: skip
                 return

@@ -88,6 +88,8 @@ _TABLE = (
         (Capsule(start=(-0.045, -0.10, 0.0), end=(-0.045, -0.31, 0.0), radius=0.042),),
     ),
 )  # fmt: skip
+#: How far the tool plate is beyond the frame of joint 4 [m]: 0.90 m above the shoulder upright,
+#: as the paper's Table 1 says.
 _TOOL_PLATE = 0.35
 
 #: What carries the arm: from the base plate up to below the shoulder.
