@@ -1,5 +1,6 @@
 """Pictures: every body appears where the camera sees it, the nearer one in front."""
 
+import base64
 import io
 
 import matplotlib.image
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 
 from mitt.arm.arm import Arm
-from mitt.report.pictures import body_faces, drawn, placed
+from mitt.report.pictures import body_faces, painted, placed, png_of
 from mitt.signals import Array
 from mitt.world.build import build_scene
 from mitt.world.scene import Scene
@@ -20,7 +21,7 @@ TARGET = (0.72, 0.0, 0.16)
 
 def _pixels(corners: Array, colours: Array) -> Array:
     """Return the picture of some faces, shape (height, width, 3)."""
-    png = drawn(corners, colours, _FLOOR)
+    png = base64.b64decode(png_of(painted(corners, colours, _FLOOR)))
     image: Array = matplotlib.image.imread(io.BytesIO(png), format="png")[:, :, :3]
     return image
 

@@ -1,6 +1,5 @@
 """The page that ``mitt design`` leaves behind: what the arm can catch, and what would help."""
 
-import base64
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,7 +16,7 @@ from mitt.design.evaluation import Evaluation
 from mitt.design.interception import FasterJoint, faster_joints, longer_arm
 from mitt.files.writing import write_text
 from mitt.report.page import Section, number, page
-from mitt.report.pictures import FROM_THE_SIDE, Picture, body_faces, drawn, placed
+from mitt.report.pictures import FROM_THE_SIDE, body_faces, painted, placed, png_of
 from mitt.report.style import BLUE, GREEN, GREY, INK, ORANGE, PALE, PURPLE, YELLOW, Plot, plot
 from mitt.signals import Array
 from mitt.trials.statistics import wilson
@@ -26,8 +25,6 @@ from mitt.world.scene import Scene
 
 #: Colours of the limits that bind most of the balls out of reach; all others are grey.
 _LIMITS = (ORANGE, YELLOW, GREEN, PURPLE, GREY)
-#: Where the region is seen from: elevation and azimuth [deg], from the thrower's side.
-_OBLIQUE = (18.0, -52.0)
 
 
 def rate_by_speed(rows: Sequence[AtSpeed]) -> Plot:
@@ -92,8 +89,8 @@ def region_plot(region: Region) -> Plot:
 def pose_picture(
     arm: Arm, scene: Scene, q: Array, *, catch: bool, marks: Array | None = None,
     seen_from: tuple[float, float] = FROM_THE_SIDE,
-) -> Picture:  # fmt: skip
-    """Return a picture of an arm in a pose of its active joints [rad], shape (n,).
+) -> str:  # fmt: skip
+    """Return a picture of an arm in a pose of its active joints [rad], shape (n,): PNG in base64.
 
     Args:
         arm: The arm.
@@ -112,9 +109,8 @@ def pose_picture(
     reach = 0.5 * (arm.position(q) + arm.model.mount[:3, 3])
     corners, colours = placed(model, bodies, qpos, np.zeros((0, 3)) if marks is None else marks)
     near = np.linalg.norm(corners.mean(axis=1) - reach, axis=1) < 3.0
-    png = drawn(corners[near], colours[near], scene.floor, target=tuple(reach.tolist()),
-                seen_from=seen_from)  # fmt: skip
-    return Picture(t=0.0, catch=catch, png=base64.b64encode(png).decode("ascii"))
+    return png_of(painted(corners[near], colours[near], scene.floor, target=tuple(reach.tolist()),
+                          seen_from=seen_from))  # fmt: skip
 
 
 _SECTIONS = (
@@ -188,10 +184,11 @@ def _pictures(arm: Arm, scene: Scene, found: Design, best: Evaluation) -> list[t
         ("catch", pose_picture(arm, scene, c.q_catch, catch=True)),
     ]
     if region is not None and len(region.hand):
+        oblique = (18.0, -52.0)  # [deg], from the thrower's side
         places = pose_picture(arm, scene, c.q_catch, catch=True, marks=region.hand[::2],
-                              seen_from=_OBLIQUE)  # fmt: skip
+                              seen_from=oblique)  # fmt: skip
         out.append(("region", places))
-    return [(name, picture.png) for name, picture in out]
+    return out
 
 
 def _interval(best: Evaluation | None) -> str:

@@ -31,8 +31,6 @@ _COLOURS = {
 }  # fmt: skip
 _DARK = ("follow", "brake", "stopped", "abort", "invalid", "refused", "degraded")
 _JOINTS = (BLUE, ORANGE, GREEN, PURPLE, YELLOW, INK, GREY)
-#: Shortest span that is named [share of the width].
-_NAMED = 0.06
 
 
 def states(x: Replayed, e: Evidence) -> Plot:
@@ -46,7 +44,7 @@ def states(x: Replayed, e: Evidence) -> Plot:
             for name, start, until in spans:
                 end = min(until, e.shown[1])
                 axes.barh(k, end - start, left=start, color=_COLOURS[name], height=0.62)
-                if end - start > _NAMED * width:
+                if end - start > 0.06 * width:  # else its name has no room
                     colour = "white" if name in _DARK else INK
                     axes.text(0.5 * (start + end), k, name, ha="center", va="center", color=colour,
                               fontsize=8.5)  # fmt: skip
@@ -142,8 +140,8 @@ _SECTIONS = (
     Section("verdicts", "Verdicts", "Verdicts on the throw"),
     Section("events", "Events", "What the recording says"),
 )
-#: Most rows of a table, and fewest ticks that are drawn.
-_MOST, _FEWEST = 40, 3
+#: Most rows of a table.
+_MOST = 40
 #: Where a replay begins, in words.
 _BEGINS = {
     "images": "from the images on",
@@ -155,7 +153,7 @@ _BEGINS = {
 def write_replay_page(path: Path, x: Replayed, *, command: str) -> None:
     """Write the page of a replayed recording."""
     e = evidence_of(x)
-    drawn = len(e.t) >= _FEWEST and bool(np.all(np.isfinite(e.t)))
+    drawn = len(e.t) > 2 and bool(np.all(np.isfinite(e.t)))
     plots = {} if not drawn else {
         "states": states(x, e).svg, "estimate": estimate(x, e).svg, "hand": hand(x, e).svg,
         "limits": limits(x, e).svg,

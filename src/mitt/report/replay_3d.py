@@ -88,12 +88,8 @@ def _is_this_machine(host: str) -> bool:
 
 #: A picture each so many ticks, and how much slower than life it plays.
 _EACH, _SLOWER = 4, 5.0
-#: A dot of the ball's trail each so many ticks.
-_DOT_EACH = 24
-#: How long after first contact the replay goes on [s].
-_AFTER = 0.45
-#: Colour of the path of the catch point.
-_HAND = (0, 114, 178)
+HAND = (0, 114, 178)
+"""Colour of the catch point and its path: the blue of the figures."""
 NODE = "/bodies/{:02d}"
 """Name of a body's node."""
 
@@ -149,11 +145,23 @@ def furnish(scene_api: Any, arm: Arm, scene: Scene, model: mujoco.MjModel) -> No
             )  # fmt: skip
 
 
+def moving_bodies(scene_api: Any, model: mujoco.MjModel) -> dict[int, Any]:  # noqa: ANN401
+    """Add a frame for each body that can move, and return these by body."""
+    return {b: scene_api.add_frame(NODE.format(b), show_axes=False)
+            for b in range(1, model.nbody) if model.body_weldid[b] != 0}  # fmt: skip
+
+
+def place(frames: dict[int, Any], model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Place the frames of moving bodies where they are at ``data.qpos``."""
+    mujoco.mj_kinematics(model, data)
+    for b, frame in frames.items():
+        frame.position, frame.wxyz = tuple(data.xpos[b]), tuple(data.xquat[b])
+
+
 def _recorded(server: Any, model: mujoco.MjModel, log: TrialLog) -> str:  # noqa: ANN401
     """Move the bodies through the trial while Viser records, and return its page."""
     api, trace = server.scene, log.truth
-    moving = [b for b in range(1, model.nbody) if model.body_weldid[b] != 0]
-    handles = {b: api.add_frame(NODE.format(b), show_axes=False) for b in moving}
+    handles = moving_bodies(api, model)
     label = api.add_label("/clock", "", position=(0.78, 0.0, 0.85), anchor="center-center")
     last = _last(log)
     ticks = np.arange(0, last, _EACH)
@@ -161,19 +169,17 @@ def _recorded(server: Any, model: mujoco.MjModel, log: TrialLog) -> str:  # noqa
     dots = [
         (k, api.add_icosphere(f"/trail/{k:05d}", radius=0.008, color=BALL, subdivisions=1,
                               position=tuple(trace.r_o[k]), visible=False, cast_shadow=False))
-        for k in range(0, catch, _DOT_EACH)
+        for k in range(0, catch, 24)
     ]  # fmt: skip
     path = trace.position[: int(ticks[-1]) : 8].astype(np.float32)
     if len(path) > 1:
         segments = np.stack([path[:-1], path[1:]], axis=1)
-        api.add_line_segments("/hand_path", segments, colors=_HAND, thickness=0.006)
+        api.add_line_segments("/hand_path", segments, colors=HAND, thickness=0.006)
     data = mujoco.MjData(model)
     recorder = server.get_scene_serializer()
     for k in ticks.tolist():
         data.qpos[:] = trace.qpos[k]
-        mujoco.mj_kinematics(model, data)
-        for b, handle in handles.items():
-            handle.position, handle.wxyz = tuple(data.xpos[b]), tuple(data.xquat[b])
+        place(handles, model, data)
         phase = PHASES[log.phase[min(k, len(log.phase) - 1)]].value
         label.text = f"{1e3 * trace.t[k]:.0f} ms  {phase}"
         for at, dot in dots:
@@ -186,8 +192,8 @@ def _recorded(server: Any, model: mujoco.MjModel, log: TrialLog) -> str:  # noqa
 
 
 def _last(log: TrialLog) -> int:
-    """Return the row of the truth at which the replay ends."""
+    """Return the row of the truth at which the replay ends: 0.45 s after first contact."""
     touched = np.flatnonzero(log.truth.force > 0.0)
     if not len(touched):
         return len(log.truth.t)
-    return min(len(log.truth.t), int(touched[0]) + round(_AFTER * 1e3))
+    return min(len(log.truth.t), int(touched[0]) + 450)

@@ -102,10 +102,8 @@ def feedback_by_step(shares: Sequence[float], *, given: bool = False) -> Plot:
     return plot("feedback", (10.0, 2.8), draw)
 
 
-#: A line of the arm each so many ticks, and how long after the catch all is drawn [s].
-_ARM_EACH, _TRAJECTORY_AFTER = 50, 0.1
-#: How far in front of the hand's farthest point the ball is shown, and the room around all [m].
-_AHEAD, _TRAJECTORY_ROOM = 0.9, 0.12
+#: A line of the arm each so many ticks.
+_ARM_EACH = 50
 
 
 def catching_trajectory(arm: Arm, learned: TrialLog, plain: TrialLog | None) -> Plot:
@@ -132,26 +130,26 @@ def catching_trajectory(arm: Arm, learned: TrialLog, plain: TrialLog | None) -> 
 
 
 def _shown(log: TrialLog) -> NDArray[np.int64]:
-    """Return the rows of the truth that are drawn: until shortly after the catch."""
-    end = min(log.t_catch + _TRAJECTORY_AFTER, float(log.truth.t[-1]))
+    """Return the rows of the truth that are drawn: until 0.1 s after the catch."""
+    end = min(log.t_catch + 0.1, float(log.truth.t[-1]))
     return np.flatnonzero(log.truth.t <= end + 1e-9)
 
 
 def _extent(arm: Arm, logs: list[TrialLog]) -> tuple[Array, Array]:
-    """Return the corners of a box [m] around arm and hand, with the ball's last stretch."""
+    """Return the corners of a box [m] around arm and hand, with the ball's last 0.9 m."""
     cloud = np.zeros((1, 3))
     for log in logs:
         rows = _shown(log)
         arms = [skeleton(arm.model, log.truth.q[k]) for k in rows[::_ARM_EACH]]
         cloud = np.concatenate([cloud, log.truth.position[rows], *arms])
     low, high = cloud.min(axis=0), cloud.max(axis=0)
-    near = high[0] + _AHEAD
+    near = high[0] + 0.9
     for log in logs:
         balls = log.truth.r_o[_shown(log)]
         balls = balls[balls[:, 0] < near]
         if len(balls):
             low, high = np.minimum(low, balls.min(axis=0)), np.maximum(high, balls.max(axis=0))
-    return low - _TRAJECTORY_ROOM, high + _TRAJECTORY_ROOM
+    return low - 0.12, high + 0.12
 
 
 def _draw_view(axes: Axes, arm: Arm, log: TrialLog, view: list[int]) -> None:
@@ -174,12 +172,6 @@ def _draw_view(axes: Axes, arm: Arm, log: TrialLog, view: list[int]) -> None:
     axes.set_aspect("equal")
 
 
-#: How long after the catch is shown [s], and half the width of the close-up [s].
-_CURVES_AFTER, _CLOSE = 0.20, 0.05
-#: Torques are shown up to this multiple of their limit.
-_ABOVE = 1.6
-
-
 def target_and_hand(arm: Arm, log: TrialLog) -> Plot:
     """Draw the ball and the catch point over time, whole and around the catch: fig. 9."""
     wanted = np.array([arm.position(q) for q in log.desired[log.following, 0]]).reshape(-1, 3)
@@ -193,7 +185,7 @@ def target_and_hand(arm: Arm, log: TrialLog) -> Plot:
             row[0].set_xlim(0.0, _end(log))
             _fit(row[0], log, axis, (0.0, _end(log)))
             if np.isfinite(log.t_catch):
-                around = (log.t_catch - _CLOSE, log.t_catch + _CLOSE)
+                around = (log.t_catch - 0.05, log.t_catch + 0.05)
                 row[1].set_xlim(*around)
                 _fit(row[1], log, axis, around)
         grid[0, 0].set_title("Whole flight")
@@ -260,7 +252,7 @@ def joint_torques(arm: Arm, learned: TrialLog, plain: TrialLog | None) -> Plot:
                    (plain.tau[:, j], f"{ALPHA_0}, commanded", 1.2))  # fmt: skip
             shown += [plain.tau[:, j], plainly[:, j]]
         _dotted(axes, learned.t, learned.tau[:, j], "learned, commanded")
-        most = min(max(map(abs, _ends(shown))) * 1.15, _ABOVE * bound)
+        most = min(max(map(abs, _ends(shown))) * 1.15, 1.6 * bound)  # beyond that no more is shown
         axes.set(ylabel=f"{arm.names[j]} [N m]", ylim=(-most, most))
 
     return _by_joint("fig11", arm, learned, draw_joint)
@@ -315,15 +307,12 @@ def _marks(axes: Axes, log: TrialLog, *, named: bool) -> None:
 
 
 def _end(log: TrialLog) -> float:
-    """Return until when to draw [s]."""
-    return min(log.t_catch + _CURVES_AFTER, float(log.t[-1]))
+    """Return until when to draw [s]: 0.2 s after the catch."""
+    return min(log.t_catch + 0.2, float(log.t[-1]))
 
 
-#: Bars of a histogram, points drawn at most, and marks below it at most.
-_BARS, _MOST, _MOST_MARKS = 24, 2000, 300
-#: Room around the releases [m].
-_ROOM = 0.15
-
+#: Points of one kind that are drawn at most.
+_MOST = 2000
 #: Field of a trial, and what it is called on the axis.
 _ERRORS = (
     ("position_error_mm", "position error at first contact [mm]"),
@@ -353,7 +342,7 @@ def _draw_errors(axes: Axes, trials: Sequence[dict[str, Any]], key: str) -> None
         axes.text(0.5, 0.5, "no ball was touched", transform=axes.transAxes, ha="center",
                   color=GREY)  # fmt: skip
         return
-    edges = np.linspace(0.0, 1.02 * max(float(every.max()), 1e-6), _BARS + 1)
+    edges = np.linspace(0.0, 1.02 * max(float(every.max()), 1e-6), 25)
     colours = [STATUS[status][0] for status in groups]
     axes.hist(
         list(groups.values()), edges.tolist(), stacked=True, color=colours, label=list(groups),
@@ -361,7 +350,7 @@ def _draw_errors(axes: Axes, trials: Sequence[dict[str, Any]], key: str) -> None
     )  # fmt: skip
     top = axes.get_ylim()[1]
     for values, colour in zip(groups.values(), colours, strict=True):
-        marks = np.array(values[:_MOST_MARKS])
+        marks = np.array(values[:300])
         axes.plot(marks, np.full(len(marks), -0.05 * top), "|", color=colour, ms=7, mew=1.0)
     for share, name, height in ((50.0, "median", 1.0), (95.0, "95 % below", 0.93)):
         at = float(np.percentile(every, share))
@@ -392,7 +381,7 @@ def releases(
 
     marks = np.zeros((1, 3)) if catch_point is None else np.array([np.zeros(3), catch_point])
     cloud = np.concatenate([points, marks])
-    low, high = cloud.min(axis=0) - _ROOM, cloud.max(axis=0) + _ROOM
+    low, high = cloud.min(axis=0) - 0.15, cloud.max(axis=0) + 0.15
     x, y, z = high - low
 
     def draw(figure: Figure) -> None:

@@ -18,9 +18,6 @@ from mitt.arm.description import ArmModel, joint_motion, mounting
 from mitt.signals import Array
 from mitt.world.scene import Scene
 
-#: Points nearer than this are one [m].
-_SAME = 1e-4
-
 
 def bones(model: ArmModel) -> list[Array]:
     """Return the corners of the line in the frame of each link [m], shape (k, 3) each, k >= 1."""
@@ -54,9 +51,9 @@ def skeleton(model: ArmModel, q: Array) -> Array:
 
 
 def _distinct(points: Array) -> Array:
-    """Return points without those that repeat the one before, shape (k, 3)."""
+    """Return points without those less than 0.1 mm from the one before, shape (k, 3)."""
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    out: Array = points[np.concatenate(([True], steps > _SAME))]
+    out: Array = points[np.concatenate(([True], steps > 1e-4))]
     return out
 
 
@@ -65,8 +62,6 @@ Colour: TypeAlias = tuple[int, int, int]
 
 #: Corners around the axis of a round shape.
 _AROUND = 24
-#: Drums at the joints: radius, half length; and the struts that join the shapes of a link [m].
-_DRUM, _STRUT, _STAND = (0.052, 0.062), 0.028, 0.07
 METAL, DARK, FINGER, BALL = (214, 218, 224), (92, 100, 112), (150, 158, 170), (213, 94, 0)
 """Colours of links, joints, fingers and ball."""
 
@@ -81,13 +76,13 @@ def body_meshes(
         mesh = geom_mesh(model, int(g))
         if mesh is None:
             continue
-        geom, colour = (
-            model.geom(int(g)).name,
-            METAL if name.startswith(("link_", "basket")) else DARK,
-        )
-        colour = (
-            BALL if geom == "ball" else FINGER if geom.startswith(("finger", "cord")) else colour
-        )
+        geom = model.geom(int(g)).name
+        if geom == "ball":
+            colour = BALL
+        elif geom.startswith(("finger", "cord")):
+            colour = FINGER
+        else:
+            colour = METAL if name.startswith(("link_", "basket")) else DARK
         by_colour.setdefault(colour, []).append(mesh)
     return [(trimesh.util.concatenate(found), colour)
             for colour, found in by_colour.items() if found]  # fmt: skip
@@ -136,23 +131,23 @@ def rod(start: Array, end: Array, radius: float) -> Trimesh:
 
 
 def _extras(arm: Arm, scene: Scene, body: str) -> list[Trimesh]:
-    """Return what is only for the eye: struts along a link, a drum at its joint, the stand."""
+    """Return what is only for the eye: struts along a link, a drum at its joint, the stand [m]."""
     if body == "world":
         top = float(arm.model.mount[2, 3])
         if top <= scene.floor:
             return []
-        stand = cylinder(_STAND, top - scene.floor)
+        stand = cylinder(0.07, top - scene.floor)
         return [stand.apply_translation((*arm.model.mount[:2, 3], 0.5 * (top + scene.floor)))]
     names = [f"link_{link.name}" for link in arm.model.links]
     if body not in names:
         return []
     k = names.index(body)
     points, link = bones(arm.model)[k], arm.model.links[k]
-    struts = [rod(a, b, _STRUT) for a, b in pairwise(points)]
+    struts = [rod(a, b, 0.028) for a, b in pairwise(points)]
     if k + 1 == len(names):
         struts = struts[:-1] or struts
     if link.prismatic or link.held is not None:
         return struts
-    drum = cylinder(_DRUM[0], 2.0 * _DRUM[1])
+    drum = cylinder(0.052, 0.124)
     turn = trimesh.geometry.align_vectors((0.0, 0.0, 1.0), link.axis)
     return [*struts, drum.apply_transform(turn)]

@@ -1,9 +1,17 @@
-"""The page of a study: one file that opens anywhere, replays of the worst throws beside it."""
+"""The page of a study: one file that opens anywhere, replays of the worst throws beside it.
+
+Figures: rates against a disturbance, rates by condition, where balls are caught, and the effort.
+"""
 
 from collections.abc import Mapping, Sequence
+from math import ceil
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 import mitt
 from mitt import checks
@@ -13,12 +21,168 @@ from mitt.files.writing import write_text
 from mitt.reading import read_json
 from mitt.report.page import Cell, Section, interval, number, page
 from mitt.report.replay_3d import replay_page
-from mitt.report.study_figures import effort, rates_against, rates_by_condition, reach
+from mitt.report.style import BLUE, GENERATORS, GREY, INK, UNNAMED, Plot, legend_above, plot
 from mitt.signals import Array
 from mitt.trials.result import STATUSES
 from mitt.trials.study_file import SCHEMA, Condition, Study, extent
 from mitt.trials.study_results import REFERENCE, StudyResult, read_columns
 from mitt.trials.study_run import Job, all_jobs, by_cell, throw_again
+
+Row = Mapping[str, Any]
+
+#: Panels in a row, and their width [inch].
+_COLUMNS, _WIDE = 3, 3.7
+_CAUGHT = LinearSegmentedColormap.from_list("caught", ["#b6401a", "#f3e3c3", BLUE])
+
+
+def rates_against(sweeps: Mapping[str, Sequence[Row]]) -> Plot:
+    """Draw the catch rate against each swept number, a line a generator, 95 % intervals shaded."""
+    rows = ceil(len(sweeps) / _COLUMNS)
+
+    def draw(figure: Figure) -> None:
+        panels = figure.subplots(rows, _COLUMNS, squeeze=False, sharey=True).ravel()
+        for axes, (name, points) in zip(panels, sweeps.items(), strict=False):
+            _draw_sweep(axes, name, points)
+        for axes in panels[len(sweeps) :]:
+            axes.set_visible(False)
+        for axes in panels[::_COLUMNS]:
+            axes.set_ylabel("caught [%]")
+        _name_generators(figure, [row for points in sweeps.values() for row in points])
+
+    return plot("rates", (_COLUMNS * _WIDE, rows * 2.75 + 0.3), draw)
+
+
+def _draw_sweep(axes: Axes, name: str, points: Sequence[Row]) -> None:
+    """Draw one panel."""
+    values = sorted({float(row["value"]) for row in points})
+    for generator in _generators(points):
+        mine = [row for row in points if row["generator"] == generator]
+        mine.sort(key=lambda row: float(row["value"]))
+        x = [row["value"] for row in mine]
+        low, high = (np.array([100.0 * row["ci95"][k] for row in mine]) for k in (0, 1))
+        colour, marker, line = GENERATORS.get(generator, UNNAMED)
+        axes.fill_between(x, low, high, color=colour, alpha=0.13, linewidth=0)
+        rates = [100.0 * row["catch_rate"] for row in mine]
+        axes.plot(x, rates, marker + line, color=colour, ms=4.5)
+    if values[0] > 0.0 and values[-1] > 6.0 * values[0]:  # near a decade
+        axes.set_xscale("log")
+        axes.set_xticks(values, [f"{value:g}" for value in values], rotation=0)
+        axes.minorticks_off()
+    else:
+        axes.xaxis.set_major_locator(MaxNLocator(6))
+    unit = f" [{points[0]['unit']}]" if points[0]["unit"] else ""
+    axes.set(xlabel=f"{name}{unit}", ylim=(-3.0, 103.0))
+
+
+def rates_by_condition(rows: Sequence[Row]) -> Plot:
+    """Draw the catch rate in each condition, a mark a generator with its 95 % interval."""
+    conditions = list(dict.fromkeys(str(row["condition"]) for row in rows))
+    names = _generators(rows)
+    step = 0.76 / max(len(names), 1)
+
+    def draw(figure: Figure) -> None:
+        axes = figure.subplots()
+        for row in rows:
+            k = names.index(row["generator"])
+            y = conditions.index(row["condition"]) + (k - 0.5 * (len(names) - 1)) * step
+            colour, marker, _ = GENERATORS.get(row["generator"], UNNAMED)
+            axes.plot([100.0 * x for x in row["ci95"]], [y, y], color=colour, linewidth=1.4)
+            axes.plot(100.0 * row["catch_rate"], y, marker, color=colour, ms=5.0)
+        for k in range(1, len(conditions), 2):
+            axes.axhspan(k - 0.5, k + 0.5, color="#f5f7f9", zorder=0)
+        axes.set_yticks(range(len(conditions)), conditions)
+        axes.set(xlim=(-2.0, 102.0), ylim=(len(conditions) - 0.5, -0.5), xlabel="caught [%]")
+        axes.grid(visible=False, axis="y")
+        _name_generators(figure, rows)
+
+    height = 1.1 + len(conditions) * max(0.34, 0.13 * len(names))
+    return plot("conditions", (_COLUMNS * _WIDE, height), draw)
+
+
+def reach(trials: Mapping[str, Array]) -> Plot:
+    """Draw where and how fast balls came that were caught, two maps a generator.
+
+    Args:
+        trials: Of each generator, rows of y [m], z [m], speed [m/s], whether caught, shape (k, 4).
+    """
+    every = np.concatenate(list(trials.values()))
+    ends = np.percentile(every[:, :3], [1.0, 99.0], axis=0)
+    bins = int(np.clip(0.5 * np.sqrt(len(every) / len(trials)), 5, 14))  # a side
+    edges = [np.linspace(float(a), float(b), bins + 1) for a, b in ends.T]
+    rows = len(trials)
+
+    def draw(figure: Figure) -> None:
+        panels = figure.subplots(2, rows, squeeze=False, sharey="row")
+        shown = None
+        for column, (generator, points) in enumerate(trials.items()):
+            upper, lower = panels[:, column]
+            shown = _draw_map(upper, points, edges, (0, 1))
+            _draw_map(lower, points, edges, (2, 1))
+            colour = GENERATORS.get(generator, UNNAMED)[0]
+            upper.set_title(generator, color=colour, fontsize=min(10.5, 62.0 / rows))
+            upper.set_xlabel("sideways [m]")
+            lower.set_xlabel("speed [m/s]")
+        for axes in panels[:, 0]:
+            axes.set_ylabel("height [m]")
+        if shown is not None:
+            figure.colorbar(shown, ax=panels, label="caught [%]", shrink=0.7, aspect=30)
+
+    return plot("reach", (_COLUMNS * _WIDE, 4.6), draw)
+
+
+def _draw_map(axes: Axes, points: Array, edges: Sequence[Array], of: tuple[int, int]) -> Any:  # noqa: ANN401 (matplotlib)
+    """Draw the share of balls caught in each cell of a plane; cells without throws stay white."""
+    columns = points[:, of[0]], points[:, of[1]]
+    bins = [edges[of[0]], edges[of[1]]]
+    thrown = np.histogram2d(*columns, bins=bins)[0]
+    caught = np.histogram2d(*columns, bins=bins, weights=points[:, 3])[0]
+    share = np.full(thrown.shape, np.nan)
+    np.divide(100.0 * caught, thrown, out=share, where=thrown > 0)
+    axes.grid(visible=False)
+    return axes.pcolormesh(*bins, np.ma.masked_invalid(share.T), cmap=_CAUGHT, vmin=0.0, vmax=100.0)
+
+
+def effort(rows: Sequence[Row], columns: Sequence[tuple[str, str, float]]) -> Plot:
+    """Draw medians over the conditions, a dot a condition, a line at their median.
+
+    Args:
+        rows: Rows of the summary.
+        columns: Name of a median, what it is called, and its factor.
+    """
+    names = _generators(rows)
+
+    def draw(figure: Figure) -> None:
+        for axes, (key, title, factor) in zip(
+            figure.subplots(1, len(columns), squeeze=False)[0], columns, strict=True
+        ):
+            for k, name in enumerate(names):
+                found = [row["median"][key] for row in rows if row["generator"] == name]
+                values = factor * np.array([x for x in found if x is not None])
+                if not len(values):
+                    continue
+                colour = GENERATORS.get(name, UNNAMED)[0]
+                spread = k + 0.30 * np.linspace(-1.0, 1.0, len(values))
+                axes.plot(spread, values, ".", color=colour, alpha=0.55)
+                axes.plot([k - 0.36, k + 0.36], [np.median(values)] * 2, color=colour, lw=2.2)
+            axes.set_xticks(range(len(names)), names, rotation=55, ha="right")
+            axes.set_title(title, color=INK)
+            axes.set_ylim(0.0, 1.05 * axes.get_ylim()[1])
+            axes.grid(visible=False, axis="x")
+
+    return plot("effort", (_COLUMNS * _WIDE, 3.4), draw)
+
+
+def _generators(rows: Sequence[Row]) -> list[str]:
+    """Return the generators of some rows, in their order."""
+    return list(dict.fromkeys(str(row["generator"]) for row in rows))
+
+
+def _name_generators(figure: Figure, rows: Sequence[Row]) -> None:
+    """Put the key of the generators above all panels."""
+    for name in _generators(rows):
+        colour, marker, line = GENERATORS.get(name, UNNAMED)
+        figure.axes[0].plot([], [], marker + line, color=colour, label=name, ms=4.5)
+    legend_above(figure, figure.axes[0], labelcolor=GREY)
 
 
 def worst_throws(result: StudyResult, count: int, progress: Progress) -> list[tuple[Cell, ...]]:
@@ -72,12 +236,9 @@ def _candidates(
     return out
 
 
-Row = Mapping[str, Any]
 Curve = list[tuple[float, float]]
 """Value of a disturbance and catch rate, in the order of the values."""
 
-#: Below this, after Holm's correction, a difference is called one.
-_LEVEL = 0.05
 _EFFORT = (
     ("peak_torque_ratio", "peak torque [% of limit]", 100.0),
     ("energy_j", "work of the joints [J]", 1.0),
@@ -114,7 +275,7 @@ def study_page(result: StudyResult, worst: Sequence[Sequence[Cell]]) -> str:
     """
     study, rows = result.study, result.rows
     pairs = [row for row in rows if row["against_direct"] is not None]
-    sure = [row for row in pairs if row["against_direct"]["p_holm"] < _LEVEL]
+    sure = [row for row in pairs if row["against_direct"]["p_holm"] < 0.05]
     ahead: list[Mapping[str, Any]] = []
     behind: list[Mapping[str, Any]] = []
     for row in sure:

@@ -24,24 +24,15 @@ from mitt.files.about import About
 from mitt.files.cdr import Rows
 from mitt.files.messages import CATCH_POINT, TRUTH
 from mitt.files.recordings import Recorded
-from mitt.report.replay_3d import NODE, furnish, served
+from mitt.report.replay_3d import HAND, furnish, moving_bodies, place, served
+from mitt.report.scene_meshes import BALL
 from mitt.signals import Array, BallState
 from mitt.trials.score import drive_loads
 from mitt.world.build import build_scene
 from mitt.world.scene import Scene
 
-#: Colours: covariance, predicted way, sightings, true ball, catch point.
-_DOUBT, _WAY, _SEEN, _TRUE, _HAND = (
-    (86, 180, 233), (213, 94, 0), (110, 120, 130), (240, 228, 66), (0, 114, 178),
-)  # fmt: skip
-#: How far ahead the way is shown [s], its step [s], and its points.
-_STEP, _POINTS = 0.01, 60
-#: Sigmas of the ellipsoid, and its least half axis [m].
-_SIGMAS, _LEAST = 3.0, 0.002
-#: Longest time to the catch for which the ball is shown there [s].
-_FAR = 2.0
-#: Dots of the trail, and ticks between them.
-_TRAIL, _EACH = 40, 8
+#: Colours: covariance, sightings, true ball.
+_DOUBT, _SEEN, _TRUE = (86, 180, 233), (110, 120, 130), (240, 228, 66)
 
 
 def scene_of(about: About) -> Scene:
@@ -60,20 +51,23 @@ class Ellipsoid:
 
 
 def ellipsoid(covariance: Array) -> Ellipsoid:
-    """Return the ellipsoid of three sigmas of a position's covariance [m^2], shape (3, 3)."""
+    """Return the ellipsoid of three sigmas of a position's covariance [m^2], shape (3, 3).
+
+    No half axis is shorter than 2 mm, or it would not be seen.
+    """
     values, R = np.linalg.eigh(0.5 * (covariance + covariance.T))
     if np.linalg.det(R) < 0.0:
         R[:, 0] *= -1.0
     wxyz = np.empty(4)
     mujoco.mju_mat2Quat(wxyz, np.ascontiguousarray(R).ravel())
-    return Ellipsoid(np.maximum(_SIGMAS * np.sqrt(np.maximum(values, 0.0)), _LEAST), wxyz)
+    return Ellipsoid(np.maximum(3.0 * np.sqrt(np.maximum(values, 0.0)), 0.002), wxyz)
 
 
 def way(r: Array, dr: Array, drag: float, floor: float) -> Array:
-    """Return where a ball will fly until it is on the floor [m], shape (k, 3)."""
+    """Return where a ball will be each 10 ms, for 0.6 s or until it is on the floor [m], (k, 3)."""
     r, dr, out = r.copy(), dr.copy(), [r.copy()]
-    for _ in range(_POINTS):
-        advance(r, dr, drag, _STEP)
+    for _ in range(60):
+        advance(r, dr, drag, 0.01)
         if not np.all(np.isfinite(r)) or r[2] < floor:
             break
         out.append(r.copy())
@@ -108,8 +102,7 @@ class Stage:
         self._model = build_scene(scene, about.arm.model).model
         self._data = mujoco.MjData(self._model)
         furnish(api, about.arm, scene, self._model)
-        moving = [b for b in range(1, self._model.nbody) if self._model.body_weldid[b] != 0]
-        self._bodies = {b: api.add_frame(NODE.format(b), show_axes=False) for b in moving}
+        self._bodies = moving_bodies(api, self._model)
         self._ball = int(self._model.body("ball").id)
         hidden: dict[str, Any] = {"visible": False, "cast_shadow": False, "subdivisions": 3}
         self._doubt, self._at_catch = (
@@ -117,12 +110,12 @@ class Stage:
             for name in ("/doubt", "/doubt_at_catch")
         )
         nowhere = np.zeros((1, 2, 3), np.float32)
-        self._way = api.add_line_segments("/way", nowhere, colors=_WAY, thickness=0.006)
+        self._way = api.add_line_segments("/way", nowhere, colors=BALL, thickness=0.006)
         self._trail = api.add_point_cloud("/trail", np.zeros((1, 3), np.float32), _SEEN,
                                           point_size=0.014, point_shape="circle")  # fmt: skip
         self._true = api.add_icosphere("/true", radius=0.6 * about.settings.ball_radius,
                                        color=_TRUE, visible=False, subdivisions=2)  # fmt: skip
-        self._hand = api.add_icosphere("/catch_point", radius=0.008, color=_HAND, subdivisions=1,
+        self._hand = api.add_icosphere("/catch_point", radius=0.008, color=HAND, subdivisions=1,
                                        visible=False)  # fmt: skip
         self.refresh(recorded)
 
@@ -146,7 +139,7 @@ class Stage:
                 segments = np.stack([ahead[:-1], ahead[1:]], axis=1)
                 self._way.points = segments.astype(np.float32)
             self._way.visible = len(ahead) > 1
-        before = rows[max(k - _TRAIL * _EACH, 0) : k : _EACH]
+        before = rows[max(k - 320, 0) : k : 8]  # 40 dots, 8 ms apart
         trail = before["ball"][before["out_tracked"], :3]
         self._trail.visible = len(trail) > 0
         if len(trail):
@@ -160,14 +153,12 @@ class Stage:
         q = np.nan_to_num(row["q"])
         qpos[:n], qpos[n:-7] = q, row["hand"]
         qpos[-7:] = (*row["ball"][:3], 1.0, 0.0, 0.0, 0.0)
-        mujoco.mj_kinematics(self._model, self._data)
-        for b, handle in self._bodies.items():
-            handle.position, handle.wxyz = tuple(self._data.xpos[b]), tuple(self._data.xquat[b])
+        place(self._bodies, self._model, self._data)
 
     def _foresee(self, row: np.void) -> bool:
-        """Show where the ball will be at the catch, and how well that is known; say whether."""
+        """Show where the ball will be at a catch within 2 s, and how well known; say whether."""
         t, left = float(row["out_t_ball"]), float(row["out_time_to_catch"])
-        if not (row["out_tracked"] and 0.0 < left < _FAR):
+        if not (row["out_tracked"] and 0.0 < left < 2.0):
             return False
         ball = row["ball"].reshape(3, 3).copy()
         drag, covariance = float(row["out_drag"]), row["covariance"].reshape(6, 6).copy()
@@ -189,10 +180,6 @@ class Stage:
             node.position = tuple(r[min(int(np.searchsorted(times, t)), len(r) - 1)])
 
 
-#: Time between two pictures [s], between two looks for a newer file, and for the first [s].
-_FRAME, _LOOK, _WAIT = 0.033, 1.0, 0.2
-#: Place of the slider in the panel: behind the title.
-_SECOND = 0.5
 _SPEEDS = {"1/20": 0.05, "1/10": 0.1, "1/5": 0.2, "1/2": 0.5, "1": 1.0}
 _BLUE, _ORANGE = "#0072b2", "#d55e00"
 _MARK = {"caught": "#009e73", "stopped": "#cc79a7", "abort": "#cc79a7", "refused": "#d55e00"}
@@ -204,8 +191,8 @@ def newest(folder: Path) -> Path | None:
     What vanishes meanwhile, leads nowhere or may not be looked at is none.
     """
     found: list[tuple[int, Path]] = []
-    for place, _, names in os.walk(folder):
-        for path in (Path(place, name) for name in names if name.endswith(".mcap")):
+    for inside, _, names in os.walk(folder):
+        for path in (Path(inside, name) for name in names if name.endswith(".mcap")):
             with contextlib.suppress(OSError):
                 status = path.stat()
                 if stat.S_ISREG(status.st_mode):
@@ -261,7 +248,7 @@ class Viewer:
         self._shown = -1
         if self._slider is not None:
             self._slider.remove()
-        self._slider = self._gui.add_slider("tick", 0, self._last, 1, 0, order=_SECOND)
+        self._slider = self._gui.add_slider("tick", 0, self._last, 1, 0, order=0.5)
         self._slider.on_update(self._scrubbed)
         self._grown()
         self.show(0 if self._recorded.whole else len(self._recorded.ticks) - 1)
@@ -397,9 +384,9 @@ def watch(
             viewer.step(now - last)
             last = now
             if now > look:
-                look = now + _LOOK
+                look = now + 1.0  # a newer file is looked for each second
                 _switch(viewer, find())
-            pause(_FRAME)
+            pause(0.033)  # 30 pictures a second
 
 
 def _first(find: Callable[[], Path | None], end: float) -> Path | None:
@@ -416,7 +403,7 @@ def _first(find: Callable[[], Path | None], end: float) -> Path | None:
         except FileError:
             if find() == path:
                 raise
-        pause(_WAIT)
+        pause(0.2)
     return None
 
 
