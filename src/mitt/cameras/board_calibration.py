@@ -21,15 +21,12 @@ from mitt.eyes.lens import NUMBERS, Lens, distort
 from mitt.files.rig import CalibratedRig, RigCamera
 from mitt.signals import Array, Image
 
-#: Most views used; most frames looked at in a video; fewest views of one camera.
-MOST_VIEWS, MOST_FRAMES, FEWEST = 60, 20_000, 3
-#: Cells across and down the image in which coverage is counted, and share of them that is wanted.
-CELLS, COVERED = (6, 4), 0.6
-#: Least mean motion of the board between two views that are kept, share of the image's width.
-_APART = 0.02
-#: Most images without a board that are looked at for what they show, of each camera; share of all
-#: from which they are told of; and difference of two stamps that is one instant [s].
-_BARE, _MANY, _AT_ONCE = 8, 0.2, 2e-3
+#: Most views used, and fewest of one camera.
+MOST_VIEWS, FEWEST = 60, 3
+#: Cells across and down the image in which coverage is counted.
+CELLS = (6, 4)
+#: Share of the images without a board from which they are told of.
+_MANY = 0.2
 
 View = tuple[Seen | None, ...]
 """What each camera saw of the board at one instant; None where it saw no board."""
@@ -189,7 +186,7 @@ def look_for_board(
     count, apart = 0, 0.0
     bare: list[list[Image]] = [[] for _ in sources]
     without = [0] * len(sources)
-    while count < MOST_FRAMES:
+    while count < 20_000:  # of a video
         frames = [source.read() for source in sources]
         got = [f for f in frames if f is not None]
         if not got:
@@ -206,7 +203,7 @@ def look_for_board(
         for k, seen in enumerate(view):
             if seen is None:
                 without[k] += 1
-                bare[k] = (bare[k] + [got[k].pixels])[-_BARE:]
+                bare[k] = (bare[k] + [got[k].pixels])[-8:]
         if any(view) and all(_apart(view, _either(old), sizes[0][0]) for _, old in kept):
             kept.append((count, sights))
             stamps = [source.stamp for source in sources if source.timed]
@@ -245,14 +242,14 @@ def _pattern(*, legacy: bool, shown: bool) -> str:
 
 
 def _apart(a: View, b: View, width: int) -> bool:
-    """Say whether two views differ: the board moved, or other cameras see it."""
+    """Say whether two views differ: the board moved by 2 % of the width, or others see it."""
     for one, two in zip(a, b, strict=True):
         if (one is None) != (two is None):
             return True
         if one is not None and two is not None:
             _, i, j = np.intersect1d(one.ids, two.ids, return_indices=True)
             motion = np.abs(one.uv[i] - two.uv[j]).mean() if len(i) else np.inf
-            if motion > _APART * width:
+            if motion > 0.02 * width:
                 return True
     return False
 
@@ -296,7 +293,7 @@ def _left_out(seen: BoardViews) -> list[str]:
         for k, (name, n) in enumerate(zip(seen.names, seen.without, strict=False))
         if n > _MANY * seen.frames
     ]
-    if seen.apart > _AT_ONCE:
+    if seen.apart > 2e-3:
         said.append(f"images of one view were taken up to {1e3 * seen.apart:.0f} ms apart: start"
                     " the cameras by one trigger, set their clocks alike, or hold the board"
                     " still")  # fmt: skip
@@ -357,7 +354,7 @@ def calibrate_boards(
         numbers |= {f"{name}_rms_px": rms, f"{name}_coverage": covered,
                     f"{name}_f_px": float(np.sqrt(np.prod(lens[:2]))),
                     f"{name}_f_sigma_px": solved.sigma_of(f"{name}.fu")}  # fmt: skip
-        if covered < COVERED:
+        if covered < 0.6:
             few.append(f"{name}: corners in {100 * covered:.0f} % of the image only: "
                        "add views with the board near the edges and corners")  # fmt: skip
     rig = CalibratedRig(frame="camera", cameras=tuple(cameras))

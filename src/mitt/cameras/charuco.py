@@ -22,17 +22,14 @@ OpenCv: TypeAlias = Any
 
 #: Fewest corners of a board in an image that are used.
 FEWEST_CORNERS = 6
-#: Focal length over the image's width, and its inverse, beyond which a guess is not believed.
-_LIKELY = 15.0
 #: How much better markers fit one of two patterns that is the board's.
 _CLEARLY = 3.0
-#: Sizes of boards that are tried where markers lie otherwise, and the error of a fit [squares].
-_SIZES, _FITS = range(3, 15), 0.15
+#: Sizes of boards that are tried where markers lie otherwise [squares].
+_SIZES = range(3, 15)
 #: Fewest markers by which a board is named.
 _SEVERAL = 4
-#: Families of markers that are looked for, and most images in which they are.
+#: Families of markers that are looked for.
 _FAMILIES = ("4X4", "5X5", "6X6", "7X7", "ARUCO_ORIGINAL", "APRILTAG_36h11")
-_SLOW = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -156,7 +153,8 @@ class Board:
                              do="add views of a board that is tilted by 20 to 40 degrees",
                              ) from error  # fmt: skip
         numbers = np.array((K[0, 0], K[1, 1], K[0, 2], K[1, 2], *np.ravel(bend)[:5]))
-        likely = np.all(np.abs(np.log(numbers[:2].clip(1e-9) / size[0])) < np.log(_LIKELY))
+        # A focal length of 15 times the image's width, or a fifteenth of it, is not believed.
+        likely = np.all(np.abs(np.log(numbers[:2].clip(1e-9) / size[0])) < np.log(15.0))
         return Lens(width=size[0], height=size[1], numbers=numbers) if likely else plain(size)
 
     def pose(self, seen: Seen, lens: Lens) -> Array:
@@ -225,7 +223,7 @@ def shown_instead(spec: BoardSpec, images: Sequence[Image]) -> str:
     cv2 = optional("cv2")
     looked = chain(
         (_own_markers(cv2, spec, x) for x in images),
-        (_other_markers(cv2, x) for x in images[:_SLOW]),
+        (_other_markers(cv2, x) for x in images[:3]),
         (_checkerboard(cv2, spec, x) for x in images),
     )
     return next(filter(None, looked), "no markers")
@@ -283,6 +281,6 @@ def _other_board(
             continue
         size = replace(spec, columns=columns, rows=rows)
         board = _drawn(cv2, size, markers, legacy=False)
-        if _misfit(cv2, board, corners, ids) < _FITS and size != spec:
+        if _misfit(cv2, board, corners, ids) < 0.15 and size != spec:
             return f"a board of {columns}x{rows} squares"
     return f"{len(ids)} markers, but too few corners between them"

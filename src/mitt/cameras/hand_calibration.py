@@ -36,12 +36,8 @@ POINT = ("x_m", "y_m", "z_m")
 _FEWEST_PLACES, _FEWEST_SIGHTINGS = 4, 20
 #: Step in which a carried ball's offset is looked for first [s].
 _SEARCH = 0.002
-#: Residual at which a pair of centroids does not give a first guess [px].
-_FIRST_RESIDUAL = 20.0
-#: Share of outliers, and error of the clock [s], that are worth a warning.
-_MANY, _CLOCK = 0.25, 5e-4
-#: Commanded speed below which an arm is told to rest [rad/s].
-_REST = 1e-9
+#: Error of the clock that is worth a warning [s].
+_CLOCK = 5e-4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -167,7 +163,7 @@ def hand_problem(
         [c.lens.straighten(centroids[:, 2 * k : 2 * k + 2]) for k, c in enumerate(rig.cameras)],
         axis=1,
     )
-    triangulator = Triangulator(rig.rig(), radius, TriangulatorConfig(max_residual=_FIRST_RESIDUAL))
+    triangulator = Triangulator(rig.rig(), radius, TriangulatorConfig(max_residual=20.0))
     found, seen = [], []
     for n, points in enumerate(straight):
         moments = tuple(
@@ -196,7 +192,7 @@ def calibrate_hand(
     advice = "hold the ball at places farther apart, in all three directions"
     limits = dict.fromkeys(solved.problem.names, (0.005, advice))
     warnings = list(weak(solved, limits))
-    if solved.outliers > _MANY:
+    if solved.outliers > 0.25:
         warnings.append(
             f"{100 * solved.outliers:.0f} % of the centroids do not fit: wrong rows, another "
             "bright thing in view, or a wrong rig"
@@ -369,7 +365,7 @@ def _catch(rows: Rows, points: Sequence[tuple[Sighting, ...]]) -> Catch | None:
         return None
     n = rows["q"].shape[1]
     told = np.abs(rows["command"].reshape(len(rows), 4, n)[:, 1]).max(axis=1)
-    rests = braked[told[braked] < _REST]
+    rests = braked[told[braked] < 1e-9]
     seen = rows["out_sighted"].astype(bool)
     t, table = rows["out_t_sighted"][seen], rows["sighting"][seen].reshape(-1, 4, 3)
     given = [p for several in points for p in several if p.found]

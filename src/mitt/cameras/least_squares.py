@@ -21,7 +21,6 @@ POSE = ("turn_x", "turn_y", "turn_z", "x", "y", "z")
 _BLIND = 1e-13
 #: Part that a parameter has in an undetermined direction before it is named.
 _PART = 0.05
-_ITERATIONS = 100
 
 
 class Problem(Protocol):
@@ -90,7 +89,7 @@ def fit(problem: P, *, robust: bool = False) -> Fit[P]:
         raise InputError("calibration", "finite measurements", "NaN or infinity")
     cost, w = _cost(r, robust=robust)
     damping, status = 1e-4, "stopped"
-    for _ in range(_ITERATIONS):
+    for _ in range(100):
         A, scale = _scaled(problem, w)
         N, b = A.T @ A, A.T @ (r * np.sqrt(w))
         while damping < 1e8:

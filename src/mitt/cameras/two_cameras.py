@@ -18,22 +18,16 @@ from mitt.files.rig import CalibratedRig
 from mitt.signals import GRAVITY, Array, BallState, Frame, Image, Moments, Sighting
 
 BALLS = {"any": FilterConfig(), "thrown": THROWN_BALL, "table-tennis": TABLE_TENNIS_BALL}
-#: Frames taken from live cameras; frames a second at which people watch [Hz].
-LIVE_FRAMES, WATCHED = 1000, 30.0
-#: A real camera's error of centroid, besides what its calibration left [px].
-_FLOOR = 0.05
-#: Distance of centroid and projected ball at which the cameras disagree, in calibration errors
-#: and at least [px].
-_RESIDUAL, _LEAST = 6.0, 2.0
+#: Frames a second at which people watch [Hz].
+WATCHED = 30.0
 #: Share of the instants with two targets below which the cameras disagree.
 _AGREE = 0.5
-#: Length of the pieces whose fall is looked at [s], fewest sightings in one, and the error beyond
-#: which it is no fall [m/s^2]; drag makes 2 at 7 m/s.
-_PIECE, _FEWEST, _FALL = 0.15, 8, 5.0
+#: Error of the acceleration beyond which it is no fall [m/s^2]; drag makes 2 at 7 m/s.
+_FALL = 5.0
 #: Colours (red, green, blue): both cameras agree, one sees something alone, text, ground.
 _AGREED, _ALONE, _TEXT, _GROUND = (80, 220, 120), (250, 170, 50), (225, 230, 235), (24, 30, 36)
-#: Least height of a picture, its strip of text, the gap between the pictures [px].
-_HEIGHT, _STRIP, _GAP = 384, 52, 8
+#: Height of the strip of text, and the gap between the pictures [px].
+_STRIP, _GAP = 52, 8
 
 
 @dataclass(slots=True)
@@ -135,9 +129,11 @@ class Watcher:
     def __init__(self, rig: CalibratedRig, *, radius: float, max_skew: float) -> None:
         """Take two cameras in a frame with z up, and a ball's radius [m]."""
         worst = max(c.rms_px for c in rig.cameras)
+        # A real camera's centroid is 0.05 px off besides what its calibration left. The cameras
+        # disagree where it is 2 px from the projected ball, or six times what calibration left.
         config = TriangulatorConfig(
-            sigma_floor=float(np.hypot(_FLOOR, worst)), max_skew=max_skew,
-            max_residual=max(_LEAST, _RESIDUAL * worst),
+            sigma_floor=float(np.hypot(0.05, worst)), max_skew=max_skew,
+            max_residual=max(2.0, 6.0 * worst),
         )  # fmt: skip
         self._cameras = rig.cameras
         self._segmenters = [Segmenter() for _ in rig.cameras]
@@ -193,7 +189,7 @@ def see(
     sizes = tuple((c.lens.width, c.lens.height) for c in rig.cameras)
     overlay = None if writer is None else Overlay(sizes, tuple(c.name for c in rig.cameras))
     with open_cameras((left, right), fps=fps) as (a, b):
-        most = frames or (LIVE_FRAMES if a.live or b.live else None)
+        most = frames or (1000 if a.live or b.live else None)
         instants = pairs((a, b), seen.counts, max_skew=max_skew, most=most)
         for n, images in enumerate(instants):
             moments, sighting = watcher.step(images, seen)
@@ -255,16 +251,16 @@ def fall_error(points: Sequence[Array]) -> float | None:
     """Return how far from gravity the acceleration of the points is [m/s^2].
 
     The median over pieces of 0.15 s of |a - g|, a from a parabola; drag makes it 1 to 2 m/s^2 at
-    the speeds of a throw. None where no piece has enough points. It tells a wrong rig, or left and
+    the speeds of a throw. None where no piece has 8 points. It tells a wrong rig, or left and
     right exchanged.
     """
     errors, start = [], 0
     for n in range(len(points)):
-        if points[n][0] - points[start][0] < _PIECE:
+        if points[n][0] - points[start][0] < 0.15:
             continue
         piece = np.array(points[start : n + 1])
         start = n + 1 if n + 1 < len(points) else n
-        if len(piece) < _FEWEST:
+        if len(piece) < 8:
             continue
         t = piece[:, 0] - piece[:, 0].mean()
         a = 2.0 * np.polyfit(t, piece[:, 1:], 2)[0]
@@ -295,10 +291,10 @@ class Overlay:
     """Draws pictures of one size."""
 
     def __init__(self, sizes: tuple[tuple[int, int], ...], names: tuple[str, ...]) -> None:
-        """Lay the pictures out."""
+        """Lay the pictures out, 384 px high at least."""
         self._cv2 = optional("cv2")
         self._names, self._sizes = names, sizes
-        self._scale = max(1, -(-_HEIGHT // max(height for _, height in sizes)))
+        self._scale = max(1, -(-384 // max(height for _, height in sizes)))
         self._shapes = [(self._scale * h, self._scale * w) for w, h in sizes]
         total = sum(w for _, w in self._shapes) + _GAP * (len(sizes) - 1)
         self._size = (max(h for h, _ in self._shapes) + _STRIP, max(total, 760))

@@ -40,12 +40,6 @@ Kind = Literal["command", "sensor"]
 
 #: Messages that wait to be taken.
 _DEPTH = {"command": 10, "sensor": 40}
-#: Most messages taken at once.
-_TAKEN = 64
-#: Longest that a reliable writer waits for room [ns].
-_BLOCK = 1_000_000
-#: Participants on one machine that find each other without multicast.
-_PARTICIPANTS = 32
 _ANY = SampleState.Any | ViewState.Any | InstanceState.Any
 
 
@@ -119,11 +113,11 @@ def domain_id() -> int:
 
 
 def _configuration(interface: str) -> str:
-    """Return Cyclone's configuration: one interface; on the loopback peers without multicast."""
+    """Return Cyclone's configuration: one interface; on the loopback 32 peers, no multicast."""
     loopback = interface == "lo"
     peers = (
-        f"<ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>"
-        f"{_PARTICIPANTS}</MaxAutoParticipantIndex><Peers><Peer address='127.0.0.1'/></Peers>"
+        "<ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>32"
+        "</MaxAutoParticipantIndex><Peers><Peer address='127.0.0.1'/></Peers>"
     )
     return (
         f"<CycloneDDS><Domain id='any'><General><Interfaces><NetworkInterface name='{interface}'/>"
@@ -174,7 +168,7 @@ def kept_to(interface: str) -> Iterator[None]:
 
 def _qos(kind: Kind) -> Any:  # noqa: ANN401 (Cyclone's)
     """Return the QoS of a kind of topic."""
-    reliable = Policy.Reliability.Reliable(_BLOCK)
+    reliable = Policy.Reliability.Reliable(1_000_000)  # a writer waits for room for 1 ms
     return Qos(
         Policy.Reliability.BestEffort if kind == "sensor" else reliable,
         Policy.Durability.Volatile,
@@ -208,7 +202,7 @@ class Subscriber:
         """Take Cyclone's reader."""
         self._reader = reader
 
-    def take(self, most: int = _TAKEN) -> list[bytes]:
+    def take(self, most: int = 64) -> list[bytes]:
         """Return the messages that have come, oldest first, so many at most."""
         return [m.cdr for m in self._reader.take(most) if m.sample_info.valid_data]
 

@@ -35,8 +35,6 @@ from mitt.signals import Frame, Image
 _FOLDER = Path("/dev/shm")  # noqa: S108  # nosec B108
 #: Says that a memory is such a ring, and in which version.
 _MAGIC = 0x6D697474_0001
-#: Most cameras, rows, columns.
-_MOST = 65_536
 #: Frames in a ring: what a reader may be late by [ticks].
 SLOTS = 64
 _HEADER = np.dtype({
@@ -45,11 +43,6 @@ _HEADER = np.dtype({
 })  # fmt: skip
 #: Before the images of a slot.
 _EXPOSURE = np.dtype([("before", np.int64), ("stamp", np.float64), ("after", np.int64)])
-#: Looks at the scene before a throw, and readings between two of them: as ``mitt catch`` takes
-#: them, ten in 80 ms.
-_LOOKS, _APART = 10, 8
-#: Time between two looks at whether a memory is still that of the cameras [s].
-_AGAIN = 0.5
 #: Time without an image after which the cameras are lost [s]: six frames of 120 a second.
 SILENT = 0.05
 
@@ -227,7 +220,7 @@ def _checked_head(
     magic, *shape, slots, written = np.frombuffer(raw, _HEADER, 1)[0].tolist()
     if magic != _MAGIC or not 0 < slots <= 4096:
         raise InputError("source.memory", "a ring of frames of this version", "another")
-    whole = min(shape) > 0 and max(shape) <= _MOST
+    whole = min(shape) > 0 and max(shape) <= 65_536
     if not whole or of.st_size < _size_of(shape[0], shape[1], shape[2], slots):
         raise InputError("source.memory", "a whole ring of frames", f"{of.st_size} bytes")
     wanted = [len(shapes), *shapes[0]]
@@ -268,7 +261,7 @@ class SharedFrames:
             self._reader = FrameReader(self._name, self._shapes)
         except InputError as error:
             self._said = str(error)
-        self._due = monotonic() + _AGAIN
+        self._due = monotonic() + 0.5
         return self._said
 
     def take(self) -> Sequence[FrameSet]:
@@ -316,14 +309,17 @@ class Sight:
         return f"no images for {1e3 * SILENT:.0f} ms"
 
     def show(self, catcher: Catcher, seen: FrameSet, t: float) -> tuple[Frame, ...]:
-        """Return frames for the catcher; none as long as its background is learned from them."""
+        """Return frames for the catcher; none as long as its background is learned from them.
+
+        It is learned as by ``mitt catch``, from ten looks in 80 ms.
+        """
         frames = frames_of(seen, t)
         if self._learned:
             return frames
-        if self._seen % _APART == 0:
+        if self._seen % 8 == 0:
             self._views.append(frames)
         self._seen += 1
-        if len(self._views) == _LOOKS:
+        if len(self._views) == 10:
             catcher.learn_background(self._views)
             self._learned = True
         return ()

@@ -34,24 +34,16 @@ from mitt.signals import TICK, ArmState, Array, Command
 _GONE, _LONGEST, _HELD = 0.4, 3.0, 0.6
 #: Slowest ball that is a throw [m/s].
 _THROWN = 1.0
-#: How long it is looked once more for readings that did not come in time [s].
-_LOOK = 0.003
-#: How far from the ready pose the arm may rest [rad], and how long it may take beyond its time [s].
-_NEAR, _PATIENCE = 0.03, 1.0
+#: How far from the ready pose the arm may rest [rad].
+_NEAR = 0.03
 #: Speed of a joint that no slow motion has [rad/s]: it is told 1 rad/s at most; fastest setpoint
 #: then, which corrects gaps too.
 _TOO_FAST, _TO_READY = 2.5, 1.5
-#: How far an arm may be from where it is commanded to rest, that goes back by itself [rad].
-_PUSHED = 0.1
-#: Time within which a stop has to end [s], and time after a release in which the robot may still
-#: say why it had stopped before [s].
-_STOPS, _GRACE = 2.0, 0.05
-#: How often brakes are told that do not answer, and repeated readings from which it is said.
-_TOLD, _MANY = 3, 3.5
-_SLOWER = "joint states repeat: the robot is slower than its publisher"
+#: Time within which a stop has to end [s].
+_STOPS = 2.0
 #: Fastest that a joint moves [rad/s]: the reduced speed of ISO 10218-1 is 0.25 m/s at the tool, a
-#: quarter of a metre from the joint; time to that speed [s], and share of the time for its onset.
-_FASTEST, _RAMP, _ONSET = 1.0, 0.25, 0.2
+#: quarter of a metre from the joint; and time to that speed [s].
+_FASTEST, _RAMP = 1.0, 0.25
 #: Share of what the drives can accelerate with, and of the limits of acceleration and jerk, that
 #: is used.
 _GENTLE = 0.3
@@ -181,7 +173,7 @@ class LiveLoop:
     def _engaged(self) -> str:
         """Engage the brakes, more than once where they do not answer; say so if they never do."""
         said = ""
-        for _ in range(_TOLD):
+        for _ in range(3):
             try:
                 self._link.brake()
             except BaseException as error:  # a driver's own: its watchdog is left
@@ -201,7 +193,7 @@ class LiveLoop:
         """Wait for readings and answer them; what goes wrong stops the arm and is not raised."""
         try:
             # The second look is for a stall of ours, after which nothing had time to come in.
-            readings = self._robot.read(self._silence) or self._robot.read(_LOOK)
+            readings = self._robot.read(self._silence) or self._robot.read(0.003)
             for reading in readings or ():
                 check_reading(reading, self._arm.n)
         except Exception as error:  # a driver's own
@@ -261,12 +253,12 @@ class LiveLoop:
             self._cut(f"the robot takes no command: {error}")
 
     def _ask(self) -> None:
-        """Stop where the robot says so."""
+        """Stop where the robot says so, but for 50 ms after a release: of why it stopped before."""
         try:
             trouble = self._robot.waits() or self._robot.trouble()
         except Exception as error:  # a driver's own
             trouble = str(error)
-        if trouble and self._ticks.stamps.t > _GRACE:
+        if trouble and self._ticks.stamps.t > 0.05:
             self.stop(f"the robot says: {trouble}")
 
     def _look_at_ball(self, due: float) -> None:
@@ -282,8 +274,8 @@ class LiveLoop:
         self.notes["absent"] = self._positions.absent
         if not self.notes["absent"]:  # it has come
             del self.notes["absent"]
-        if self._ticks.repeating > _MANY:
-            self.notes["readings"] = _SLOWER
+        if self._ticks.repeating > 3.5:  # of the last hundred, about
+            self.notes["readings"] = "joint states repeat: the robot is slower than its publisher"
 
     def _images(self, count: int, now: float) -> Sequence[FrameSet | None]:
         """Return images beside so many readings; stop where their source fails."""
@@ -329,7 +321,7 @@ class LiveLoop:
                 self._ticks.fresh()
                 self._ticks.record()
                 self.mode = Mode.CATCHING
-            elif now > self._until + _PATIENCE:
+            elif now > self._until + 1.0:
                 self.stop(f"the ready pose was not reached: {gap:.2f} rad are left")
 
     def _catching(self, now: float) -> None:
@@ -358,7 +350,7 @@ class LiveLoop:
         if for_the_ball and not self._link.braked:
             if not self._ticks.rests:
                 return
-            if (gap := self._ticks.gap) < _PUSHED:
+            if (gap := self._ticks.gap) < 0.1:  # [rad]
                 self.counts.stopped += not self._missed
                 self._over()
                 return
@@ -414,7 +406,7 @@ def slow_motion(arm: Arm, start: Array, end: Array, share: float) -> Array:
     speed = np.minimum(np.minimum(share * arm.dq_max, b["dq_max"]), _FASTEST)
     most = _GENTLE * np.minimum(trusted_deceleration(arm, start), b["ddq_max"])
     acceleration = np.minimum(speed / _RAMP, most)
-    jerk = np.minimum(acceleration / (_ONSET * _RAMP), _GENTLE * b["jerk"])
+    jerk = np.minimum(acceleration / (0.2 * _RAMP), _GENTLE * b["jerk"])
     request, way = InputParameter(arm.n), Trajectory(arm.n)
     request.synchronization = Synchronization.Phase
     request.current_position, request.target_position = start.tolist(), end.tolist()

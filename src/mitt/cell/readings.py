@@ -35,21 +35,14 @@ from mitt.signals import TICK, ArmState, Array, Sighting
 #: By how much stamps may run ahead of the time between two messages [s]; what waits here longer
 #: than this is late anyway.
 _AHEAD = 0.02
-#: Messages in a row that may repeat a stamp or come in the wrong order, and by how much [s].
-_REPEATS, _SWAPPED = 3, 0.01
-#: Least step from one reading to the next [s].
-_LEAST = 0.1 * TICK
+#: By how much messages may come in the wrong order [s].
+_SWAPPED = 0.01
 #: By how much readings may come later than the least late ones [s]: at the catcher's bandwidth of
 #: 80 rad/s a delay of 10 ms takes 46 degrees of the phase margin.
 LATER = 0.01
 #: How fast the least lag is let grow [s/s]: clocks are slewed by up to 500 ppm (``adjtime``). A lag
 #: that grows more slowly cannot be told from a drift.
 DRIFT = 5e-4
-#: Time between two stamps after which a robot was away, and may have been started anew [s].
-_AWAY = 1.0
-#: For how long they come so late before it is a fault [s]: after a stall of ours a few are old.
-_LASTS = 0.02
-
 #: Age, or time in the future, from which a position or an image has an impossible stamp [s].
 STRAY = 0.4
 #: Positions that are looked at together: a flight has 30 of a camera with 60 images a second.
@@ -57,24 +50,13 @@ WINDOW = 25
 #: By how much all may be stamped ahead of the joint states before it is said, and before it is a
 #: fault [s]; and by how much behind before it is said: 3 ms of flight are 15 mm.
 _ODD, _FAULT, _LATE = 0.0015, 0.005, 0.008
-#: Rounding of a stamp [s]: a time of the day has 2.4e-7.
-_ROUNDING = 1e-6
 _CLOCKS = "the joint states: both need one clock, or synchronised ones"
-#: For how long a fault is said after the positions that showed it [s].
-_SAID = 1.0
-#: Time without one that can be used after which it is said [s]: between throws many a tracker
-#: sends zeros.
-_ABSENT = 30.0
-
-#: How far outside its range a joint may be read before a unit is doubted [rad], and how far an arm
-#: may rest there that is to be moved [rad].
-_OUTSIDE, _BESIDE = 0.5, 0.02
+#: How far outside its range a joint may be read before a unit is doubted [rad].
+_OUTSIDE = 0.5
 #: Speed of a joint from which an arm is not at rest [rad/s]: more than a count of an encoder.
 _MOVES = 0.5
-#: For how long readings are looked at [s], and the least time that their stamps have to span.
-WATCHED, _SPAN = 0.05, 0.02
-#: Time without a look after which what was read before says nothing [s].
-_FORGETS = 0.1
+#: For how long readings are looked at [s].
+WATCHED = 0.05
 
 
 @final
@@ -131,8 +113,9 @@ class Lag:
         lag = arrived - stamp
         if not isfinite(lag):
             return ""
-        # What came before says nothing of a clock that was set back, or a robot that was away.
-        if not -_SWAPPED < stamp - self._stamp < _AWAY:
+        # What came before says nothing of a clock that was set back, or a robot that was away for
+        # a second, and may have been started anew.
+        if not -_SWAPPED < stamp - self._stamp < 1.0:
             self._least = lag
             self._newest.clear()
         self._newest.append(lag)
@@ -143,7 +126,7 @@ class Lag:
         self._least, self._stamp, self._known = least, stamp, arrived
         self.later = later = lag - self._least
         self._since = min(self._since, arrived) if later > LATER else inf
-        self._late = arrived - self._since >= _LASTS
+        self._late = arrived - self._since >= 0.02  # after a stall of ours a few are old
         return f"readings come {1e3 * later:.0f} ms later than they did" if self._late else ""
 
 
@@ -176,9 +159,9 @@ class Stamps:
             self._zero = stamp
         else:
             step, passed = stamp - self.stamp, arrived - self._arrived
-            if step < _LEAST:
+            if step < 0.1 * TICK:
                 self._repeats += 1
-                if step > -_SWAPPED and self._repeats <= _REPEATS:
+                if step > -_SWAPPED and self._repeats <= 3:  # repeated, or in the wrong order
                     return None
                 self._jump(f"its clock was set back by {-step:.3g} s", stamp)
             elif step - passed > _AHEAD:
@@ -245,7 +228,7 @@ class Positions:
             self._take(point, newest)
             if len(self._window.gaps) + self._window.none >= WINDOW:
                 self._judge(newest)
-        if not abs(newest - self._judged) < _SAID:
+        if not abs(newest - self._judged) < 1.0:  # a fault is said for a second
             self.fault = ""
         while self._waiting and not self._waiting[-1].t - newest < STRAY:  # a clock was set back
             self._waiting.pop()
@@ -253,7 +236,7 @@ class Positions:
 
     def upto(self, stamp: float) -> list[Sighting]:
         """Return those that a reading of this stamp can know, oldest first; once each."""
-        waiting, last = self._waiting, stamp + TICK - _ROUNDING
+        waiting, last = self._waiting, stamp + TICK - 1e-6  # a time of the day is 2.4e-7 s off
         known = [point for point in waiting if point.t <= last]
         if len(known) == len(waiting):
             waiting.clear()
@@ -289,8 +272,8 @@ class Positions:
             self._waiting.append(point)
 
     def _miss(self, newest: float, what: str) -> None:
-        """Say that none can be used, unless some could a while ago, and begin anew."""
-        if not newest - self._used < _ABSENT:
+        """Say that none can be used, and begin anew; for 30 s not: many a tracker sends zeros."""
+        if not newest - self._used < 30.0:
             self.absent = f"the {what} of the ball are no numbers, or all zero"
         self.note, self._window = "", _Window()
 
@@ -346,11 +329,11 @@ def wrong_with(arm: Arm, readings: Sequence[ArmState]) -> str:
     if not np.all(np.isfinite(rows)):
         return "joint positions that are no numbers"
     beyond = np.maximum(arm.q_min - rows[-1], rows[-1] - arm.q_max)
-    if np.any(beyond > _BESIDE):
+    if np.any(beyond > 0.02):  # [rad]
         k = int(np.argmax(beyond))
         return f"{arm.names[k]} is {beyond[k]:.2f} rad outside its range: move it back by hand"
     span = readings[-1].t - readings[0].t
-    if not span >= _SPAN:
+    if not span >= 0.02:
         return f"joint states whose stamps go on by {1e3 * span:.3g} ms in {1e3 * WATCHED:.0f}"
     by_position = np.ptp(rows, axis=0) > _MOVES * span
     if np.any(by_position) or np.any(np.abs(readings[-1].dq) > _MOVES):
@@ -394,7 +377,7 @@ class Watch:
 
     def look(self) -> str:
         """Read, at first for 50 ms; return what is wrong, nothing if all is well."""
-        if self._clock() > self._looked + _FORGETS:
+        if self._clock() > self._looked + 0.1:  # what was read before says nothing
             self._seen.clear()
         late, full = "", False
         while not full:

@@ -60,16 +60,10 @@ from mitt.signals import Command, Frame, Senses, all_of
 TICK, CALL, NOTICE, GROUND = 1, 2, 3, 4
 #: Number of a tick, of its points, of its frames.
 COUNTS = struct.Struct("<QII")
-#: Room for 4 s of ticks, and for 1.5 s of two images of 128 x 128 [bytes].
-_ROOM, _ROOM_IMAGES = 8_000_000, 64_000_000
 #: What can be told to a catcher besides its senses.
 CALLS = ("stop", "recover", "recover checked", "again")
-#: Time without progress after which a writer is ended [s], and time between two looks at it [s].
-_PATIENCE, _LOOK = 20.0, 0.1
-#: Time between two looks of the writer at the ring [s], and between two chunks [s].
-_LOOK_IN, _CHUNK = 0.02, 0.1
-#: Most ticks that are written at once.
-_MOST = 200
+#: Time without progress after which a writer is ended [s], and between two chunks [s].
+_PATIENCE, _CHUNK = 20.0, 0.1
 #: Counters before the ring: bytes put, bytes taken, entries refused, largest fill [bytes].
 _COUNTERS = np.dtype({
     "names": ["put", "taken", "refused", "fullest"], "formats": [np.int64] * 4, "itemsize": 64,
@@ -206,7 +200,8 @@ class Recorder(AbstractContextManager["Recorder"]):
         given = {} if metadata is None else checks.mapping("metadata", metadata)
         texts = {checks.text("metadata", key): checks.text(f"metadata {key}", value)
                  for key, value in given.items()}  # fmt: skip
-        self._ring = Ring.new(_ROOM_IMAGES if images else _ROOM)
+        # Room for 4 s of ticks, or for 1.5 s of two images of 128 x 128.
+        self._ring = Ring.new(64_000_000 if images else 8_000_000)
         self._lay_out(about)
         heading = asdict(heading_of(about, texts))
         self._process = subprocess.Popen(  # noqa: S603 (this interpreter, our module)
@@ -341,7 +336,7 @@ class Recorder(AbstractContextManager["Recorder"]):
         """
         pipe, before, due = self._process.stdout, -1, 0.0
         assert pipe is not None
-        while not select.select([pipe], [], [], _LOOK)[0]:
+        while not select.select([pipe], [], [], 0.1)[0]:
             left = self._ring.left
             if left != before:
                 before, due = left, monotonic() + _PATIENCE
@@ -403,7 +398,7 @@ class _Writer:
         if kind == TICK:
             size = self._row.itemsize
             row, rest = bytes(rest[:size]), rest[size:]
-            if self._rows and (number != self._first + len(self._rows) or len(self._rows) >= _MOST):
+            if self._rows and (number != self._first + len(self._rows) or len(self._rows) >= 200):
                 self._put()
                 self._before.setdefault(number, says)
             self._first = self._first if self._rows else number
@@ -466,7 +461,7 @@ def _follow(writer: _Writer) -> None:
     """Write what comes until the recorder has no more to say."""
     due = monotonic() + _CHUNK
     while True:
-        ended = bool(select.select([sys.stdin.buffer], [], [], _LOOK_IN)[0])
+        ended = bool(select.select([sys.stdin.buffer], [], [], 0.02)[0])
         writer.drain()
         if monotonic() >= due:
             writer.flush()

@@ -39,8 +39,6 @@ from mitt.signals import ArmState, Array, Command, Image, Sighting
 
 #: Where a simulated cell says how a throw ended; never read inside the loop.
 RESULTS = "/mitt/throw_result"
-#: Level of a diagnostic entry from which the robot does not work, and fields that are read a cycle.
-_ERROR, _FIELDS = 2, 32
 _KNOWN = {"state": "/joint_states", "command": "/joint_trajectory", "controller": "", "hand": "",
           "hand_command": "/hand_controller/commands", "brake": "", "diagnostics": "/diagnostics",
           "status": "", "others": "", "interface": "lo", "unbraked": False}  # fmt: skip
@@ -224,12 +222,12 @@ class Ros2Robot:
     def trouble(self) -> str:
         """Return why the robot does not take commands; nothing if it does.
 
-        Of what others say a little is read at a time, and what cannot be read is left.
+        Of what others say 32 fields are read at a time, and what cannot be read is left.
         """
         if self._search is None:
             for raw in [] if self._diagnostics is None else self._diagnostics.take(1):
                 self._search = messages.search_diagnostics(raw, self._of["status"])
-        for _ in range(_FIELDS):
+        for _ in range(32):
             if self._search is None:
                 break
             try:
@@ -238,7 +236,7 @@ class Ros2Robot:
                 self._search = None
                 break
             if found is not None:
-                self._trouble = found[1] or "error" if found[0] >= _ERROR else ""
+                self._trouble = found[1] or "error" if found[0] >= 2 else ""  # ERROR or STALE
         return self._trouble
 
     def _look(self) -> str:

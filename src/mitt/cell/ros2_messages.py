@@ -33,8 +33,6 @@ from mitt.signals import Array, Command
 _TOLD = {"position": 1, "velocity": 2, "torque": 4}
 #: What ros2_control calls them.
 _INTERFACES = {"position": "position", "velocity": "velocity", "torque": "effort"}
-#: Writes after which the hand's angle is sent again, though it is the same.
-_AGAIN = 20
 #: Time that a trajectory's point is given to be reached [ns]: two updates at 500 Hz.
 _REACH_NS = 4_000_000
 
@@ -252,9 +250,9 @@ class Orders:
         return trajectory(answers, self.names, self._rows[: _TOLD[self._takes]])
 
     def of_hand(self, command: Command, answers: float) -> bytes | None:
-        """Return the message for the hand's controller; None where it knows the angle already."""
+        """Return the message for the hand's controller; None where it was told in the last 20."""
         self._since += 1
-        if not self.hand or (command.hand == self._sent and self._since < _AGAIN):
+        if not self.hand or (command.hand == self._sent and self._since < 20):
             return None
         self._sent, self._since = command.hand, 0
         angle = np.array([command.hand])

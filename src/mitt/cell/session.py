@@ -31,24 +31,16 @@ from mitt.trials.result import STATUSES, spread_of
 from mitt.trials.source import Source
 from mitt.world.scene import Scene
 
-#: Time between two lines on what is waited for, the same and another [s].
-_LINES, _OTHER = 5.0, 0.5
-#: Most ticks of a rehearsal.
-_REHEARSED = 8000
-#: Cycles between two looks at what is no part of the loop.
-_LOOK = 50
+#: Time between two lines on what is waited for [s].
+_LINES = 5.0
 #: Numbers of the live table, in this order.
 SHOWN = ("mode", "rate", "age_us", "late", "lost", "throws", "caught", "told")
 STATES = tuple(mode.value for mode in Mode)
 """What the first of them counts, in words."""
 #: Room for the line of the live table on what is odd [bytes].
 _WORDS = 240
-#: Lateness from which time is not made up for at once [s], and how much faster it is then [s/s].
-_SLIP, _FASTER = 0.003, 0.25
 CORE = 0
 """Core of the simulated cell among those allowed: the first; ``mitt run`` takes the last."""
-#: Longest that the cell goes on after its last throw until its brakes are engaged [s].
-_AFTER = 10.0
 
 Numbers: TypeAlias = MutableSequence[float]
 
@@ -85,7 +77,7 @@ def rehearse(prepared: PreparedCell, f: DirectMap) -> None:
     loop = loop_of(prepared, f, local_connection(prepared.cell, local))
     loop.healthy()
     loop.begin()
-    for _ in range(_REHEARSED):
+    for _ in range(8000):  # 8 s
         loop.cycle()
         if loop.mode is Mode.STOPPED or (local.simulated.done and loop.mode is Mode.CATCHING):
             return
@@ -215,7 +207,7 @@ class Session:
                 self._person.spend()
                 return True
             passed = monotonic() - spoken
-            other = trouble != told and passed > _OTHER
+            other = trouble != told and passed > 0.5
             if passed > _LINES or other or (not trouble and not asked and not agreed):
                 spoken, asked, told = monotonic(), asked or not trouble, trouble
                 self._tell(f"waiting: {trouble}" if trouble
@@ -233,7 +225,7 @@ class Session:
             count += 1
             if self.signal:
                 loop.stop(f"interrupted by {signal.Signals(self.signal).name}")
-            if count % _LOOK:
+            if count % 50:  # what follows is no part of the loop
                 continue
             self._hear()
             self._show()
@@ -383,20 +375,23 @@ class Server:
                 port.close()
 
     def _go_on(self, cell: SimulatedCell) -> None:
-        """Make tick after tick, each at its time; after a stall a quarter faster until in time."""
+        """Make tick after tick, each at its time; 3 ms late, a quarter faster until in time.
+
+        After its last throw the cell waits for 10 s at most until its brakes are engaged.
+        """
         due, end, behind = monotonic(), float("inf"), 0.0
         while monotonic() < end:
             cell.tick()
-            made_up = min(behind, _FASTER * TICK)
+            made_up = min(behind, 0.25 * TICK)
             due, behind = due + TICK - made_up, behind - made_up
             late = sleep_until(due)
-            if late > _SLIP:
+            if late > 0.003:
                 self.slipped += 1
                 due, behind = due + late, behind + late
             self.late += late > TICK
             cell.act()
             if cell.done:
-                end = min(end, monotonic() + _AFTER) if cell.released else monotonic()
+                end = min(end, monotonic() + 10.0) if cell.released else monotonic()
 
     def summary(self) -> dict[str, Any]:
         """Return what was thrown and what became of it."""

@@ -47,16 +47,6 @@ _REST = 0.02
 _LEAST, _RATIO = 1e-6, 1.01
 #: Number of classes: up to 12 s.
 _CLASSES = 1640
-#: For how long the arm rests in its ready pose before a throw [s], how near [rad], how slow
-#: [rad/s].
-_SETTLED, _NEAR, _SLOW = 0.8, 0.05, 0.05
-#: Where a ball lies that nobody has thrown, behind the cameras [m], and for how long before it is
-#: put there anew [s].
-_ASIDE, _ANEW = -30.0, 10.0
-#: Ticks between two messages on how the robot is.
-_STATUS = 100
-#: Ticks after which those beyond a limit are counted.
-_CHECKED = 100
 #: Readings whose times are kept to tell the age of the command that answers them.
 _KEPT = 256
 
@@ -257,7 +247,8 @@ class SimulatedCell:
         self._rows, self._driven, self._trouble = list[Array](), list[bool](), ""
         self._before: Array | None = None
         self._squares, self._summed = np.zeros(len(arm.limits.tau_rms)), 0
-        self._aside = Throw(r=np.array([_ASIDE, 0.0, scene.floor + 0.1]), dr=np.zeros(3))
+        # Where a ball lies that nobody has thrown: behind the cameras.
+        self._aside = Throw(r=np.array([-30.0, 0.0, scene.floor + 0.1]), dr=np.zeros(3))
         self._world.reset(self._aside, self._seed)
 
     @property
@@ -296,7 +287,7 @@ class SimulatedCell:
             if p.found:
                 port.ball(self._base + p.t, p.r_o)
         trouble = self._controller.trouble
-        if trouble != self._trouble or self._ticks % _STATUS == 0:
+        if trouble != self._trouble or self._ticks % 100 == 0:
             self._trouble = trouble
             port.status(t, trouble)
         self._ticks += 1
@@ -317,7 +308,7 @@ class SimulatedCell:
         self._rows.append(control.told)
         self._driven.append(control.commanded)
         self._world.apply(command)
-        if len(self._rows) >= _CHECKED:
+        if len(self._rows) >= 100:
             self._check()
         self._go_on(command, q, dq)
 
@@ -328,14 +319,14 @@ class SimulatedCell:
             if world.over(longest=LONGEST, held=HELD_AFTER):
                 self._judge()
             return
-        still = bool(np.all(np.abs(dq) < _SLOW))
-        near = bool(np.all(np.abs(q - self._arm.q_ready) < _NEAR))
+        still = bool(np.all(np.abs(dq) < 0.05))  # [rad/s]
+        near = bool(np.all(np.abs(q - self._arm.q_ready) < 0.05))  # [rad]
         ready = still and near and self._controller.commanded and not command.brakes
         self._settled = self._settled + 1 if ready else 0
-        if self._settled * TICK >= _SETTLED and self._next < self._source.count:
+        if self._settled * TICK >= 0.8 and self._next < self._source.count:
             self._settled, self._flying = 0, True
             self._put(self._source.ball(self._next))
-        elif world.t >= _ANEW:
+        elif world.t >= 10.0:  # put there anew [s]
             self._put(self._aside)
 
     def _judge(self) -> None:

@@ -23,14 +23,6 @@ from mitt.signals import TICK, ArmState, Array, Command, Frame, Senses
 #: How far a joint has to have moved before a row of angles that repeats is no reading [rad], beside
 #: a step of its encoder.
 _MOVED = 5e-5
-#: Share of what it has moved by that is forgotten in a tick: at rest estimates are not zero; and of
-#: the readings that repeat.
-_FORGOTTEN, _FADES = 0.1, 0.01
-#: Rows in a row that repeat, and how far a joint has moved meanwhile [rad], from which joint states
-#: have stopped: hardware of 125 Hz repeats 7, an encoder of 1 degree more on a slow way.
-_FROZEN, _FAR = 9, 0.005
-#: Speeds below which an arm rests, commanded and estimated [rad/s].
-_REST, _STILL = 1e-3, 0.05
 #: Ticks and sightings that are kept: the longest brake takes a second, and a clock may be off.
 _KEPT = 1500
 
@@ -126,12 +118,12 @@ class Ticks:
     @property
     def told_to_rest(self) -> bool:
         """Whether the last command leaves every joint at rest."""
-        return bool(np.all(np.abs(self.catcher.result.command[1]) < _REST))
+        return bool(np.all(np.abs(self.catcher.result.command[1]) < 1e-3))  # [rad/s]
 
     @property
     def rests(self) -> bool:
         """Whether the arm is commanded to rest, and does."""
-        return self.told_to_rest and bool(np.all(np.abs(self.catcher.estimated[1]) < _STILL))
+        return self.told_to_rest and bool(np.all(np.abs(self.catcher.estimated[1]) < 0.05))
 
     def restart(self) -> None:
         """Forget the stamps so far, as after a stop, and take a fresh catcher."""
@@ -171,7 +163,7 @@ class Ticks:
             raise InputError("the first reading", "the angle of each joint", "NaN")
         self._counts.ticks += 1
         arm = ArmState(t=t, q=reading.q, dq=reading.dq)
-        self.repeating *= 1.0 - _FADES
+        self.repeating *= 0.99
         if self._repeats(reading):
             self._counts.repeated += 1
             self.repeating += 1.0
@@ -192,11 +184,12 @@ class Ticks:
         speed = np.abs(self.catcher.estimated[1])
         if self._obeys:
             speed = np.maximum(speed, np.abs(self.catcher.result.command[1]))
-        self._moved = (1.0 - _FORGOTTEN) * self._moved + TICK * speed
+        self._moved = 0.9 * self._moved + TICK * speed  # at rest estimates are not zero
         repeats = bool(np.any(self._moved > self._least))
         self._run += repeats
         self._travel += TICK * float(np.max(speed))
-        self.frozen = self._run >= _FROZEN and self._travel > _FAR
+        # Hardware of 125 Hz repeats 7, an encoder of 1 degree more on a slow way.
+        self.frozen = self._run >= 9 and self._travel > 0.005
         return repeats
 
     def _step(self, senses: Senses) -> Command:

@@ -16,23 +16,10 @@ from numpy.typing import NDArray
 
 from mitt.signals import GRAVITY, Array
 
-#: Fewest and most samples of a piece, and pieces of a flight where these allow it.
-_FEWEST, _MOST, _PIECES = 8, 200, 4
-#: Share of the fall that the pieces may be off it, and least drop below the chord over its length.
-_CLEAN, _SAG = 0.3, 0.02
-#: How much more counts what all pieces are off alike.
-_ALWAYS = 2.0
-#: Shares of gravity that count as a fall along another axis, and as one in another unit.
-_ALONG, _SCALED = (0.65, 1.6), (0.87, 1.15)
-#: Acceleration of a spinning ball: so much, and more with its speed [m/s^2, 1/s].
-_SPIN, _SPIN_BY_SPEED = 3.0, 2.5
-#: Fewest throws of a table that tell its axes.
-_FEWEST_THROWS = 3
-#: Steps of the fit; most flights and throws of a table that are looked at.
-_STEPS, _MOST_FLIGHTS, _MOST_THROWS = 12, 20, 300
-#: How near the origin of an arm a throw comes, and within which time [m, s]; shares of the throws
-#: that do as they are written, and in other axes or units, where these are meant.
-_NEAR, _FLIGHT, _FEW, _MANY = 1.5, 2.5, 0.5, 0.8
+#: How near the origin of an arm a throw comes [m].
+_NEAR = 1.5
+#: Share of the throws that come so near in other axes or units, where these are meant.
+_MANY = 0.8
 
 #: Units of positions and times that tables come in, per metre and per second.
 _LENGTHS = {"m": 1.0, "mm": 1000.0, "cm": 100.0, "inches": 1.0 / 0.0254, "feet": 1.0 / 0.3048}
@@ -75,7 +62,7 @@ def doubt_of(flights: Sequence[tuple[Array, Array]]) -> Doubt | None:
     Args:
         flights: Times, shape (n,), and positions, shape (n, 3), of each.
     """
-    chosen = (flights[k] for k in _spread(len(flights), _MOST_FLIGHTS))
+    chosen = (flights[k] for k in _spread(len(flights), 20))
     falls = [fall for t, r in chosen if (fall := fall_of(t, r)) is not None]
     said = Counter(_doubt(fall) for fall in falls)
     if not said:
@@ -87,16 +74,16 @@ def doubt_of(flights: Sequence[tuple[Array, Array]]) -> Doubt | None:
 def doubt_of_throws(r: Array, dr: Array) -> Doubt | None:
     """Return why throws are in other axes or units than metres, seconds and z up, or None.
 
-    Few of them come near the arm as they are written, and most do otherwise. Fewer than three say
+    Half of them miss the arm as they are written, and most do not otherwise. Fewer than three say
     nothing.
 
     Args:
         r: Positions at release, shape (n, 3).
         dr: Velocities, shape (n, 3).
     """
-    chosen = _spread(len(r), _MOST_THROWS)
+    chosen = _spread(len(r), 300)
     r, dr = r[chosen], dr[chosen]
-    if len(r) < _FEWEST_THROWS or _near(r, dr, 0.0) >= _FEW:
+    if len(r) < 3 or _near(r, dr, 0.0) >= 0.5:
         return None
     for axis, turn in _TURNS.items():
         if _near(_turned(turn, r), _turned(turn, dr), _NEAR) >= _MANY:
@@ -116,7 +103,7 @@ def _spread(count: int, most: int) -> NDArray[np.int64]:
 
 def _near(r: Array, dr: Array, released: float) -> float:
     """Return the share of throws that come near the origin, released so far from it or more."""
-    t = np.linspace(0.0, _FLIGHT, 251)[:, None, None]
+    t = np.linspace(0.0, 2.5, 251)[:, None, None]  # no throw flies longer [s]
     path = r + dr * t - 0.5 * t * t * np.array((0.0, 0.0, GRAVITY))
     apart = np.linalg.norm(path, axis=2)
     return float(np.mean((apart.min(axis=0) < _NEAR) & (apart[0] >= released)))
@@ -135,7 +122,7 @@ def fall_of(t: Array, r: Array) -> Fall | None:
         t: Times, rising, in any unit, shape (n,).
         r: Positions, in any unit, shape (n, 3).
     """
-    size = min(max(len(t) // _PIECES, _FEWEST), _MOST)
+    size = min(max(len(t) // 4, 8), 200)  # of a piece
     pieces = [_piece(t[k : k + size], r[k : k + size])
               for k in range(0, len(t) - size + 1, max(size // 2, 1))]  # fmt: skip
     if not pieces:
@@ -146,7 +133,7 @@ def fall_of(t: Array, r: Array) -> Fall | None:
     along, rest = fits[axis]
     duration, length = float(t[-1] - t[0]), float(np.ptp(r, axis=0).max())
     sag = 0.125 * abs(along) * duration**2
-    if rest > _CLEAN * abs(along) or sag < _SAG * length:
+    if rest > 0.3 * abs(along) or sag < 0.02 * length:  # the pieces disagree, or it is hardly bent
         return None
     speed = float(np.linalg.norm(v, axis=1).mean())
     return Fall("-+"[int(along > 0.0)] + "xyz"[axis], abs(along), speed)
@@ -162,7 +149,7 @@ def _piece(t: Array, r: Array) -> tuple[Array, Array]:
 def _fit(a: Array, v: Array, axis: int) -> tuple[float, float]:
     """Return the acceleration along an axis beside drag, and how far off the pieces are (median).
 
-    What they are off in common counts more, as it is no noise. Least absolute distances, so that a
+    What they are off in common counts twice, as it is no noise. Least absolute distances, so that a
     piece with a bounce in it does not count.
 
     Args:
@@ -181,7 +168,7 @@ def _fit(a: Array, v: Array, axis: int) -> tuple[float, float]:
     found: Array = np.zeros(2)
     rest: Array = np.zeros(len(a))
     off: Array = np.zeros_like(a)
-    for _ in range(_STEPS):
+    for _ in range(12):
         root = np.sqrt(weight)[:, None]
         rows, wanted = columns * root[:, :, None], a * root
         solved = np.linalg.lstsq(rows.reshape(-1, 2), wanted.ravel(), rcond=None)
@@ -194,24 +181,22 @@ def _fit(a: Array, v: Array, axis: int) -> tuple[float, float]:
         weight = 1.0 / np.maximum(rest, least)
         weight = weight / weight.max()
     always = float(np.linalg.norm(np.median(off, axis=0)))
-    return float(found[0] / scale[0]), max(float(np.median(rest)), _ALWAYS * always)
+    return float(found[0] / scale[0]), max(float(np.median(rest)), 2.0 * always)
 
 
 def _doubt(fall: Fall) -> Doubt | None:
     """Return what is wrong with how a flight falls; None where nothing is."""
-    low, high = _ALONG
-    if fall.axis != "-z" and low * GRAVITY < fall.size < high * GRAVITY:
+    if fall.axis != "-z" and 0.65 * GRAVITY < fall.size < 1.6 * GRAVITY:
         return Doubt(f"balls that fall along {fall.axis}",
                      f"turn the axes: write {_TURNS[fall.axis]} for x, y, z")  # fmt: skip
-    low, high = _SCALED
     for (length, metre), (time, second) in product(_LENGTHS.items(), _TIMES.items()):
         ratio = fall.size * second**2 / (GRAVITY * metre)
-        if low < ratio < high and not metre == second == 1.0:
+        if 0.87 < ratio < 1.15 and not metre == second == 1.0:
             turn = "" if fall.axis == "-z" else f", and {_TURNS[fall.axis]} for x, y, z"
             units = [x for x in (length, time) if x not in ("m", "s")]
             return Doubt(f"balls that fall along {fall.axis} as if in {' and '.join(units)}",
                          f"write metres and seconds{turn}")  # fmt: skip
-    spin = _SPIN + _SPIN_BY_SPEED * fall.speed
+    spin = 3.0 + 2.5 * fall.speed  # what a spinning ball may be off, more with its speed [m/s^2]
     if fall.axis == "-z" and abs(fall.size - GRAVITY) > spin:
         slow = fall.size < GRAVITY
         return Doubt("balls that fall too slowly for their speed" if slow else

@@ -28,16 +28,6 @@ STIFF = (0.004, 1.0)
 #: Sliding (rubber on plastic), torsional [m] and rolling [m] friction of hand and ball.
 FRICTION = (1.0, 0.01, 1e-4)
 
-#: The palm's dish: a pad [m], and a rim of capsules that keeps a small ball from rolling out.
-#: The rim stays below a 40 mm ball at the catch point by 5 mm, the error of a good catch.
-PAD_RADIUS, PAD_THICKNESS = 0.04, 0.02
-RIM_SIDES, RIM_RADIUS, RIM_HEIGHT, RIM_THICKNESS = 6, 0.034, 0.005, 0.007
-
-#: Half-width of the rim's gap opposite the first finger [rad]: a ball that is faster than the
-#: hand (kappa > 1) comes in there, across the palm.
-ENTRY = np.pi / 4
-FLANGE_RADIUS = 0.04
-
 #: The net's contact, in MuJoCo's direct form (-stiffness, -damping per kilogram) [1/s^2, 1/s]: a
 #: ball of 5 m/s is stopped within 20 mm, and 100 m/s^2 push it 20 mm deep. Choices of this project.
 NET = (-5000.0, -300.0)
@@ -47,11 +37,7 @@ NET_FRICTION = (0.5, 0.01, 1e-4)
 #: Parts that never reach the arm's last links: their names begin so.
 SMALL_PARTS = ("finger", "rim", "cord")
 
-#: Thickness of the bracket of a tilted basket in struts, and points of a strut that it may join.
-_BRACKET, _TRIED = 2.0, 20
-
 _PALM, _METAL, _CORD = (0.17, 0.18, 0.21, 1.0), (0.72, 0.74, 0.78, 1.0), (0.93, 0.93, 0.90, 1.0)
-_Z = np.array([0.0, 0.0, 1.0])
 
 
 def add_hand(spec: mujoco.MjSpec, plate: mujoco.MjsBody, hand: HandModel) -> tuple[str, ...]:
@@ -70,7 +56,7 @@ def add_hand(spec: mujoco.MjSpec, plate: mujoco.MjsBody, hand: HandModel) -> tup
     names = tuple(f"finger{k}" for k in range(hand.fingers))
     placed = []
     for k, name in enumerate(names):
-        R = rotation(_Z, hand.yaw + 2.0 * np.pi * k / hand.fingers)
+        R = rotation(np.array([0.0, 0.0, 1.0]), hand.yaw + 2.0 * np.pi * k / hand.fingers)
         base = R @ np.array([hand.finger.base_radius, hand.finger.offset, hand.finger.base_height])
         _add_finger(spec, palm.add_body(name=name, pos=base, quat=_quaternion(R)), name, hand)
         mass, com, inertia = finger_inertial(hand.finger)
@@ -138,19 +124,24 @@ def _rest(hand: HandModel, fingers: list[tuple[float, Array, Array]]) -> tuple[f
 
 
 def _add_palm_geoms(palm: mujoco.MjsBody, hand: HandModel) -> None:
-    """Add flange, pad and rim."""
-    top = hand.palm_height
-    stem = top - PAD_THICKNESS
+    """Add flange and the palm's dish: a pad, and a rim that keeps a small ball from rolling out.
+
+    The rim stays below a 40 mm ball at the catch point by 5 mm, the error of a good catch. It has a
+    gap opposite the first finger, 45 degrees to either side: a ball that is faster than the hand
+    (kappa > 1) comes in there, across the palm.
+    """
+    top, radius, thickness, rim_height, sides = hand.palm_height, 0.04, 0.02, 0.005, 6
+    stem = top - thickness
     cylinder, capsule = mujoco.mjtGeom.mjGEOM_CYLINDER, mujoco.mjtGeom.mjGEOM_CAPSULE
-    add_geom(palm, "flange", cylinder, [FLANGE_RADIUS, stem / 2, 0.0], pos=[0.0, 0.0, stem / 2])
-    height = top - PAD_THICKNESS / 2
-    add_geom(palm, "pad", cylinder, [PAD_RADIUS, PAD_THICKNESS / 2, 0.0], pos=[0.0, 0.0, height])
+    add_geom(palm, "flange", cylinder, [radius, stem / 2, 0.0], pos=[0.0, 0.0, stem / 2])
+    height = top - thickness / 2
+    add_geom(palm, "pad", cylinder, [radius, thickness / 2, 0.0], pos=[0.0, 0.0, height])
     entry = hand.yaw + np.pi
-    corners = entry + np.linspace(ENTRY, 2.0 * np.pi - ENTRY, RIM_SIDES + 1)
-    ring = np.column_stack((np.cos(corners), np.sin(corners))) * RIM_RADIUS
-    for k in range(RIM_SIDES):
-        ends = [*ring[k], top + RIM_HEIGHT, *ring[k + 1], top + RIM_HEIGHT]
-        add_geom(palm, f"rim{k}", capsule, [RIM_THICKNESS, 0.0, 0.0], fromto=ends)
+    corners = entry + np.linspace(np.pi / 4, 2.0 * np.pi - np.pi / 4, sides + 1)
+    ring = np.column_stack((np.cos(corners), np.sin(corners))) * 0.034
+    for k in range(sides):
+        ends = [*ring[k], top + rim_height, *ring[k + 1], top + rim_height]
+        add_geom(palm, f"rim{k}", capsule, [0.007, 0.0, 0.0], fromto=ends)
 
 
 def _add_finger(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, hand: HandModel) -> None:
@@ -233,9 +224,9 @@ def _add_frame(body: mujoco.MjsBody, b: Basket) -> None:
         _rod(body, f"ring{k}", b.ring_thickness, pair)
     if b.tilt:
         plate = np.linalg.inv(b.mount)[:3, 3]
-        points = np.linspace((feet, knees), (knees, ends), _TRIED).reshape(-1, 3)
+        points = np.linspace((feet, knees), (knees, ends), 20).reshape(-1, 3)
         near = points[np.argmin(np.linalg.norm(points - plate, axis=1))]
-        _rod(body, "bracket", _BRACKET * b.strut, [*plate, *near])
+        _rod(body, "bracket", 2.0 * b.strut, [*plate, *near])
 
 
 def _add_net(body: mujoco.MjsBody, b: Basket) -> None:
