@@ -100,12 +100,6 @@ def check_library(module: str) -> None:
     check_package("cameras", module, module, "cameras")
 
 
-def share_zero(cameras: Sequence[Camera]) -> None:
-    """Let the stamps of the devices of a rig count from the first frame of any of them."""
-    for camera in cameras[1:]:
-        camera.zero = cameras[0].zero
-
-
 def optional(module: str) -> ModuleType:
     """Import a library of the extra ``cameras``."""
     try:
@@ -403,12 +397,10 @@ def open_cameras(specs: Sequence[str], *, fps: float | None = None) -> Iterator[
         raise InputError("--fps", "a number of frames a second in 0.01..1e6", fps)
     producers = Producers()
     with ExitStack() as stack:
-        cameras = [
+        yield [
             stack.enter_context(closing(_opened(spec, k, producers, fps)))
             for k, spec in enumerate(specs)
         ]
-        share_zero(cameras)
-        yield cameras
 
 
 def check_cameras(specs: Sequence[str]) -> None:

@@ -8,7 +8,7 @@ from math import pi, sqrt
 import numpy as np
 
 from mitt.ball.filter import TABLE_TENNIS_BALL, THROWN_BALL, BallFilter, FilterConfig
-from mitt.cameras.cameras import Camera, open_cameras, optional, share_zero
+from mitt.cameras.cameras import Camera, open_cameras, optional
 from mitt.cameras.video_writer import VideoWriter
 from mitt.clock import Progress
 from mitt.errors import InputError
@@ -56,9 +56,10 @@ def pairs(
 ) -> Iterator[tuple[Frame, ...]]:
     """Yield the frames of each instant, left before right; one where the other camera has none.
 
-    Two times that differ by up to ``max_skew`` [s] are one instant; ``counts`` are kept up to date.
+    The stamps of both count from the first frame of either. Two times that differ by up to
+    ``max_skew`` [s] are one instant; ``counts`` are kept up to date.
     """
-    share_zero(cameras)
+    cameras[1].zero = cameras[0].zero
     sources = [_rising(camera, k, counts, most) for k, camera in enumerate(cameras)]
     left, right = (next(source, None) for source in sources)
     if left is not None and right is not None:

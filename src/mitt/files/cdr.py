@@ -178,14 +178,14 @@ class Reader:
         return seconds + 1e-9 * nanoseconds, self.string()
 
 
-def layout(fields: Sequence[Field]) -> Rows:
-    """Return a message with these fields, all numbers zero, as an array of one row.
+def layout(fields: Sequence[Field], count: int = 1) -> Rows:
+    """Return so many messages with these fields, all numbers zero, as an array, shape (count,).
 
     Strings and the lengths of sequences are filled in, and are not to be written to; the names of
     these columns begin with an underscore.
     """
     raw, dtype = _laid_out(tuple(fields))
-    return np.frombuffer(bytearray(raw), dtype)
+    return np.frombuffer(bytearray(raw * count), dtype)
 
 
 @lru_cache(maxsize=256)

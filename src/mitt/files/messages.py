@@ -96,9 +96,9 @@ SCHEMAS = {
 }
 
 
-def ticks(n: int, heads: int) -> Rows:
-    """Return a ``mitt_msgs/msg/Tick`` of ``n`` joints and so many heads, 0 where cameras stand."""
-    return layout(_tick(n, heads))
+def ticks(n: int, heads: int, count: int = 1) -> Rows:
+    """Return so many ``mitt_msgs/msg/Tick`` of ``n`` joints; ``heads`` is 0 where cameras stand."""
+    return layout(_tick(n, heads), count)
 
 
 def joint_states(names: Sequence[str], *, efforts: bool) -> Rows:
@@ -128,9 +128,9 @@ def image(shape: tuple[int, int], camera: int) -> Rows:
     return out
 
 
-def points() -> Rows:
-    """Return a ``mitt_msgs/msg/Point``: a sighting that was given to the catcher."""
-    return layout(_POINT)
+def points(count: int = 1) -> Rows:
+    """Return so many ``mitt_msgs/msg/Point``: sightings that were given to the catcher."""
+    return layout(_POINT, count)
 
 
 def frames() -> Rows:
@@ -152,7 +152,7 @@ def tick_rows(results: Result, senses: Sequence[Senses], heads: int) -> Rows:
         heads: Number of cameras that turn.
     """
     s, k, n = results.scalars, len(results.scalars), results.command.shape[-1]
-    rows = np.repeat(ticks(n, heads), k)
+    rows = ticks(n, heads, k)
     rows["t"] = rows["t_arm"] = s["t"]
     rows["q"], rows["dq"] = results.encoders[:, 0], results.encoders[:, 1]
     for row, x in zip(rows, senses, strict=False):
@@ -201,9 +201,7 @@ def point_message(row: np.void) -> Said:
 
 def point_rows(sightings: Sequence[Sighting]) -> Rows:
     """Return sightings of the layout :func:`mitt.files.messages.points`."""
-    rows = points()
-    if len(sightings) != 1:
-        rows = np.repeat(rows, len(sightings))
+    rows = points(len(sightings))
     for row, sighting in zip(rows, sightings, strict=True):
         row["t"], row["found"] = sighting.t, sighting.found
         row["r_o"], row["covariance"] = sighting.r_o, sighting.covariance.ravel()
