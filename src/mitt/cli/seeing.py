@@ -270,7 +270,7 @@ def _show_stage(stage: Stage) -> None:
 
 def _draw_coverage(picture: Path, views: BoardViews, solved: Fit[BoardProblem]) -> None:
     """Draw the coverage of the boards."""
-    from mitt.report.coverage import draw_coverage  # noqa: PLC0415 (plots: only when drawn)
+    from mitt.report.pictures import draw_coverage  # noqa: PLC0415 (plots: only when drawn)
 
     corners = solved.problem.corners
     r = solved.problem.residuals().reshape(-1, 2)

@@ -1,23 +1,30 @@
-"""Fig. 12: the throw as pictures every 33 ms, drawn by Matplotlib from the meshes of the replay.
+"""Pictures as PNG: the throw every 33 ms, fig. 12, and what a calibration has seen of its board.
 
-Faces are painted from far to near, each in one shade.
+The throw is drawn by Matplotlib from the meshes of the replay: faces are painted from far to near,
+each in one shade.
 """
 
 import base64
 import io
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
+import matplotlib
 import mujoco
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import LightSource
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LightSource, Normalize
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
 from mitt.arm.arm import Arm
+from mitt.files.writing import write_atomically
 from mitt.report.scene_meshes import BALL, body_meshes, sphere
+from mitt.report.style import GREY, INK, RC
 from mitt.signals import Array
 from mitt.trials.log import TrialLog
 from mitt.world.build import build_scene
@@ -29,6 +36,8 @@ _TARGET, FROM_THE_SIDE = (0.72, 0.0, 0.16), (4.5, -85.5)
 #: Colours of sky, floor and its lines; where floor and lines end [m].
 _SKY, _FLOOR, _LINES = "#e9edf1", "#eff1f4", "#dce1e7"
 _X, _Y = (-6.0, 8.0), (-2.5, 9.0)
+
+_MADE_BY = {"Software": "mitt"}
 
 Faces = tuple[Array, Array]
 """Corners of triangles [m], shape (k, 3, 3), and their colours, 0 to 1, shape (k, 3)."""
@@ -102,7 +111,7 @@ def placed(model: mujoco.MjModel, bodies: list[Faces], qpos: Array, trail: Array
 def png_of(canvas: FigureCanvasAgg) -> str:
     """Return a picture as PNG in base64."""
     out = io.BytesIO()
-    canvas.print_png(out, metadata={"Software": "mitt"})
+    canvas.print_png(out, metadata=_MADE_BY)
     return base64.b64encode(out.getvalue()).decode("ascii")
 
 
@@ -143,3 +152,59 @@ def painted(
     ):  # fmt: skip
         axes.add_collection3d(drawing, autolim=False)
     return canvas
+
+
+#: Errors are shown this many times as long [1].
+_STRETCH = 100.0
+_BY_ERROR = "viridis_r"
+
+
+def draw_coverage(
+    path: Path, seen: dict[str, tuple[tuple[int, int], Array, Array]], cells: tuple[int, int]
+) -> None:
+    """Write a picture of the corners in each camera's image.
+
+    Args:
+        path: PNG file.
+        seen: For each camera: size [px], corners, shape (n, 2), and seen minus predicted, (n, 2).
+        cells: Cells across and down in which coverage is counted.
+    """
+    top = max(float(np.percentile(np.linalg.norm(r, axis=1), 98)) for _, _, r in seen.values())
+    norm = Normalize(0.0, max(top, 1e-3))
+    with matplotlib.rc_context(RC):
+        figure = Figure(figsize=(4.9 * len(seen) + 0.9, 4.4), dpi=140, layout="constrained")
+        canvas = FigureCanvasAgg(figure)
+        panels = figure.subplots(1, len(seen), squeeze=False)[0]
+        for axes, (name, (size, uv, r)) in zip(panels, seen.items(), strict=True):
+            _draw_corners(axes, name, size, uv, r, norm, cells)
+        bar = figure.colorbar(ScalarMappable(norm, _BY_ERROR), ax=list(panels), shrink=0.75,
+                              pad=0.02)  # fmt: skip
+        bar.set_label(f"reprojection error [px]; lines: {_STRETCH:g} times as long", color=INK)
+        bar.outline.set_visible(False)
+        write_atomically(path, lambda temporary: canvas.print_png(temporary, metadata=_MADE_BY))
+
+
+def _draw_corners(
+    axes: Axes, name: str, size: tuple[int, int], uv: Array, r: Array, norm: Normalize,
+    cells: tuple[int, int],
+) -> None:  # fmt: skip
+    """Draw the corners of one camera; cells without any are shaded."""
+    width, height = size
+    edges = [np.linspace(-0.5, n - 0.5, k + 1) for n, k in zip(size, cells, strict=True)]
+    count = np.histogram2d(uv[:, 0], uv[:, 1], bins=edges)[0]
+    for i, j in zip(*np.nonzero(count == 0), strict=True):
+        axes.axvspan(edges[0][i], edges[0][i + 1], 1.0 - (edges[1][j] + 0.5) / height,
+                     1.0 - (edges[1][j + 1] + 0.5) / height, color="#f3d9d0", lw=0, zorder=0,
+                     )  # fmt: skip
+    error = np.linalg.norm(r, axis=1)
+    axes.quiver(uv[:, 0], uv[:, 1], _STRETCH * r[:, 0], _STRETCH * r[:, 1], color=GREY,
+                alpha=0.35, angles="xy", scale_units="xy", scale=1.0, width=0.0015, headwidth=1,
+                headlength=0, zorder=1)  # fmt: skip
+    axes.scatter(uv[:, 0], uv[:, 1], c=error, cmap=_BY_ERROR, norm=norm, s=5, lw=0, zorder=2)
+    axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), aspect="equal",
+             xlabel="u [px]", ylabel="v [px]")  # fmt: skip
+    for k, edge in enumerate(edges):
+        (axes.set_xticks if k == 0 else axes.set_yticks)(np.rint(edge + 0.5))
+    axes.set_title(f"{name}: rms {np.sqrt(np.mean(r**2)):.2f} px, corners in "
+                   f"{int((count > 0).sum())} of {count.size} cells",
+                   fontsize=9.5)  # fmt: skip
