@@ -132,16 +132,14 @@ def _add_palm_geoms(palm: mujoco.MjsBody, hand: HandModel) -> None:
     """
     top, radius, thickness, rim_height, sides = hand.palm_height, 0.04, 0.02, 0.005, 6
     stem = top - thickness
-    cylinder, capsule = mujoco.mjtGeom.mjGEOM_CYLINDER, mujoco.mjtGeom.mjGEOM_CAPSULE
-    add_geom(palm, "flange", cylinder, [radius, stem / 2, 0.0], pos=[0.0, 0.0, stem / 2])
-    height = top - thickness / 2
-    add_geom(palm, "pad", cylinder, [radius, thickness / 2, 0.0], pos=[0.0, 0.0, height])
+    _disc(palm, "flange", radius, thickness=stem, middle=stem / 2)
+    _disc(palm, "pad", radius, thickness=thickness, middle=top - thickness / 2)
     entry = hand.yaw + np.pi
     corners = entry + np.linspace(np.pi / 4, 2.0 * np.pi - np.pi / 4, sides + 1)
     ring = np.column_stack((np.cos(corners), np.sin(corners))) * 0.034
     for k in range(sides):
         ends = [*ring[k], top + rim_height, *ring[k + 1], top + rim_height]
-        add_geom(palm, f"rim{k}", capsule, [0.007, 0.0, 0.0], fromto=ends)
+        _rod(palm, f"rim{k}", 0.007, ends, rgba=_PALM)
 
 
 def _add_finger(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, hand: HandModel) -> None:
@@ -159,30 +157,27 @@ def _add_finger(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, hand: Hand
     spec.add_exclude(bodyname1="palm", bodyname2=name)
     base, knuckle, tip = finger.points(0.0)
     ends = [[p[0] - base[0], 0.0, p[1] - base[1]] for p in (base, knuckle, tip)]
-    capsule, size = mujoco.mjtGeom.mjGEOM_CAPSULE, [finger.thickness, 0.0, 0.0]
-    add_geom(body, f"{name}/proximal", capsule, size, fromto=[*ends[0], *ends[1]], rgba=_METAL)
-    add_geom(body, f"{name}/distal", capsule, size, fromto=[*ends[1], *ends[2]], rgba=_METAL)
+    _rod(body, f"{name}/proximal", finger.thickness, [*ends[0], *ends[1]])
+    _rod(body, f"{name}/distal", finger.thickness, [*ends[1], *ends[2]])
 
 
-def add_geom(
-    body: mujoco.MjsBody,
-    name: str,
-    kind: mujoco.mjtGeom,
-    size: list[float],
-    *,
-    pos: list[float] | None = None,
-    fromto: list[float] | None = None,
-    rgba: tuple[float, ...] = _PALM,
+def _geom(
+    body: mujoco.MjsBody, name: str, kind: mujoco.mjtGeom, size: list[float], rgba: Sequence[float]
 ) -> mujoco.MjsGeom:
     """Add one shape of a hand, and return it."""
     geom = body.add_geom(name=name, type=kind, size=size, mass=0.0, rgba=rgba)
     geom.contype, geom.conaffinity = HAND, BALL | HAND | ARM
     geom.condim, geom.friction, geom.solref = 4, FRICTION, STIFF
-    if pos is not None:
-        geom.pos = pos
-    if fromto is not None:
-        geom.fromto = fromto
     return geom
+
+
+def _disc(
+    body: mujoco.MjsBody, name: str, radius: float, *, thickness: float, middle: float
+) -> None:
+    """Add a cylinder about z, its middle so high."""
+    kind = mujoco.mjtGeom.mjGEOM_CYLINDER
+    geom = _geom(body, name, kind, [radius, thickness / 2, 0.0], _PALM)
+    geom.pos = [0.0, 0.0, middle]
 
 
 def add_basket(plate: mujoco.MjsBody, basket: Basket) -> None:
@@ -207,8 +202,8 @@ def _circle(radius: float, height: float, count: int) -> Array:
 
 def _add_frame(body: mujoco.MjsBody, b: Basket) -> None:
     """Add flange, struts and ring."""
-    cylinder, thick = mujoco.mjtGeom.mjGEOM_CYLINDER, 0.125 * b.flange
-    add_geom(body, "flange", cylinder, [b.flange, thick, 0.0], pos=[0.0, 0.0, thick])
+    thick = 0.125 * b.flange
+    _disc(body, "flange", b.flange, thickness=2.0 * thick, middle=thick)
     around = b.ring_radius + b.clear
     side = np.array([1.0 if b.tilt > 0.0 else -1.0, 1.0, 1.0])  # a strut where the bracket joins
     feet, knees, ends = (
@@ -246,8 +241,9 @@ def _rod(
     name: str,
     radius: float,
     ends: Sequence[float],
-    rgba: tuple[float, ...] = _METAL,
+    rgba: Sequence[float] = _METAL,
 ) -> mujoco.MjsGeom:
     """Add a capsule between two points."""
-    kind = mujoco.mjtGeom.mjGEOM_CAPSULE
-    return add_geom(body, name, kind, [radius, 0.0, 0.0], fromto=list(ends), rgba=rgba)
+    geom = _geom(body, name, mujoco.mjtGeom.mjGEOM_CAPSULE, [radius, 0.0, 0.0], rgba)
+    geom.fromto = list(ends)
+    return geom
