@@ -1,16 +1,13 @@
-"""The offset between the clocks of eyes and arm, from a ball in a moving hand.
+"""The offset between the clocks of eyes and arm, as a catch says it.
 
 The hand's path is known by the arm's clock, that of the ball by the eyes'. With offset d the ball
-seen at t is where the hand was at t + d. There are two such records:
-
-- **Carried**, for a calibration (``ClockProblem``): the hand carries a ball about, which lies at a
-  constant gap from the catch point, in the world.
-- **Caught**, after each catch (``caught_offset``): the ball rides on the braking hand, at a place c
-  that does not change in the hand, seen(t) = l(q(t + d)) + R(q(t + d)) c. d and c are fitted by
-  weighted least squares, from when the ball has come to rest in the hand until the arm has. A place
-  that drifts must not be fitted beside d: under constant braking it imitates d. In flight alone d
-  does not show: a flight that is shifted in time is a flight. ``LearnedClock`` collects what the
-  catches say.
+seen at t is where the hand was at t + d. After a catch the ball rides on the braking hand, at a
+place c that does not change in the hand, seen(t) = l(q(t + d)) + R(q(t + d)) c. d and c are fitted
+by weighted least squares, from when the ball has come to rest in the hand until the arm has. A
+place that drifts must not be fitted beside d: under constant braking it imitates d. In flight alone
+d does not show: a flight that is shifted in time is a flight. ``LearnedClock`` collects what the
+catches say. A ball that the hand carries about for a calibration is another record of the kind:
+:mod:`mitt.cameras.hand_calibration`.
 """
 
 from dataclasses import dataclass
@@ -48,8 +45,6 @@ LEAST = 1e-4
 FLIES, STRIKES, STRUCK = 0.25, 0.05, 0.01
 """Time before the braking from which a flight is fitted, until and around which a hand may strike
 the ball [s], and how far off its flight a ball was struck [m]."""
-_SEARCH = 0.002
-"""Step in which a carried ball's offset is looked for first [s]."""
 _STEPS, _NEAR = 15, 1e-7
 """Most Gauss-Newton steps to the offset of a catch, and the step that ends them [s]."""
 _STRUCK_COUNT = 10
