@@ -180,6 +180,8 @@ class Stage:
             node.position = tuple(r[min(int(np.searchsorted(times, t)), len(r) - 1)])
 
 
+#: Time between two looks for a newer file [s].
+_LOOK = 1.0
 _SPEEDS = {"1/20": 0.05, "1/10": 0.1, "1/5": 0.2, "1/2": 0.5, "1": 1.0}
 _BLUE, _ORANGE = "#0072b2", "#d55e00"
 _MARK = {"caught": "#009e73", "stopped": "#cc79a7", "abort": "#cc79a7", "refused": "#d55e00"}
@@ -384,7 +386,7 @@ def watch(
             viewer.step(now - last)
             last = now
             if now > look:
-                look = now + 1.0  # a newer file is looked for each second
+                look = now + _LOOK
                 _switch(viewer, find())
             pause(0.033)  # 30 pictures a second
 
