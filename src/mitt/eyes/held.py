@@ -91,13 +91,15 @@ def _middle(
 @kernel
 def _misfit(
     pixels: Image, about: Edges, light: tuple[float, float], radius: float, stride: int,
-    u_0: float, v_0: float,
+    at: tuple[float, float], least: float,
 ) -> tuple[float, float]:  # fmt: skip
     """Return how badly a disc explains what is bright about it, and what share of it is in sight.
 
     Its edge is a pixel wide. What is brighter than the disc counts in full, what is darker up to
-    ``HIDDEN``: there something hides it.
+    ``HIDDEN``: there something hides it. A disc that is no better than ``least`` is not looked at
+    to its end.
     """
+    u_0, v_0 = at
     dark, scale = light[0] + HAND * light[1], 1.0 / (light[1] * (1.0 - HAND))
     inner, outer = max(radius - 0.5, 0.0) ** 2, (radius + 0.5 - HAND) ** 2
     cost, seen, whole = 0.0, 0.0, 1e-9
@@ -115,6 +117,8 @@ def _misfit(
                 seen += disc
             else:
                 cost += HIDDEN * HIDDEN
+        if cost >= least:
+            break
     return cost, seen / whole
 
 
@@ -133,13 +137,13 @@ def _lay_disc(
         max(floor(point.u - around), window[2]), min(ceil(point.u + around), window[3]),
     )  # fmt: skip
     step, reach = 0.5 * radius, 2
-    best, in_sight = _misfit(pixels, about, light, radius, stride, point.u, point.v)
+    best, in_sight = _misfit(pixels, about, light, radius, stride, (point.u, point.v), np.inf)
     while step > FINEST:
         u_0, v_0 = point.u, point.v
         for i in range(-reach, reach + 1):
             for k in range(-reach, reach + 1):
                 u, v = u_0 + i * step, v_0 + k * step
-                cost, share = _misfit(pixels, about, light, radius, stride, u, v)
+                cost, share = _misfit(pixels, about, light, radius, stride, (u, v), best)
                 if cost < best:
                     best, in_sight, point.u, point.v = cost, share, u, v
         step, reach = 0.5 * step, 1

@@ -138,7 +138,7 @@ class Kept(NamedTuple):
 _DARK = Film(
     0.0, np.zeros(0, HEAD), np.zeros((0, 4)), np.zeros((0, 2), CAMERA),
     Balls(np.zeros(1), np.zeros(1), *(np.zeros((1, 3)) for _ in range(5))), Light(*(0.0,) * 13),
-    np.zeros((0, 0), np.uint8), np.zeros(0), scratch_for(0), np.zeros(0, np.float32),
+    np.zeros((0, 0), np.uint8), np.zeros(0, np.float32), scratch_for(0), np.zeros(0, np.float32),
 )  # fmt: skip
 _NO_STARTS = np.zeros((BLOCK, 0), np.int64)
 MARGIN = 2.0

@@ -158,29 +158,35 @@ def paint_capsule(
         top, bottom, west, east = v0 - r0 - 1.0, v0 + r0 + 1.0, u0 - r0 - 1.0, u0 + r0 + 1.0
     first, last = int(max(top, float(window[0]))), int(min(bottom, float(window[1])))
     left, right = int(max(west, float(window[2]))), int(min(east, float(window[3])))
+    plain, bare = style[0] == 0.0 and style[1] == 0.0, min(max(level, 0.0), 255.0)
     for v in range(first, last + 1):
         near, far = _beside(u0, v0, du, dv, length, r0 + 1.0, v)
         begin, end = int(max(near, float(left))), int(min(far, float(right)))
-        for u in range(begin, end + 1):
-            x, y = u - u0, v - v0
+        line = np.uint64(v)  # none counts from the end
+        for k in range(begin, end + 1):
+            u = np.uint64(k)
+            x, y = k - u0, v - v0
             along, aside = x * du + y * dv, x * dv - y * du
             across = abs(aside)
             at = rise * along - lean * across
             if at <= 0.0:
                 cover, r = r0 - sqrt(x * x + y * y), r0
             elif at >= rise * length:
-                x, y = u - u1, v - v1
+                x, y = k - u1, v - v1
                 cover, r = r1 - sqrt(x * x + y * y), r1
             else:
                 cover, r = r0 - rise * across - lean * along, r0 + (r1 - r0) * along / length
                 x, y = aside * dv, -aside * du
             cover = min(max(cover + 0.5, 0.0), 1.0)
-            if cover > 0.0:
+            if not cover > 0.0:
+                continue
+            paint = bare
+            if not plain:
                 lit = (x * _LIT_FROM[0] + y * _LIT_FROM[1]) / max(r, 0.5)
                 grain = _wave(along / _GRAIN_SIZE + style[2]) * _wave(aside / _GRAIN_SIZE)
                 paint = level * (1.0 + style[0] * lit + style[1] * grain)
                 paint = min(max(paint, 0.0), 255.0)
-                canvas[v, u] += np.float32(cover * (paint - canvas[v, u]))
+            canvas[line, u] += np.float32(cover * (paint - canvas[line, u]))
 
 
 class Body(NamedTuple):

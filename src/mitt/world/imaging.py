@@ -127,7 +127,9 @@ def _light(sensor: ImageSensor, side: int, rng: np.random.Generator) -> Light:
 
 
 @lru_cache(maxsize=8)
-def bank_of(background: float, texture: float, pattern: tuple[float, float]) -> tuple[Image, Array]:
+def bank_of(
+    background: float, texture: float, pattern: tuple[float, float]
+) -> tuple[Image, NDArray[np.float32]]:
     """Return wall and noise; the same arrays for the same settings, not to be written to.
 
     Args:
@@ -141,7 +143,8 @@ def bank_of(background: float, texture: float, pattern: tuple[float, float]) -> 
     """
     rng = np.random.default_rng(2002)
     rng.standard_normal(NOISE_SIZE, dtype=np.float32)  # a bank that is no longer used
-    normal, wall = rng.standard_normal(NOISE_SIZE), _wall(background, texture, rng)
+    normal = rng.standard_normal(NOISE_SIZE).astype(np.float32)
+    wall = _wall(background, texture, rng)
     return (_squares(wall, *pattern) if pattern[0] > 0.0 else wall), normal
 
 

@@ -70,7 +70,7 @@ def _intersect(
     line of constant b, between the roots of a quadratic in a; -1 is the end where there are none.
     ``far`` is the right end of the image.
     """
-    path, share, per = work.path, 1.0 / lines, lines // k
+    path, left, right, share, per = work.path, work.left, work.right, 1.0 / lines, lines // k
     x, y, z, D, A, scale = path[j, 0], path[j, 1], path[j, 2], path[j, 3], path[j, 4], path[j, 5]
     f, cu, cv = lens
     start, pace, first = (row - 0.5 + 0.5 * share - cv) / f, share / f, np.uint64(j * per)
@@ -79,19 +79,20 @@ def _intersect(
         s = b * y + z
         disc = x * x * s * s + A * (s * s - (b * b + 1.0) * D)
         root = sqrt(max(disc, 0.0))
-        work.left[first + i] = max((x * s - root) * scale + cu, -0.5)
-        work.right[first + i] = min((x * s + root) * scale + cu, far) if disc > 0.0 else -1.0
+        left[first + i] = max((x * s - root) * scale + cu, -0.5)
+        right[first + i] = min((x * s + root) * scale + cu, far) if disc > 0.0 else -1.0
 
 
 @kernel
 def _cover(work: Scratch, width: int, lens: Point, row: int, lines: int, k: int) -> tuple[int, int]:
     """Write the covered share of each pixel of a row; return its first and last column."""
-    part, full, per, share, edge = work.part, work.full, lines // k, 1.0 / lines, 0
+    part, full, begins, ends = work.part, work.full, work.left, work.right
+    per, share, edge = lines // k, 1.0 / lines, 0
     for j in range(k):
         _intersect(work, j, k, lens, width - 0.5, row, lines)
     first, last = width, -1
     for _ in range(lines):
-        left, right = work.left[edge], work.right[edge]
+        left, right = begins[edge], ends[edge]
         # As the lines come down the row, whose instants take turns.
         edge = edge + per if edge + per < lines else edge + per - lines + 1
         if right <= left:
@@ -152,13 +153,13 @@ def paint_ball(
         window: Its rows alone count.
         work: Scratch.
     """
-    width = canvas.shape[1]
+    width, part, full = canvas.shape[1], work.part, work.full
     k, lines, first, last = _lay_path(lens, ball, work.path, window)
     for row in range(first, last + 1):
         left, right = _cover(work, width, lens, row, lines, k)
         inside = 0.0
         for u in range(left, right + 1):
-            inside += work.full[u]
-            c = work.part[u] + inside
-            work.part[u], work.full[u] = 0.0, 0.0
+            inside += full[u]
+            c = part[u] + inside
+            part[u], full[u] = 0.0, 0.0
             canvas[row, u] = np.float32((1.0 - c) * canvas[row, u] + c * level)

@@ -25,6 +25,7 @@ from mitt.world.capsules import (
     Camera,
     Canvas,
     Edges,
+    Point,
     Seen,
     in_front,
     into,
@@ -120,7 +121,7 @@ class Film(NamedTuple):
     balls: Balls
     light: Light
     wall: Image
-    normal: Array
+    normal: NDArray[np.float32]
     work: Scratch
     canvas: NDArray[np.float32]
 
@@ -189,7 +190,8 @@ def _draw(pixels: Image, n: int, film: Film, shot: Exposure, window: Edges) -> N
         max(window[0] - reach, 0), min(window[1] + reach, height - 1),
         max(window[2] - reach, 0), min(window[3] + reach, width - 1),
     )  # fmt: skip
-    _hang(canvas, n, film, wide)
+    pan, tilt = (film.angles[n, 0], film.angles[n, 1]) if len(film.angles) > 0 else (0.0, 0.0)
+    _hang(canvas, film.wall, (film.optics[n, 0].f_px, pan, tilt), wide)
     _paint(canvas, _camera(film.optics, n, 0), _camera(film.optics, n, 1), film, shot, wide)
     if reach > 0:
         other = view(film.canvas, height * width, (height, width))
@@ -208,11 +210,9 @@ def _camera(optics: Record, n: int, shut: int) -> Camera:
 
 
 @kernel
-def _hang(canvas: Canvas, n: int, film: Film, window: Edges) -> None:
-    """Fill a window with the wall, which turns with the camera."""
-    f, pan, tilt, wall = film.optics[n, 0].f_px, 0.0, 0.0, film.wall
-    if len(film.angles) > 0:
-        pan, tilt = film.angles[n, 0], film.angles[n, 1]
+def _hang(canvas: Canvas, wall: Image, turn: Point, window: Edges) -> None:
+    """Fill a window with the wall, as a camera of f_px that is turned by pan and tilt sees it."""
+    f, pan, tilt = turn
     column, row = np.uint64(round(f * pan) % PERIOD), np.uint64(round(-f * tilt) % PERIOD)
     for v in range(np.uint64(window[0]), np.uint64(window[1] + 1)):  # none counts from the end
         for u in range(np.uint64(window[2]), np.uint64(window[3] + 1)):
@@ -225,27 +225,28 @@ def _paint(
 ) -> None:
     """Paint capsules and balls, the far ones first."""
     balls, light, lens = film.balls, film.light, (begin[12], begin[13], begin[14])
-    count, centre = len(balls.level), balls.centre
+    opens, shuts, centre, capsules = balls.begin, balls.end, balls.centre, shot.capsules
+    count, work = len(centre), film.work
     for k in range(count):
-        x, y, z = into(begin, balls.begin[k, 0], balls.begin[k, 1], balls.begin[k, 2])
+        x, y, z = into(begin, opens[k, 0], opens[k, 1], opens[k, 2])
         centre[k, 0], centre[k, 1], centre[k, 2] = x, y, z
     farther = 1 if count == 2 and centre[1, 2] > centre[0, 2] else 0
     for drawn in range(count + 1):
-        for k in range(shot.capsules.shape[0]):
-            ahead, seen = seen_from(begin, shot.capsules, k)
+        for k in range(capsules.shape[0]):
+            ahead, seen = seen_from(begin, capsules, k)
             if not ahead or misses(lens, seen, window):
                 continue
             if _count_behind(seen, centre) == drawn:
-                level = light.hand if shot.capsules[k, 7] > 0.0 else light.body
+                level = light.hand if capsules[k, 7] > 0.0 else light.body
                 style = light.shading, light.grain, _GRAIN_SHIFT * k
                 paint_capsule(canvas, lens, seen, level, style, window)
         if drawn < count:
             b = farther if drawn == 0 else 1 - farther
-            x1, y1, z1 = into(end, balls.end[b, 0], balls.end[b, 1], balls.end[b, 2])
+            x1, y1, z1 = into(end, shuts[b, 0], shuts[b, 1], shuts[b, 2])
             x, y, z = centre[b, 0], centre[b, 1], centre[b, 2]
             if np.isfinite(x + y + z + x1 + y1 + z1):
                 ball = x, y, z, x1, y1, z1, balls.radius[b]
-                paint_ball(canvas, lens, ball, balls.level[b], window, film.work)
+                paint_ball(canvas, lens, ball, balls.level[b], window, work)
 
 
 @kernel
@@ -320,5 +321,5 @@ def _read_out(pixels: Image, film: Film, t: float, start: int, window: Edges) ->
         at = np.uint64(start) + v * width
         for u in range(np.uint64(window[2]), np.uint64(window[3] + 1)):
             mean = lit * canvas[v, u]
-            value = mean + np.sqrt(read + shot * mean) * np.float32(normal[at + u]) + half
+            value = mean + np.sqrt(read + shot * mean) * normal[at + u] + half
             pixels[v, u] = np.uint8(min(max(value, zero), top))
