@@ -36,13 +36,18 @@ def braking(arm: Arm) -> Brake:
     return plan_brake(arm, 0.0, np.array([arm.q_ready, [0.0, -2.0, 4.0], np.zeros(3)]))
 
 
+def asked(arm: Arm, brake: Brake, radius: float) -> dict[str, float]:
+    """Return what a ball of a radius [m] asks of the hand of an arm that is ready."""
+    return hand_shares(arm, brake, ball(radius), q=arm.q_ready, v_rel=V, left=0.4)
+
+
 @pytest.mark.parametrize("hand", HANDS, ids=range(len(HANDS)))
 def test_a_ball_that_does_not_fit_the_fingers_is_refused(hand: HandModel) -> None:
     """From 5 to 500 mm: a finite share, beyond 1 exactly where nothing can hold the ball."""
     arm = build_arm("wam", hand=hand)
     stop = braking(arm)
     for radius in RADII:
-        share = hand_shares(arm, stop, ball(radius), arm.q_ready, V)["grip"]
+        share = asked(arm, stop, radius)["grip"]
         assert np.isfinite(share)
         assert (share > 1.0) == (not hand.reaches(radius))
 
@@ -52,7 +57,7 @@ def test_a_ball_that_does_not_fit_a_basket_is_refused(basket: Basket) -> None:
     """The share rises with the radius, and is beyond 1 from the ring's own on."""
     arm = build_arm("wam", hand=basket)
     stop = braking(arm)
-    shares = [hand_shares(arm, stop, ball(radius), arm.q_ready, V)["spill"] for radius in RADII]
+    shares = [asked(arm, stop, radius)["spill"] for radius in RADII]
     assert np.all(np.isfinite(shares))
     assert min(shares) >= 0.0
     assert shares == sorted(shares)

@@ -21,7 +21,6 @@ import numpy as np
 
 import mitt
 from mitt.arm.arm import Arm
-from mitt.arm.basket import Basket
 from mitt.ball.flight import advance
 from mitt.clock import Progress, monotonic
 from mitt.design.candidate import Candidate
@@ -485,7 +484,7 @@ def best_so_far(whole: Arm, answers: Answers, rate: float) -> Design | None:
 
 def softer(whole: Arm) -> str:
     """Return in words what makes catches softer than hand and arm take."""
-    basket = isinstance(whole.model.hand, Basket)
+    basket = whole.model.hand is not None and not whole.model.hand.closes
     net = "" if basket else "a basket (--hand basket), whose net gives way, "
     lead = "" if basket else ", fingers that meet the ball before the palm does"
     return (

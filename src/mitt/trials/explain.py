@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from mitt.arm.arm import Arm
-from mitt.arm.hands import HandModel
 from mitt.catcher.settings import FOLLOW, PHASES, REFUSED, WATCH, CatcherSettings
 from mitt.control.health import State
 from mitt.files.messages import EVENT, TRUTH
@@ -213,7 +212,8 @@ def _at_the_catch(x: Replayed, e: Evidence, k: int) -> Iterator[str]:
                f" the map; a torque limit was met in {ticks} ticks.")  # fmt: skip
     if lag > _NEAR:
         yield f"The arm did not follow its commands: {1e3 * lag:.0f} mm off at the catch."
-    closes = isinstance(x.about.driven_arm.model.hand, HandModel)  # nothing of a basket does
+    hand = x.about.driven_arm.model.hand
+    closes = hand is not None and hand.closes
     closing = np.flatnonzero(x.ticks.scalars["hand"] > 0.0)
     if closes and (not len(closing) or closing[0] > k):
         yield "The fingers began to close after the catch, too late."

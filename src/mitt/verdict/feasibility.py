@@ -105,7 +105,7 @@ def judge(
     f: DirectMap, ball: BallState, q: Array, *, tolerance: Tolerance, dq: Array | None = None
 ) -> Verdict:
     """Return the verdict on a ball for an arm in ``q`` [rad], (n,), at rest or moving at ``dq``."""
-    ball, q = _checked(ball), checks.vector("q", q, f.arm.n, finite=True)
+    ball, q = checks.instance("ball", ball, BallState), checks.vector("q", q, f.arm.n, finite=True)
     dq = None if dq is None else checks.vector("dq", dq, f.arm.n, finite=True)
     return tempered(_judged(f, ball, q, tolerance=tolerance, dq=dq), ball)
 
@@ -121,15 +121,10 @@ def unsettled(f: DirectMap, ball: BallState) -> bool:
 
     The ball is led, and its catch is far ahead or lies outside the map's region.
     """
-    if not _checked(ball).led:
+    if not checks.instance("ball", ball, BallState).led:
         return False
     seen = foresee(f, ball)
     return not _comes_soon(ball, ball.t + seen.after) or _where(f, seen) is not None
-
-
-def _checked(ball: BallState) -> BallState:
-    """Return an estimate of a ball; InputError where it is something else."""
-    return checks.instance("ball", ball, BallState)
 
 
 def _comes_soon(ball: BallState, t_catch: float) -> bool:
@@ -188,14 +183,14 @@ def is_far(ball: BallState, hand: Array) -> bool:
         ball: Estimate of the ball.
         hand: Where the hand waits [m], shape (3,).
     """
-    path = flown(_checked(ball), np.arange(0.0, HORIZON, STRIDE))[:, 0]
+    path = flown(checks.instance("ball", ball, BallState), np.arange(0.0, HORIZON, STRIDE))[:, 0]
     nearest = int(np.argmin(np.linalg.norm(path - checks.vector("hand", hand, 3), axis=1)))
     return nearest * STRIDE > _START_AHEAD
 
 
 def returns(f: DirectMap, ball: BallState) -> bool:
     """Say whether an open throw has come back: its predicted catch lies in the map's region."""
-    return _where(f, foresee(f, _checked(ball))) is None
+    return _where(f, foresee(f, checks.instance("ball", ball, BallState))) is None
 
 
 def levelled(f: DirectMap, ball: BallState) -> BallState:
@@ -204,7 +199,7 @@ def levelled(f: DirectMap, ball: BallState) -> BallState:
     A bounce changes neither where over the ground the ball flies nor, much, how fast. What goes
     level does not fly: it is led.
     """
-    ball = _checked(ball)
+    ball = checks.instance("ball", ball, BallState)
     motion = np.array([ball.r_o, ball.dr_o, ball.ddr_o])
     level(motion, waiting_height(f))
     return replace(ball, r_o=motion[0], dr_o=motion[1], ddr_o=motion[2], led=True)

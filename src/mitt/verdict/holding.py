@@ -26,9 +26,12 @@ _STILL = 1e-6
 
 
 def hand_shares(
-    arm: Arm, brake: Brake, ball: CaughtBall, q: Array, v_rel: Array
+    arm: Arm, brake: Brake, ball: CaughtBall, *, q: Array, v_rel: Array, left: float
 ) -> dict[str, float]:
     """Return what a catch asks of the hand, by the name of the limit; nothing without a hand.
+
+    Besides what the hand itself says (:meth:`mitt.arm.description.Hand.shares`), ``hand`` is the
+    time that it needs to close, in units of what is left.
 
     Args:
         arm: The arm.
@@ -36,24 +39,16 @@ def hand_shares(
         ball: The ball.
         q: Joint angles at the catch [rad], shape (n,).
         v_rel: Velocity of the ball relative to the catch point [m/s], shape (3,).
+        left: Time left until the catch [s].
     """
-    hand = arm.model.hand
+    hand, normal = arm.model.hand, arm.orientation(q)[:, 2]
     if hand is None:
         return {}
-    normal = arm.orientation(q)[:, 2]
-    return hand.shares(Catch(ball, v_rel, normal, brake.duration, partial(_felt, arm, brake)))
-
-
-def closing(arm: Arm, ball: CaughtBall, left: float) -> float:
-    """Return the time that the fingers need to close, as share of what is left until the catch.
-
-    Args:
-        arm: The arm; one without fingers needs none.
-        ball: The ball.
-        left: That time [s].
-    """
-    fingers = fingers_of(arm.model.hand, ball.radius, ball.restitution)[0]
-    return min(float(takes_of(fingers, 0.0)) / max(left, TICK), LOST)
+    catch = Catch(ball, v_rel, normal, brake.duration, partial(_felt, arm, brake))
+    if not hand.closes:
+        return hand.shares(catch)
+    takes = float(takes_of(fingers_of(hand, ball.radius, ball.restitution)[0], 0.0))
+    return hand.shares(catch) | {"hand": min(takes / max(left, TICK), LOST)}
 
 
 def force_of(arm: Arm, q: Array, v_rel: Array, ball: CaughtBall) -> float:

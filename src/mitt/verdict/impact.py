@@ -33,7 +33,7 @@ from mitt.kernels import Record, kernel
 from mitt.map.demand import Tolerance, shares_of
 from mitt.signals import TICK, Array
 from mitt.verdict.feasibility import Approach, Outcome, Verdict
-from mitt.verdict.holding import closing, force_of, hand_shares
+from mitt.verdict.holding import force_of, hand_shares
 
 #: Distance of the ball from the catch point at which the fingers still close around it [m].
 GRASP = 0.030
@@ -227,11 +227,10 @@ def shares_after(arm: Arm, approach: Approach, ball: CaughtBall) -> dict[str, fl
     for name, x, kept in zip(arm.names, late.tolist(), slowed.tolist(), strict=True):
         shares[f"{'impact' if kept else 'speed'}:{name}"] = x
     v_rel = relative_velocity(arm, approach, cap)
-    shares |= hand_shares(arm, brake, ball, approach.motion[-1, 0], v_rel)
-    if arm.model.hand is not None and arm.model.hand.closes:
-        shares["hand"] = closing(arm, ball, approach.step * (len(approach.motion) - 1))
+    q, left = approach.motion[-1, 0], approach.step * (len(approach.motion) - 1)
+    shares |= hand_shares(arm, brake, ball, q=q, v_rel=v_rel, left=left)
     if np.isfinite(arm.force):
-        shares["force"] = force_of(arm, approach.motion[-1, 0], v_rel, ball) / arm.force
+        shares["force"] = force_of(arm, q, v_rel, ball) / arm.force
     return shares
 
 
