@@ -32,8 +32,6 @@ from mitt.signals import GRAVITY, Array
 _GAP = 0.01
 #: Rate of the net, of all its cords together [1/s]: its damping (``hand_bodies.NET``).
 _NET = 300.0
-#: Instants of a brake in which a ball's way in the net is followed.
-_INSTANTS = 24
 #: Largest tilt [rad].
 MOST_TILT = 2.0
 #: Lengths that a basket cannot be without.
@@ -195,10 +193,11 @@ class Basket(Hand):
         ball = catch.ball
         if ball.radius >= min(self.ring_radius, self.depth):
             return LOST
-        h = catch.duration / _INSTANTS
+        instants = 24
+        h = catch.duration / instants
         normal = catch.felt(0.0)[1]
         height, speed, most = 0.0, max(-ball.restitution * float(catch.v_rel @ normal), 0.0), 0.0
-        for k in range(_INSTANTS):
+        for k in range(instants):
             force, normal = catch.felt((k + 0.5) * h)
             speed -= h * float(force @ normal)
             height += h * speed

@@ -46,38 +46,8 @@ _PLACES = 21
 _ANGLES, _ROUGH = 901, 30
 #: Radius of the palm and how far its rim stands above it [m], and radius of its capsule [m].
 _PALM, _RIM, _PALM_CAPSULE = 0.041, 0.012, 0.045
-#: Share of what the fingers' drives hold at rest that holds a ball which has just struck: of 11
-#: balls of 1 kg that asked for more none stayed, of 60 of 0.5 kg that asked for less 50 did.
-_HOLDS = 0.6
-#: Angle off the palm's normal, seen from the hand, from which on a ball touches the fingers before
-#: it is in the hand [rad]: of 200 throws at one design all beyond it were lost, none below 95
-#: degrees, and of 15 balls at 95 to 96 degrees at another map none. Relative speed below which the
-#: share falls with it, a choice of this project [m/s].
-_BEHIND, _SLOW = np.deg2rad(100.0), 1.0
-#: Instants of a brake at which the pull on the fingers is looked at.
-_PULLS = 8
-#: Rate of a contact with the pads [1/s]: not below that of a tennis ball, which touches for 5 ms,
-#: and as much higher as the pads damp; within 15 % of the force per momentum on a palm held still,
-#: for restitutions of 0.2 to 0.75 and radii up to 30 mm.
-_RATE, _DAMPED = 560.0, 260.0
-#: By how much a ball jams between rim and pad: one of 40 mm touches both at once, and what its
-#: contacts press on one another with is no force on the ball. For it 1 + _JAM (e - _DULL), with a
-#: friction of 1; none with one of _SLIPPERY; a bell of _NARROW about that radius [m]. Within 45 %.
-_JAM, _DULL, _SLIPPERY = 17.5, 0.2, 0.6
-_ROUND, _NARROW = 0.040, 0.0065
-#: Share of the rate with which one finger of several presses.
-_ONE_FINGER = 0.65
-#: How far beyond a ball's widest circle, towards the palm, fingers have to meet it to stop it, for
-#: one as heavy as they are [m]; from how much less on they leave it all of its speed [m].
-_BEYOND, _BAND = 0.0034, 0.009
-#: Way over which the drives of the fingers press against a ball that pushes them open [m]; of balls
-#: of 0.14 kg at 5 m/s and of 0.2 kg at 4 m/s one in three comes through the default hand's.
-_PUSHED = 0.0136
 #: By how much fingers are behind a command that is given early enough for its delays [s].
 _LATE = 0.002
-#: Instants of a closing that are looked at, greatest height above the catch point at which a ball
-#: is looked for [m], and how many heights: fingers end below it.
-_INSTANTS, _HIGHEST, _HEIGHTS = 161, 0.12, 241
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -465,24 +435,28 @@ class HandModel(Hand):
 
         The one is the pull on the fingers in units of what they hold; the other, how far the ball
         comes from the side or from behind the palm: between the fingers it may come from nearly
-        everywhere in front of it.
+        everywhere in front of it. From 100 degrees off the palm's normal on, seen from the hand, it
+        touches the fingers before it is in the hand: of 200 throws at one design all beyond it were
+        lost, none below 95 degrees, and of 15 balls at 95 to 96 degrees at another map none. Below
+        a relative speed of 1 m/s, a choice of this project, the share falls with the speed.
         """
         speed, into = float(np.linalg.norm(catch.v_rel)), -float(catch.v_rel @ catch.normal)
-        palm = (speed - into) / ((1.0 - float(np.cos(_BEHIND))) * max(speed, _SLOW))
+        palm = (speed - into) / ((1.0 - float(np.cos(np.deg2rad(100.0)))) * max(speed, 1.0))
         return {"grip": self._grip(catch), "palm": palm}
 
     def _grip(self, catch: Catch) -> float:
         """Return the largest pull of the ball on the fingers, as share.
 
         What presses it into the palm costs the fingers nothing. A ball that they cannot hold at all
-        is lost.
+        is lost. One that has just struck is held with 60 % of what the drives hold at rest: of 11
+        balls of 1 kg that asked for more none stayed, of 60 of 0.5 kg that asked for less 50 did.
         """
         ball = catch.ball
-        held = _HOLDS * self.holding_force(ball.radius, ball.friction)
+        held = 0.6 * self.holding_force(ball.radius, ball.friction)
         if held == 0.0:
             return LOST
         most = 0.0
-        for t in np.linspace(0.0, catch.duration, _PULLS).tolist():
+        for t in np.linspace(0.0, catch.duration, 8).tolist():
             force, normal = catch.felt(t)
             out = float(force @ normal)
             across = float(np.linalg.norm(force - out * normal))
@@ -490,38 +464,46 @@ class HandModel(Hand):
         return ball.heaviest * most / held
 
     def contact_force(self, ball: CaughtBall, strike: Strike) -> float:
-        """Return the hardest of the contacts of the module's table [N]."""
+        """Return the hardest of the contacts of the module's table [N].
+
+        One finger of several presses with 0.65 of the rate.
+        """
         speed = strike.into
         left = self.speed_left(ball, self.meeting(ball.radius, strike.lead, speed))
         palm = max(left * speed, self.speed_through(ball, speed))
         fingers = speed if left < 1.0 else 0.0
         return max(
             rate(ball.restitution) * jam(ball) * reduced(ball.mass, strike.behind) * palm,
-            _ONE_FINGER * rate(ball.restitution) * reduced(ball.mass, self.finger_mass) * fingers,
+            0.65 * rate(ball.restitution) * reduced(ball.mass, self.finger_mass) * fingers,
             self.press(ball.radius),
         )
 
     def speed_left(self, ball: CaughtBall, beyond: float) -> float:
         """Return which share of its speed the fingers leave a ball on its way to the palm.
 
+        To stop one as heavy as they are they have to meet it 3.4 mm beyond its widest circle; from
+        9 mm less on they leave it all of its speed.
+
         Args:
             ball: The ball.
             beyond: How far beyond the ball's widest circle, towards the palm, they meet it [m].
         """
-        needed = _BEYOND * ball.mass / self.finger_mass
-        return float(np.sqrt(np.clip((needed - beyond) / _BAND, 0.0, 1.0)))
+        needed = 0.0034 * ball.mass / self.finger_mass
+        return float(np.sqrt(np.clip((needed - beyond) / 0.009, 0.0, 1.0)))
 
     def speed_through(self, ball: CaughtBall, speed: float) -> float:
         """Return the speed [m/s] of a ball that has pushed the closed fingers open; 0 if it cannot.
 
-        It takes the fingers along, as one body, and their drives press against it.
+        It takes the fingers along, as one body, and their drives press against it over 13.6 mm: of
+        balls of 0.14 kg at 5 m/s and of 0.2 kg at 4 m/s one in three comes through the default
+        hand's.
 
         Args:
             ball: The ball.
             speed: At which it meets the fingers [m/s].
         """
         both = ball.mass + self.finger_mass
-        work = self.fingers * self.press(ball.radius) * _PUSHED
+        work = self.fingers * self.press(ball.radius) * 0.0136
         shared = ball.mass * speed / both
         return float(np.sqrt(max(shared**2 - 2.0 * work / both, 0.0)))
 
@@ -639,14 +621,14 @@ def _course(hand: HandModel, ball_radius: float) -> tuple[Array, Array, Array]:
 
     Returns:
         Times since the command to close [s], the fingers' angles [rad], and the greatest height
-        above the catch point at which they touch the ball on its way in [m], -inf where it is free
-        to come in; shape (k,) each.
+        above the catch point, up to 120 mm, below which fingers end, at which they touch the ball
+        on its way in [m], -inf where it is free to come in; shape (k,) each.
     """
     profile = hand.profile(ball_radius)
     end = _LATE + closing_time(profile, hand.hold_angle(ball_radius))
-    times: Array = np.linspace(0.0, end, _INSTANTS)
+    times: Array = np.linspace(0.0, end, 161)
     angles: Array = np.array([closing_angle(t - _LATE, profile) for t in times])
-    heights: Array = np.linspace(_HIGHEST, 0.0, _HEIGHTS)
+    heights: Array = np.linspace(0.12, 0.0, 241)
     tops: Array = np.full(len(times), -np.inf)
     for k, angle in enumerate(angles.tolist()):
         gaps = hand.finger.gap(angle, ball_radius, hand.catch_offset + heights)
@@ -657,15 +639,25 @@ def _course(hand: HandModel, ball_radius: float) -> tuple[Array, Array, Array]:
 
 
 def rate(restitution: float) -> float:
-    """Return the largest force of a contact with the pads per momentum of the ball [1/s]."""
-    return max(_RATE, _DAMPED / max(restitution, 1e-3))
+    """Return the largest force of a contact with the pads per momentum of the ball [1/s].
+
+    Not below that of a tennis ball, which touches for 5 ms, and as much higher as the pads damp;
+    within 15 % of what a palm held still shows, for restitutions of 0.2 to 0.75 and radii up to
+    30 mm.
+    """
+    return max(560.0, 260.0 / max(restitution, 1e-3))
 
 
 def jam(ball: CaughtBall) -> float:
-    """Return how many times as hard as without a rim the palm's hardest contact presses."""
-    grip = min(max((ball.friction - _SLIPPERY) / (1.0 - _SLIPPERY), 0.0), 1.0)
-    near = float(np.exp(-(((ball.radius - _ROUND) / _NARROW) ** 2)))
-    return 1.0 + _JAM * max(ball.restitution - _DULL, 0.0) * grip * near
+    """Return how many times as hard as without a rim the palm's hardest contact presses.
+
+    A ball of 40 mm touches rim and pad at once and jams, and what its contacts press on one another
+    with is no force on the ball. For it 1 + 17.5 (e - 0.2) with a friction of 1, and none with one
+    of 0.6; a bell of 6.5 mm about that radius. Within 45 %.
+    """
+    grip = min(max((ball.friction - 0.6) / (1.0 - 0.6), 0.0), 1.0)
+    near = float(np.exp(-(((ball.radius - 0.040) / 0.0065) ** 2)))
+    return 1.0 + 17.5 * max(ball.restitution - 0.2, 0.0) * grip * near
 
 
 def _nearest(point: Array, start: Array, end: Array) -> Array:

@@ -37,10 +37,8 @@ from mitt.verdict.impact import examined, gap_at_catch, harms, speed_caps, speed
 _LOOK_AGAIN = 0.02
 #: Time after which a ball that has come back and cannot be caught yet is judged again [s].
 _JUDGE_AGAIN = 0.005
-#: Velocity of a ball that comes [m/s], and the time for which it comes [s].
-_COMES, _FOR = np.array([-5.0, 0.0, -1.0]), 0.4
-#: By how much others miss the hand [m]: aside, below.
-_MISSES = ((0.0, 0.9, 0.0), (0.0, 0.0, -0.5))
+#: Velocity of a ball that comes [m/s].
+_COMES = np.array([-5.0, 0.0, -1.0])
 #: Verdicts with which a ball, or what stands for it, is followed.
 _FOLLOWED = (Outcome.FEASIBLE, Outcome.OPEN)
 
@@ -425,7 +423,8 @@ def load_decisions(arm: Arm, generator: Generator, settings: CatcherSettings) ->
 
 def _balls(hand: Array) -> list[BallState]:
     """Return a ball of each kind, for a hand that waits somewhere [m], shape (3,)."""
-    comes = BallState(t=0.0, r_o=hand - _FOR * _COMES, dr_o=_COMES)
-    miss = [replace(comes, r_o=comes.r_o + np.array(by)) for by in _MISSES]
+    comes = BallState(t=0.0, r_o=hand - 0.4 * _COMES, dr_o=_COMES)
+    miss = [replace(comes, r_o=comes.r_o + np.array(by))
+            for by in ((0.0, 0.9, 0.0), (0.0, 0.0, -0.5))]  # fmt: skip
     away = replace(comes, dr_o=-comes.dr_o)
     return [comes, *miss, away, replace(comes, led=True)]

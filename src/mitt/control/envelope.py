@@ -68,8 +68,6 @@ BOUNDS = np.dtype(
 _SPEED_SHARE, _SLOW_SHARE = 0.995, 0.96
 #: Time in which a joint may close in on a speed limit [s]; a few ticks.
 _APPROACH = 0.006
-#: Share of a torque rate that the jerk of one joint takes in the pose where it takes most.
-_RATE_SHARE = 0.7
 #: Poses over which the largest of something is looked for.
 _POSES = 256
 #: Rate at which a gap to the wished position is closed [1/s].
@@ -132,13 +130,15 @@ def _bounds(arm: Arm, commanded: bool) -> Record:
 
 
 def _jerk_of_rates(arm: Arm, rate: Array) -> Array:
-    """Return the jerk of each joint that leaves torque rates to the others in any pose, (n,).
+    """Return the jerk of each joint that leaves 30 % of the torque rates to the others, (n,).
+
+    In the pose where it takes most.
 
     Args:
         arm: The arm.
         rate: Largest rates of the torques [N m/s], shape (n,).
     """
-    jerk: Array = _RATE_SHARE / np.max(np.abs(masses_of(arm)) / rate[:, None], axis=(0, 1))
+    jerk: Array = 0.7 / np.max(np.abs(masses_of(arm)) / rate[:, None], axis=(0, 1))
     return jerk
 
 

@@ -54,8 +54,6 @@ SHARE = 0.98
 _HARD, _MILD = (1.0, 0.7, 0.5, 0.35), (1.0, 0.5, 0.25)
 #: Where trying begins: the hardest stop first, or the gentlest kinds, which mostly are possible.
 HARDEST, EASIEST = 0, len(_HARD)
-#: Share of the largest deceleration that gentle rates are at least, in whatever pose.
-_GENTLEST = 0.02
 #: Instants in equal steps of a stop at constant rates at which its torque is looked at, its end
 #: included; and how far before and after a joint's rest it is, in times of its way there.
 EQUAL_STEPS, _BESIDE = 5, 1e-9
@@ -68,10 +66,6 @@ INSTANTS = 7
 _NEAR = 0.45
 #: Halvings of the interval in which the hardest stop lies, and the interval: shares of the rate.
 _HALVINGS, _LEAST, _MOST = 5, 0.2, 1.6
-#: Shares of their own rate at which the joints brake that have room.
-_OTHERS = (0.15, 0.4, 0.8, 1.2)
-#: Largest number of a motion that can be braked [rad ...].
-_FASTEST = 1e6
 
 
 class StopWork(NamedTuple):
@@ -95,6 +89,8 @@ def stop_work(arm: Arm) -> StopWork:
 def gentle_rates(arm: Arm, most: Array) -> Array:
     """Return decelerations that the torques bear in any of many poses, all joints at once, (n,).
 
+    At least 2 % of the largest ones.
+
     Args:
         arm: The arm.
         most: Largest decelerations, in whose ratio they are [rad/s^2], shape (n,).
@@ -103,7 +99,7 @@ def gentle_rates(arm: Arm, most: Array) -> Array:
     for q, mass in zip(poses_of(arm), masses_of(arm), strict=True):
         left = SHARE * arm.tau_max - np.abs(arm.inverse_dynamics(q, still, still))
         share = min(share, float(np.min(left / (np.abs(mass) @ most))))
-    out: Array = max(share, _GENTLEST) * most
+    out: Array = max(share, 0.02) * most
     return out
 
 
@@ -319,15 +315,15 @@ def plan_brake(arm: Arm, t: float, motion: Array) -> Brake:
     """
     arm, t = checks.instance("arm", arm, Arm), checks.number("t", t, finite=True)
     motion = checks.array("motion", motion, (3, arm.n), finite=True)
-    if np.abs(motion).max() > _FASTEST:
-        raise InputError("motion", f"numbers of at most {_FASTEST:g}", "larger ones",
+    if np.abs(motion).max() > 1e6:
+        raise InputError("motion", "numbers of at most 1e+06", "larger ones",
                          do="give rad, rad/s and rad/s^2")  # fmt: skip
     if arm.limits.smooth:
         return _in_ticks(arm, t, motion, bounds_of(arm))
     rate = trusted_deceleration(arm, motion[0])
     urgent = int(np.argmax(_urgency(arm, motion, rate)))
     ends, w, tried = np.array([arm.q_min, arm.q_max]), scratch_of(arm), []
-    for others in _OTHERS:
+    for others in (0.15, 0.4, 0.8, 1.2):  # shares of their own rate
         share = hardest(arm.tables, motion, rate, urgent, others, w)
         stop = Brake(t, lay(motion, w), w.pieces.copy(), float(share))
         tried.append((share <= 1.0, room(ends, w.rows[INSTANTS, 0]), stop))

@@ -35,8 +35,6 @@ from mitt.control.envelope import bound_acceleration, closing_speed, releasable
 from mitt.kernels import Record, kernel
 from mitt.signals import TICK, Array, Command
 
-#: Change of a torque that counts as meeting a limit [N m].
-_TOUCH = 1e-9
 #: Share of its peak that a drive may give while a joint is not measured; the rest is for what a
 #: wrong pose makes of the torques. The plant of a trial may exceed a limit by as much.
 _UNMEASURED = 0.99
@@ -165,7 +163,7 @@ def track(
     saturate(w.drives, w.tau_desired, w.speed, w.kept)
     met = False
     for k in range(links):
-        met |= abs(w.kept[k] - w.tau_desired[k]) > _TOUCH
+        met |= abs(w.kept[k] - w.tau_desired[k]) > 1e-9  # [N m], above rounding
     if met:
         _give_way(w, bodies, bounds, q, dq)
     for k in range(n):

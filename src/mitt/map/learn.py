@@ -47,12 +47,8 @@ from mitt.signals import Array
 _RIDGE = 1e-9
 #: Halvings of a step that does not help, and weight of the mean squared excess over the instants.
 _HALVINGS, _PENALTY = 6, 300.0
-#: Least share of usable flights of a map that is called converged; a choice of this project.
-_FEWEST = 0.5
 #: Newton steps of the soft programme, and the relative step at which it has converged.
 _NEWTON_STEPS, _SMALL = 30, 1e-9
-#: Farthest from its end that the catch of a flight is looked for [s].
-_NEAR_CATCH = 0.05
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -193,7 +189,7 @@ def _met(f: DirectMap, flight: Flight, last: Array) -> tuple[Array, Array]:
     s, ds, dds = coordinates(f.tangent, last)[:, f.tangent.catch] - [f.design.q_catch, 0.0, 0.0]
     after, before = root_time(s, ds, dds), root_time(s, -ds, dds)
     dt, (r, dr, ddr) = after if after < before else -before, flight.ball[-1]
-    if not abs(dt) <= _NEAR_CATCH:
+    if not abs(dt) <= 0.05:  # the motion at the end tells the catch no farther off [s]
         return nothing
     ball = np.array([r + dt * dr + 0.5 * dt * dt * ddr, dr + dt * ddr, ddr])
     inside, rows = f.virtual(ball)
@@ -369,11 +365,12 @@ def _status_of(status: str, worst: float, usable: float) -> str:
     Args:
         status: How the steps ended.
         worst: Largest share of a limit over all flights.
-        usable: Share of the flights that the map was learned from.
+        usable: Share of the flights that the map was learned from; half of them are the least of
+            a map that is called converged, a choice of this project.
     """
     if status == "solver":
         return status
-    if usable < _FEWEST:
+    if usable < 0.5:
         return "domain"
     return status if worst <= 1.0 else "limits"
 

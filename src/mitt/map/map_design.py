@@ -16,13 +16,6 @@ from mitt.map.polynomial import MOST_ORDER
 from mitt.map.tangent import Tangent, plane_of
 from mitt.signals import Array
 
-#: Directions of arriving balls: azimuth from +x, and angle of descent [rad] (docs/throws.md).
-_AZIMUTHS, _DESCENTS = (-0.15, 0.0, 0.15), (0.24, 0.5, 0.78)
-#: Least cosine of the angle between the palm's normal and where a ball comes from.
-_FACING = 0.2
-#: Share of a torque at rest, and of a range at its ends, from which a warning is given.
-_AT_REST, _NEAR_END = 0.5, 0.05
-
 
 @dataclass(frozen=True, kw_only=True)
 class MapDesign:
@@ -285,26 +278,26 @@ def warnings_of(arm: Arm, design: MapDesign | None = None) -> tuple[str, ...]:
 
 
 def _at_rest(arm: Arm) -> Iterator[str]:
-    """Yield the drives that the ready pose loads hard."""
+    """Yield the drives of which the ready pose takes more than half of the torque."""
     links, still = arm.model.links, np.zeros(arm.n)
     share = arm.limits.torque_ratio(arm.torque(arm.q_ready, still, still), np.zeros(len(links)))
     for link, x in zip(links, share, strict=True):
-        if x > _AT_REST:
+        if x > 0.5:
             yield f"the ready pose takes {100.0 * x:.0f} % of the torque of {link.name!r} at rest"
 
 
 def _near_ends(arm: Arm) -> Iterator[str]:
-    """Yield the joints whose ready angle leaves no room."""
+    """Yield the joints whose ready angle is in the last 5 % of the range, or outside."""
     rows = zip(arm.names, arm.q_ready, arm.q_min, arm.q_max, strict=True)
     for name, q, low, high in rows:
         if not low <= q <= high:
             yield f"the ready pose has {name!r} at {q:.3g}, outside {low:.3g}..{high:.3g}"
-        elif min(q - low, high - q) < _NEAR_END * (high - low):
+        elif min(q - low, high - q) < 0.05 * (high - low):
             yield f"the ready pose has {name!r} at {q:.3g}, near the end of {low:.3g}..{high:.3g}"
 
 
 def _palm(arm: Arm, design: MapDesign | None) -> Iterator[str]:
-    """Yield a line if the palm faces no ball, neither in the ready pose nor at the catch."""
+    """Yield a line if the palm faces no ball within 78 degrees, ready or at the catch."""
     if arm.n < 3:
         return
     design = default_design(arm) if design is None else design
@@ -312,7 +305,7 @@ def _palm(arm: Arm, design: MapDesign | None) -> Iterator[str]:
     others = [k for k in design.free if k != design.catch_joint]
     catch[design.catch_joint] = design.q_catch + catch[others] @ design.slope
     most = max(_facing(arm, q) for q in (arm.q_ready, catch))
-    if most < _FACING:
+    if most < 0.2:
         yield (
             "the palm faces away from the balls, in the ready pose and at the catch: by"
             f" {np.rad2deg(np.arccos(most)):.0f} degrees at least; hold other joints otherwise,"
@@ -321,10 +314,10 @@ def _palm(arm: Arm, design: MapDesign | None) -> Iterator[str]:
 
 
 def _facing(arm: Arm, q: Array) -> float:
-    """Return the largest cosine between the palm's normal and where a ball comes from."""
+    """Return the largest cosine between the palm's normal and where a default ball comes from."""
     normal = arm.orientation(q)[:, 2]
     return max(
         float(normal @ (np.cos(d) * np.cos(a), np.cos(d) * np.sin(a), np.sin(d)))
-        for a in _AZIMUTHS
-        for d in _DESCENTS
+        for a in (-0.15, 0.0, 0.15)  # azimuth from +x [rad]
+        for d in (0.24, 0.5, 0.78)  # descent [rad]
     )

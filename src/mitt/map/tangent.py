@@ -70,8 +70,6 @@ _NEWTON_STEP, _NEWTON_RESIDUAL, _NEWTON_STEPS, _STRIDE = 0.5, 1e-11, 40, 0.25
 #: Beyond these a ball counts as outside the domain [m; m/s and m/s^2]: so what the map says stays
 #: finite, and the straight line of Newton's strides stays short.
 _FARTHEST, _FASTEST = 1e3, 1e6
-#: Largest deviation of an arm from the geometry of the closed form [m or 1].
-_PLANAR = 1e-12
 
 
 class Tangent(NamedTuple):
@@ -468,7 +466,7 @@ def plane_of(
     flat = (yaw[0], yaw[1], pitch[0], pitch[2], base[0], base[1], shoulder[0], shoulder[1])
     p, t = m.tip[0], kappa * m.J[2] + inward * np.cross(m.W[2], m.J[2])
     off = max(abs(x) for x in (*flat, p[1], t[1]))
-    height = shoulder[2]
-    if off > _PLANAR or abs(p[0] * t[0] + (p[2] - height) * t[2]) < _PLANAR:
+    height, rounding = shoulder[2], 1e-12
+    if off > rounding or abs(p[0] * t[0] + (p[2] - height) * t[2]) < rounding:
         return None
     return np.array([p[0], p[2] - height, t[0], t[2], height, yaw[2], pitch[1]])

@@ -353,9 +353,8 @@ def _flight(ca: ModuleType, c: Expression, s: Expression) -> Expression:
 #: The true flight: time since release [s] to position [m] and velocity [m/s], each (3,).
 Flight = Callable[[float], tuple[Array, Array]]
 
-#: How far a catch may move from the one it was looked for around [s], wide and narrow; samples of
-#: the flight there; residual from which on the flight has a kink there [m].
-_WINDOWS, _SAMPLES, _KINK = (0.08, 0.03), 25, 1e-3
+#: How far a catch may move from the one it was looked for around [s], wide and narrow.
+_WINDOWS = 0.08, 0.03
 
 
 class _Last:
@@ -495,13 +494,16 @@ class Clairvoyant(Generator):
         """Return the optimum about a guess; where the flight has a kink, close about it."""
         for window in _WINDOWS:
             flight, left = self._fitted(guess.t_c, window)
-            if left < _KINK:
+            if left < 1e-3:  # [m]
                 return self.programme.solve(t, motion, guess, flight=flight, window=window)
         return None
 
     def _fitted(self, middle: float, window: float) -> tuple[Array, float]:
-        """Return the flight's polynomial about a time, (3, 7), and the largest residual [m]."""
-        s = window * np.cos(np.pi * (np.arange(_SAMPLES) + 0.5) / _SAMPLES)
+        """Return the flight's polynomial about a time, (3, 7), and the largest residual [m].
+
+        By 25 samples at Chebyshev's nodes.
+        """
+        s = window * np.cos(np.pi * (np.arange(25) + 0.5) / 25)
         r = np.array([self._ball(middle + x)[0] for x in s.tolist()])
         powers = s[:, None] ** np.arange(DEGREE + 1)
         scale = window ** np.arange(DEGREE + 1)

@@ -53,8 +53,6 @@ from mitt.rivals.paths import sample
 from mitt.signals import Array, BallState
 from mitt.verdict.feasibility import Outcome, Verdict
 
-#: det(J J') below which steps are damped [m^6], and the damping at 0 [m^2].
-_POOR, _DAMPING = 1e-3, 1e-2
 #: Newton: largest step of a joint [rad], residual [m], steps allowed.
 _STEP, _RESIDUAL, _STEPS = 0.4, 1e-9, 30
 
@@ -95,13 +93,13 @@ def _frame(chain: Chain, q: Array, local: Array) -> Vec:
 def resolve(J: Array, b: Vec, out: Array) -> None:
     """Write x with J' x = b by damped least squares, J of shape (n, 3).
 
-    x = J (J' J + lambda I)^-1 b, damped only where det(J' J) is small (Nakamura and Hanafusa
-    1986); elsewhere the solution is exact.
+    x = J (J' J + lambda I)^-1 b, damped only where det(J' J) is below 1e-3 m^6, with 1e-2 m^2 at 0
+    (Nakamura and Hanafusa 1986); elsewhere the solution is exact.
     """
     a, c, e = _gram(J, 0), _gram(J, 1), _gram(J, 2)
     det = dot(a, cross(c, e))
-    poor = max(0.0, 1.0 - det / _POOR)
-    damp = _DAMPING * poor * poor
+    poor = max(0.0, 1.0 - det / 1e-3)
+    damp = 1e-2 * poor * poor
     a, c, e = (a[0] + damp, a[1], a[2]), (c[0], c[1] + damp, c[2]), (e[0], e[1], e[2] + damp)
     normal = cross(c, e)
     det = dot(a, normal)

@@ -44,8 +44,6 @@ from mitt.signals import Array
 
 #: Kinds of DAQP's rows: an equality, an inequality that may give way.
 _EQUAL, _SOFT = 5, 8
-#: Share of a drive's peak torque that its bound never falls below.
-_LEAST = 0.05
 
 
 @final
@@ -265,7 +263,7 @@ def _load(p: Plant, w: Work, h: Horizon, k: int, share: float, out: Rows) -> Non
     for d in range(links):
         tau, omega = drive_asked(p.drives, d, w.tau, w.dq)
         bound = bound_of(p.drives, d, tau, omega, 0.0)
-        bound = max(bound, _LEAST * drives.tau_peak[d])
+        bound = max(bound, 0.05 * drives.tau_peak[d])  # near its no-load speed it has none
         row, load = 4 * n + k * links + d, 0.0
         for a in range(links):
             scale = drives.to_drive[d, a] / bound

@@ -33,8 +33,6 @@ _MOVED, _CHOOSE_UNTIL = 0.03, 0.021
 _HARD, _NEAR = 0.95, 0.5
 #: Share of the speed limits that rivals plan with.
 SPEED = 0.98
-#: Size from which on a number of an estimate is absurd [m, m/s, m/s^2].
-_SANE = 1e3
 
 
 class Pursuit(Protocol):
@@ -267,7 +265,7 @@ def _passing(f: DirectMap, ball: BallState) -> float:
 
 def _sane(ball: BallState) -> bool:
     """Say whether an estimate is finite and not absurd."""
-    return bool(np.all(np.abs(state_of(ball)) < _SANE))
+    return bool(np.all(np.abs(state_of(ball)) < 1e3))
 
 
 def resting(t: float, q: Array) -> JointReference:

@@ -14,15 +14,11 @@ from mitt.control.closing import fingers_of, lead_of, takes_of
 from mitt.control.stop import Brake
 from mitt.signals import GRAVITY, TICK, Array
 
-#: Step of the difference by which the arm's acceleration is found [s].
-_STEP = 1e-3
 #: Share of a ball's distance from the axis that counts here. For one off the axis the fingers start
 #: later (:func:`mitt.control.closing.takes_of`), but the finger that it passes nearest meets it
 #: sooner than one on the axis. Chosen on 60 throws at a Panda: with it 2 of the 54 that press less
 #: than 240 N are refused, with 1 there were 15; of the 6 that press more it refuses 1, with 1 four.
 _OFF_AXIS = 0.7
-#: Speed of a ball that stands still in the hand [m/s].
-_STILL = 1e-6
 
 
 def hand_shares(
@@ -70,7 +66,7 @@ def force_of(arm: Arm, q: Array, v_rel: Array, ball: CaughtBall) -> float:
     pushed = normal @ arm.jacobian(q)
     yields = float(pushed @ np.linalg.solve(arm.mass_matrix(q), pushed))
     behind = 1.0 / yields if yields > 0.0 else np.inf
-    aslant = float(np.sqrt(max(1.0 - (into / max(whole, _STILL)) ** 2, 0.0)))
+    aslant = float(np.sqrt(max(1.0 - (into / max(whole, 1e-6)) ** 2, 0.0)))
     fingers = fingers_of(hand, ball.radius, ball.restitution)[0]
     lead = float(lead_of(fingers, whole, _OFF_AXIS * aslant))
     return hand.contact_force(ball, Strike(whole, into, lead, behind))
@@ -78,7 +74,7 @@ def force_of(arm: Arm, q: Array, v_rel: Array, ball: CaughtBall) -> float:
 
 def _felt(arm: Arm, brake: Brake, t: float) -> tuple[Array, Array]:
     """Return what the hand gives a kilogram while the arm brakes [N], and the palm's normal."""
-    (q, dq, _), (p, dp, _) = brake.at(t), brake.at(t + _STEP)
+    (q, dq, _), (p, dp, _) = brake.at(t), brake.at(t + TICK)
     up = np.array([0.0, 0.0, GRAVITY])
-    force: Array = (arm.jacobian(p) @ dp - arm.jacobian(q) @ dq) / _STEP + up
+    force: Array = (arm.jacobian(p) @ dp - arm.jacobian(q) @ dq) / TICK + up
     return force, arm.orientation(q)[:, 2]

@@ -51,12 +51,6 @@ _ROUNDS = 4
 #: Share of its speed limit to which a joint is slowed down at most, for an impact and for a brake.
 #: Slower, with 48 V and half a kilogram, the impact was harder than expected (8 ticks in 3 of 20).
 _SLOWEST, _SLOWEST_TO_BRAKE = 0.7, 0.4
-#: Mass below which a ball moves no arm [kg].
-_WEIGHTLESS = 1e-9
-#: Relative excess of a speed limit that is rounding.
-_ROUNDED = 1e-3
-#: What a joint that is made slower must at least gain in room, as share of what it gives up.
-_GIVE = 0.05
 
 
 def speed_jump(arm: Arm, q: Array, v_rel: Array, mass: float) -> Array:
@@ -74,7 +68,7 @@ def speed_jump(arm: Arm, q: Array, v_rel: Array, mass: float) -> Array:
 
 def _answer(arm: Arm, q: Array, mass: float) -> Array:
     """Return how the joint speeds answer to the ball's relative velocity [rad/m], shape (n, 3)."""
-    if mass < _WEIGHTLESS:
+    if mass < 1e-9:  # it moves no arm
         return np.zeros((arm.n, 3))
     J = arm.jacobian(q)
     push = np.linalg.solve(arm.mass_matrix(q), J.T)  # M^-1 J'
@@ -143,7 +137,8 @@ def _impact_caps(arm: Arm, approach: Approach, ball: CaughtBall) -> Array:
     fastest, (q, wanted) = speeds_of(arm), approach.motion[-1, :2]
     J, way = arm.jacobian(q), np.sign(wanted)
     answer = _hardest(arm, q, ball)
-    give = np.clip(np.diag(answer @ J), 0.0, 1.0 - _GIVE)  # a slower joint is driven on farther
+    # A slower joint is driven on farther; it gains 5 % of what it gives up at the least.
+    give = np.clip(np.diag(answer @ J), 0.0, 0.95)
     cap: Array = fastest
     for _ in range(_ROUNDS):
         dq = np.clip(wanted, -cap, cap)
@@ -221,7 +216,7 @@ def shares_after(arm: Arm, approach: Approach, ball: CaughtBall) -> dict[str, fl
     rest = np.abs(end - middle) / half
     late = _lateness(arm, approach, cap) / GRASP
     driven = np.abs(dq + speed_jumps(arm, approach, ball)) / arm.dq_max
-    late = np.where(driven > 1.0 + _ROUNDED, np.maximum(late, driven), late)
+    late = np.where(driven > 1.001, np.maximum(late, driven), late)
     slowed = cap < speeds_of(arm)
     shares = {f"brake:{name}": float(x) for name, x in zip(arm.names, rest, strict=True)}
     for name, x, kept in zip(arm.names, late.tolist(), slowed.tolist(), strict=True):
