@@ -227,8 +227,7 @@ def _pairs(line: ast.Assign) -> Iterator[tuple[str, ast.expr]]:
 def _is_part(value: ast.expr, held: set[str]) -> bool:
     """Say whether an expression is part of a name that is held, or a view of one."""
     if isinstance(value, ast.Call) and isinstance(value.func, ast.Name):
-        names = {x.id for x in value.args if isinstance(x, ast.Name)}
-        return value.func.id in _showing() and bool(names & held)
+        return value.func.id in _showing() and _is_part(value.args[0], held)
     while isinstance(value, ast.Subscript | ast.Attribute):
         value = value.value
     return isinstance(value, ast.Name) and value.id in held
