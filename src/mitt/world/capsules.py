@@ -162,9 +162,8 @@ def paint_capsule(
     for v in range(first, last + 1):
         near, far = _beside(u0, v0, du, dv, length, r0 + 1.0, v)
         begin, end = int(max(near, float(left))), int(min(far, float(right)))
-        line = np.uint64(v)  # none counts from the end
         for k in range(begin, end + 1):
-            u = np.uint64(k)
+            line, u = np.uint64(v), np.uint64(k)  # none counts from the end
             x, y = k - u0, v - v0
             along, aside = x * du + y * dv, x * dv - y * du
             across = abs(aside)
