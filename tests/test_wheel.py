@@ -60,9 +60,9 @@ def test_the_metadata_are_those_of_mitt(said: Message) -> None:
 
 
 def test_the_command_and_the_licences_are_in_the_wheel(wheel: ZipFile) -> None:
-    """``mitt`` starts ``mitt.cli:main``; both licences are there to be read."""
+    """``mitt`` starts ``mitt.cli.main:main``; both licences are there to be read."""
     about = {Path(name).name: name for name in wheel.namelist() if ".dist-info/" in name}
-    assert "mitt = mitt.cli:main" in wheel.read(about["entry_points.txt"]).decode()
+    assert "mitt = mitt.cli.main:main" in wheel.read(about["entry_points.txt"]).decode()
     texts = [wheel.read(x).decode() for x in wheel.namelist() if "/licenses/" in x]
     assert len(texts) == 2
     assert sum("Apache License" in text for text in texts) == 1

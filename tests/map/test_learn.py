@@ -24,7 +24,7 @@ from mitt.map.learn import (
     solve,
 )
 from mitt.map.map_design import MapDesign
-from mitt.map.mapping import DirectMap, coordinates, initial_matrix, project, shift
+from mitt.map.mapping import DirectMap, answer_to_gap, coordinates, initial_matrix, project
 from mitt.map.tangent import to_go
 from mitt.signals import Array
 
@@ -38,7 +38,7 @@ def adapted_motion(f: DirectMap, flight: Flight) -> Array:
     x = lift_flight(f, flight)
     assert x is not None
     C = initial_matrix(x.phi_0, f.arm.n)
-    alpha = f.alpha.ravel() + shift(C, f.H_inverse) @ (x.gap - C @ f.alpha.ravel())
+    alpha = f.alpha.ravel() + answer_to_gap(C, f.H_inverse) @ (x.gap - C @ f.alpha.ravel())
     return x.motion(alpha.reshape(f.alpha.shape))
 
 

@@ -20,7 +20,7 @@ ROOT = Path(__file__).parents[2]
 _DIRECTIVE = re.compile(r"auto(function|class|module):: (\S+)\n(?:[ ]+:members:[ ]*(.*))?")
 _READER = re.compile(r"^(read|open|load)_")
 #: Packages whose readers take files of users.
-_READERS = ("calibration", "cameras", "files", "robot", "tracks", "trials", "world")
+_READERS = ("arm", "cameras", "files", "trials", "world")
 
 
 def of_the_page() -> dict[str, Any]:

@@ -123,11 +123,6 @@ def test_throwing_again_gives_the_same_trial(prepared: Prepared) -> None:
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"throws": 0}, "--throws"),
-        ({"throws": -3}, "--throws"),
-        ({"throws": 10**9}, "--throws"),
-        ({"seed": -1}, "--seed"),
-        ({"seed": 2**63}, "--seed"),
         ({"arm": "kuka"}, "arm"),
         ({"arm": "wam", "tip": "x"}, "arm wam"),
         ({"limits": "model"}, "limits"),

@@ -21,10 +21,10 @@ import numpy as np
 from mitt.arm.arm import Arm
 from mitt.arm.dynamics import slopes_work, torque_slopes
 from mitt.kernels import Record, kernel
-from mitt.map.demand import Plant, plant_of
+from mitt.map.demand import ArmNumbers, arm_numbers
 from mitt.map.learn import LearnSettings, learn_from, lift_flight
 from mitt.map.map_design import default_design
-from mitt.map.mapping import initial_matrix, shift, unlearned
+from mitt.map.mapping import answer_to_gap, initial_matrix, unlearned
 from mitt.rivals.clairvoyant import Expression, casadi, symbolic
 from mitt.signals import Array
 from mitt.trials.learning import Neighbourhood, neighbourhood
@@ -81,7 +81,7 @@ def learning_problem(arm: Arm, *, flights: int, seed: int) -> LearningProblem:
     base, slope, n = [], [], arm.n
     for x in lifted:
         C = initial_matrix(x.phi_0, n)
-        W = shift(C, start.H_inverse)
+        W = answer_to_gap(C, start.H_inverse)
         per = np.array([[np.kron(row, np.eye(n)) for row in phi] for phi in x.phi])
         per = per.reshape(len(x.phi), 3 * n, -1)
         slope.append(per @ (np.eye(C.shape[1]) - W @ C))
@@ -97,7 +97,7 @@ def solve(problem: LearningProblem) -> Answer:
 
     A step is halved while neither cost nor excess gets better.
     """
-    p, alpha, bounded = plant_of(problem.arm), np.zeros(problem.size), np.isfinite(problem.bound)
+    p, alpha, bounded = arm_numbers(problem.arm), np.zeros(problem.size), np.isfinite(problem.bound)
     r, J = reckon(problem, p, alpha)
     best, good = _merit(problem, r), False
     for _ in range(40):
@@ -124,7 +124,7 @@ def solve(problem: LearningProblem) -> Answer:
 def judged(problem: LearningProblem, alpha: Array, *, good: bool) -> Answer:
     """Return an answer with cost and largest share of the bound reckoned anew."""
     n = problem.arm.n
-    r, _ = reckon(problem, plant_of(problem.arm), alpha)
+    r, _ = reckon(problem, arm_numbers(problem.arm), alpha)
     torque = float(np.abs(r[:, :n]).max())
     worst = torque / problem.bound if np.isfinite(problem.bound) else torque
     return Answer(
@@ -133,7 +133,7 @@ def judged(problem: LearningProblem, alpha: Array, *, good: bool) -> Answer:
     )  # fmt: skip
 
 
-def reckon(problem: LearningProblem, p: Plant, alpha: Array) -> tuple[Array, Array]:
+def reckon(problem: LearningProblem, p: ArmNumbers, alpha: Array) -> tuple[Array, Array]:
     """Return torques and speeds over their bounds, (S, 2 n), and their slopes, (S, 2 n, m n)."""
     n, links = problem.arm.n, len(problem.arm.model.links)
     z = problem.base + problem.slope @ alpha
@@ -144,7 +144,9 @@ def reckon(problem: LearningProblem, p: Plant, alpha: Array) -> tuple[Array, Arr
 
 
 @kernel
-def _respond(p: Plant, z: Array, work: tuple[Array, Array, Record], r: Array, R: Array) -> None:
+def _respond(
+    p: ArmNumbers, z: Array, work: tuple[Array, Array, Record], r: Array, R: Array
+) -> None:
     """Write torques and speeds over their bounds, and their slopes in q, dq, ddq."""
     tau, slope, links = work
     n = z.shape[2]

@@ -124,8 +124,8 @@ class CatcherState(NamedTuple):
     tracking: Tracking
     mass: MassWork
     estimated: Array  # q, dq of the joints, by the monitor [rad, rad/s], shape (2, n)
-    desired: Array  # q_d, dq_d, ddq_d of the last tick, shape (3, n)
-    last: Array  # q, dq, ddq of the last command within limits, shape (3, n)
+    desired: Array  # q_d, dq_d, ddq_d of the last tick [rad ...], shape (3, n)
+    last: Array  # q, dq, ddq of the last command within limits [rad ...], shape (3, n)
     before: Array  # the one a tick before it
     taken: Array  # q, dq of the reading as the monitor takes it; NaN for an old one, shape (2, n)
     waiting: Array  # accelerations that commands will cause once they act, oldest first, (k, n)
@@ -133,7 +133,7 @@ class CatcherState(NamedTuple):
     R: Array  # its covariance [m^2], shape (3, 3)
     followed: Array  # the ball that is followed, or its surrogate, shape (3, 3)
     hand: Array  # while the arm brakes: catch point, velocity, place at the exposure, (3, 3)
-    ahead: Array  # position and velocity of the ball that the heads look for, shape (2, 3)
+    look_at: Array  # where the heads look: the ball's position and velocity [m, m/s], (2, 3)
     bounce: Array  # scratch, shape (3,)
     gap: Array  # from the catch point to the ball, and its rate [m, m/s], shape (2, 3)
     pose: Array  # scratch, shape (n,)
@@ -142,7 +142,7 @@ class CatcherState(NamedTuple):
     palm_now: Array  # and in the base frame
     jump: Array  # change of the joint speeds by the ball, where it may come [rad/s], shape (n,)
     impact_dq: Array  # change of the joint speeds that it may cause now [rad/s], shape (n,)
-    limits: Array  # for :func:`mitt.control.stop.short_of_room`, shape (3, n)
+    limits: Array  # largest torques [N m], lower and upper ends of the ranges [rad], (3, n)
     map: MapArrays
 
     def __repr__(self) -> str:
@@ -243,7 +243,7 @@ def fresh_state(
         estimated=ready[:2].copy(), desired=ready.copy(), last=ready.copy(), before=ready.copy(),
         taken=np.zeros((2, n)), waiting=np.zeros((s.setpoint_delay + 1, n)),
         z=np.zeros(3), R=np.zeros((3, 3)),
-        followed=np.zeros((3, 3)), hand=np.zeros((3, 3)), ahead=np.zeros((2, 3)),
+        followed=np.zeros((3, 3)), hand=np.zeros((3, 3)), look_at=np.zeros((2, 3)),
         bounce=np.zeros(3), gap=np.zeros((2, 3)), pose=np.zeros(n),
         chain=joint_records(arm.chain), palm=palm_of(arm), palm_now=np.zeros(3),
         jump=np.zeros(n), impact_dq=np.zeros(n), limits=of.limits.copy(),

@@ -256,7 +256,7 @@ def _is_shown(images: tuple[Image, ...]) -> bool:
 def _guide(
     images: tuple[Image, ...], t_exposed: float, beside: bool, state: CatcherState, result: Result
 ) -> None:
-    """Give the eyes the prediction of the ball from the tick before; see :func:`tick`."""
+    """Give the eyes the prediction of the ball from the tick before."""
     out = result.scalars[0]
     rig, ball = state.eyes.rig[0], result.ball
     if _is_shown(images):
@@ -279,13 +279,13 @@ def _turn_heads(
     images: tuple[Image, ...], t_exposed: float, state: CatcherState, result: Result
 ) -> None:
     """Let the heads look where the ball will be when the command acts."""
-    s, out, ahead, ball = state.scalars[0], result.scalars[0], state.ahead, result.ball
+    s, out, target, ball = state.scalars[0], result.scalars[0], state.look_at, result.ball
     if _is_shown(images):
         s.t_exposed = t_exposed
     for i in range(3):
-        ahead[0, i], ahead[1, i] = ball[0, i] + TICK * ball[1, i], ball[1, i]
+        target[0, i], target[1, i] = ball[0, i] + TICK * ball[1, i], ball[1, i]
     t_seen = out.t_seen if out.tracked else -np.inf
-    lead(state.eyes, ahead, t_seen, s.t_exposed, out.t + TICK, result.gaze)
+    lead(state.eyes, target, t_seen, s.t_exposed, out.t + TICK, result.gaze)
 
 
 @kernel
@@ -307,7 +307,7 @@ def refer(state: CatcherState, result: Result) -> None:
 
 @kernel
 def act(brake: Array, state: CatcherState, result: Result) -> int:
-    """Close the hand and track the desired motion, or that of braking; see :func:`tick`."""
+    """Close the hand and track the desired motion, or that of braking."""
     s, out = state.scalars[0], result.scalars[0]
     t, phase, desired, estimated = out.t, s.phase, state.desired, state.estimated
     arm, monitor, tracking, command = (

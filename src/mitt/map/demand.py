@@ -84,7 +84,7 @@ class Demand(NamedTuple):
         return float(np.mean(self.cost_torque + self.cost_speed))
 
 
-class Plant(NamedTuple):
+class ArmNumbers(NamedTuple):
     """What kernels know of an arm and its limits."""
 
     bodies: Record  # of the type LINK of mitt.arm.dynamics, (N,)
@@ -110,11 +110,11 @@ class Work(NamedTuple):
 
 
 @lru_cache(maxsize=8)
-def plant_of(arm: Arm) -> Plant:
+def arm_numbers(arm: Arm) -> ArmNumbers:
     """Return the arrays of an arm, not to be written to."""
     middle, half = 0.5 * (arm.q_max + arm.q_min), 0.5 * (arm.q_max - arm.q_min)
     most = arm.limits.acceleration
-    return Plant(
+    return ArmNumbers(
         *arm.tables, arm.tau_max, arm.dq_max,
         np.full(arm.n, np.inf) if most is None else arm.active(most),
         np.array([arm.q_min, arm.q_max]), middle, half,
@@ -140,13 +140,13 @@ def demand(arm: Arm, motion: Array) -> Demand:
     shapes = (count,), (count,), (count, links), (count, links), (count, n), (count, n), (count, n)
     out = Demand(*(np.empty(shape) for shape in shapes))
     rows = np.ascontiguousarray(motion, dtype=np.float64)
-    reckon(plant_of(arm), rows, out, work_of(arm))
+    reckon(arm_numbers(arm), rows, out, work_of(arm))
     return out
 
 
 @kernel
-def reckon(p: Plant, motion: Array, out: Demand, w: Work) -> None:
-    """Write the demand of a motion, shape (K, 3, n): the one place where limits have shares."""
+def reckon(p: ArmNumbers, motion: Array, out: Demand, w: Work) -> None:
+    """Write cost and shares of all limits of a motion, shape (K, 3, n)."""
     top = drives_of(p.drives).dq_max
     for t in range(len(motion)):
         q, dq, ddq = motion[t, 0], motion[t, 1], motion[t, 2]
@@ -179,7 +179,7 @@ def shares_of(arm: Arm, motion: Array, tolerance: Tolerance) -> dict[str, float]
         bounds it and, where the tolerance asks for room to brake, ``brake:NAME`` for each joint.
     """
     demanded = demand(arm, motion)
-    p = plant_of(arm)
+    p = arm_numbers(arm)
     torque, speed = arm.by_joint(
         np.array([demanded.torque.max(axis=0), demanded.speed.max(axis=0)])
     )

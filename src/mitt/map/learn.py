@@ -32,12 +32,12 @@ from mitt.map.demand import demand
 from mitt.map.map_design import MapDesign
 from mitt.map.mapping import (
     DirectMap,
+    answer_to_gap,
     basis_of,
     coordinates,
     initial_gap,
     initial_matrix,
     project,
-    shift,
     unlearned,
 )
 from mitt.map.prediction import root_time
@@ -253,6 +253,8 @@ def cost(arm: Arm, s: Sensitivity) -> Cost:
 def limit_rows(arm: Arm, s: Sensitivity, *, share: float, near: float) -> Rows:
     """Return the limits (18), (20), ranges and accelerations as rows, those above ``near`` of one.
 
+    Their values are the shares of :func:`mitt.map.demand.reckon` with their signs.
+
     Args:
         arm: The arm.
         s: Motion and sensitivities.
@@ -435,7 +437,7 @@ def _with_metric(f: DirectMap, H: Array) -> DirectMap:
 def _linearise(f: DirectMap, x: Lifted, settings: LearnSettings) -> _Part:
     """Return gradient, Gauss-Newton Hessian and limit rows of one flight in alpha*."""
     C = initial_matrix(x.phi_0, f.arm.n)
-    W = shift(C, f.H_inverse)
+    W = answer_to_gap(C, f.H_inverse)
     keep = np.eye(C.shape[1]) - W @ C
     alpha = (keep @ f.alpha.ravel() + W @ x.gap).reshape(f.alpha.shape)
     s = sensitivity(f.arm, x.motion(alpha), x.phi)

@@ -388,11 +388,11 @@ def project(alpha: Array, H_inverse: Array, phi: Array, d: Array) -> Array:
         d: q(t_0) - q_o(t_0) and its rate [rad, rad/s], shape (2 n,).
     """
     C = initial_matrix(phi, alpha.shape[1])
-    moved: Array = alpha + (shift(C, H_inverse) @ (d - C @ alpha.ravel())).reshape(alpha.shape)
-    return moved
+    step = answer_to_gap(C, H_inverse) @ (d - C @ alpha.ravel())
+    return np.asarray(alpha + step.reshape(alpha.shape))
 
 
-def shift(C: Array, H_inverse: Array) -> Array:
+def answer_to_gap(C: Array, H_inverse: Array) -> Array:
     """Return W = H^-1 C' (C H^-1 C')^+, shape (m n, 2n): the answer of alpha to a gap in d."""
     spread = H_inverse @ C.T
     gram = C @ spread

@@ -305,11 +305,11 @@ def _spread(state: Array, drag: float, covariance: Array, after: float) -> float
     P[:6, :6] = covariance
     model = MotionModel(GRAVITY, _UNEXPLAINED, 0.0, 0.0, 1.0)
     advance_uncertain(x, P, after, model, np.empty((6, 4)), np.empty((STATES, STATES)))
-    return float(np.sqrt(max(_largest(P), 0.0)))
+    return float(np.sqrt(max(_largest_eigenvalue(P), 0.0)))
 
 
 @kernel
-def _largest(P: Array) -> float:
+def _largest_eigenvalue(P: Array) -> float:
     """Return the largest eigenvalue of the symmetric first three rows and columns (Smith 1961)."""
     a, b, c = 0.5 * (P[0, 1] + P[1, 0]), 0.5 * (P[0, 2] + P[2, 0]), 0.5 * (P[1, 2] + P[2, 1])
     middle = (P[0, 0] + P[1, 1] + P[2, 2]) / 3.0

@@ -1,4 +1,4 @@
-"""The tangent map l_c, from virtual joints to a ball's position, and its inverse; eqs. (5), (10).
+"""The tangent map l_c, from virtual joints to a ball's position, and its inverse; eqs. (5), (6).
 
 Eq. (5): l_c(q) = l(qbar) + T(qbar) s with s = q_i - q_alpha and qbar = q with q_i := q_alpha.
 The paper's T is J_i = dl/dq_i; here T = kappa J_i + inward (w_i x J_i), w_i the axis of joint i,

@@ -45,7 +45,7 @@ from mitt.arm.kinematics import (
     turn,
 )
 from mitt.kernels import kernel
-from mitt.map.demand import KINDS, Demand, Plant, Work, plant_of, reckon, work_of
+from mitt.map.demand import KINDS, ArmNumbers, Demand, Work, arm_numbers, reckon, work_of
 from mitt.map.mapping import DirectMap
 from mitt.map.prediction import flown, fly_on, state_of
 from mitt.map.tangent import unfold, unpack
@@ -271,7 +271,7 @@ class Search(NamedTuple):
     hand: Hand
     work: Array
     bounds: Array  # (3, n) lowest and highest joints; where the first inverse starts [rad]
-    plant: Plant
+    plant: ArmNumbers
     scratch: Work
     floor: float  # height below which a catch is low [m]
 
@@ -307,7 +307,9 @@ class Chooser:
         """The arm, as the kernels take it."""
         f, arm = self.map, self.arm
         bounds = np.array([arm.q_min, arm.q_max, f.start])
-        return Search(f.packed, self.hand, f.work, bounds, plant_of(arm), work_of(arm), self.floor)
+        return Search(
+            f.packed, self.hand, f.work, bounds, arm_numbers(arm), work_of(arm), self.floor
+        )
 
     def choose(self, ball: BallState, motion: Array) -> Intercept | None:
         """Return the best catch: the best in even steps, then the best about that; None without.

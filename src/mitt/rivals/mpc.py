@@ -34,7 +34,7 @@ from mitt.arm.dynamics import torque_slopes
 from mitt.arm.limits import bound_of, drive_asked, drives_of
 from mitt.catcher.generators import Generator
 from mitt.kernels import kernel
-from mitt.map.demand import Plant, Work, plant_of, work_of
+from mitt.map.demand import ArmNumbers, Work, arm_numbers, work_of
 from mitt.map.mapping import DirectMap
 from mitt.rivals.intercept import Intercept
 from mitt.rivals.paths import Motion, quintic, responses
@@ -138,9 +138,9 @@ class MpcPlanner:
         return Quadratic(H=H, f=f, A=out.rows, low=out.low, high=out.high, kind=kind)
 
     @cached_property
-    def _scales(self) -> tuple[Plant, Work]:
+    def _scales(self) -> tuple[ArmNumbers, Work]:
         """The arm as the kernel takes it, and buffers."""
-        return plant_of(self.arm), work_of(self.arm)
+        return arm_numbers(self.arm), work_of(self.arm)
 
     @cached_property
     def _ranges(self) -> Array:
@@ -188,7 +188,7 @@ def make_mpc(f: DirectMap) -> Generator:
 
 @kernel
 def condense(
-    p: Plant, w: Work, ranges: Array, h: Horizon, shares: tuple[float, float], out: Rows
+    p: ArmNumbers, w: Work, ranges: Array, h: Horizon, shares: tuple[float, float], out: Rows
 ) -> None:
     """Write the programme; see the module's table.
 
@@ -240,7 +240,7 @@ def _pin_ends(h: Horizon, out: Rows) -> None:
 
 
 @kernel
-def _load(p: Plant, w: Work, h: Horizon, k: int, share: float, out: Rows) -> None:
+def _load(p: ArmNumbers, w: Work, h: Horizon, k: int, share: float, out: Rows) -> None:
     """Write the torques of instant k: those of the drives as bounds, the joints' as a price."""
     rows, low, high, price, at = out
     start, end, step, D, P = h
