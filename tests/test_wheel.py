@@ -34,7 +34,7 @@ def said(wheel: ZipFile) -> Message:
 
 
 def test_the_wheel_has_every_file_of_the_package_and_no_other(wheel: ZipFile) -> None:
-    """Modules, pages, scenes, limits, cells, studies, flights and ``py.typed``."""
+    """Modules, arms, pages, scenes, limits, cells, studies, flights and ``py.typed``."""
     source = ROOT / "src"
     files = {
         path.relative_to(source).as_posix()
@@ -45,7 +45,7 @@ def test_the_wheel_has_every_file_of_the_package_and_no_other(wheel: ZipFile) ->
     assert packed == files
     assert "mitt/py.typed" in packed
     kinds = {name.split("/")[2] for name in packed if name.startswith("mitt/data/")}
-    assert kinds == {"cells", "flights", "limits", "pages", "scenes", "studies"}
+    assert kinds == {"arms", "cells", "flights", "limits", "pages", "scenes", "studies"}
 
 
 def test_the_metadata_are_those_of_mitt(said: Message) -> None:

@@ -150,9 +150,9 @@ def shipped(kind: str) -> tuple[str, ...]:
     return tuple(sorted(p.stem for p in (_PACKAGE / "data" / kind).iterdir()))
 
 
-def shipped_path(kind: str, name: str) -> Path:
+def shipped_path(kind: str, name: str, suffix: str = ".toml") -> Path:
     """Return where a file is that comes with mitt."""
-    return _PACKAGE / "data" / kind / f"{name}.toml"
+    return _PACKAGE / "data" / kind / f"{name}{suffix}"
 
 
 def _check_nesting(text: str) -> None:

@@ -223,3 +223,26 @@ def test_the_hand_turns_about_the_palm(tmp_path: Path) -> None:
         assert np.allclose(R[:, 2], S[:, 2], atol=1e-12)
     angle = arms[0].orientation(q).T @ arms[1].orientation(q)
     assert np.arctan2(angle[1, 0], angle[0, 0]) == pytest.approx(0.4)
+
+
+_DRIVE = """<transmission name="t"><joint name="j2"/><actuator name="m">
+<drake:gear_ratio value="50"/><drake:rotor_inertia value="2e-5"/></actuator></transmission>
+</robot>"""
+
+
+def test_a_rotor_is_read_as_drake_reads_it(tmp_path: Path) -> None:
+    """Its inertia by the square of the gear ratio is the joint's armature; others have none."""
+    path = _changed(tmp_path / "a.urdf", ("</robot>", _DRIVE),
+                    ("<robot ", '<robot xmlns:drake="http://drake.mit.edu" '))  # fmt: skip
+    arm, bare = build_arm(path, tip="l5", joints=_NAMES), read_urdf(urdf(tmp_path / "b.urdf"))
+    assert [x.armature for x in arm.model.links] == [0.0, pytest.approx(0.05), 0.0, 0.0, 0.0]
+    assert all(part.armature == 0.0 for part in bare.tree.parts)
+
+
+@pytest.mark.parametrize("value", ["", "two", "nan", "-1e-5"])
+def test_a_rotor_that_cannot_be_is_refused(tmp_path: Path, value: str) -> None:
+    """In one line that says which number is wrong."""
+    path = _changed(tmp_path / "a.urdf", ("</robot>", _DRIVE.replace("2e-5", value)),
+                    ("<robot ", '<robot xmlns:drake="http://drake.mit.edu" '))  # fmt: skip
+    with pytest.raises(MittError, match=r"rotor_inertia|armature"):
+        build_arm(path, tip="l5", joints=_NAMES)

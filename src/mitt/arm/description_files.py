@@ -116,6 +116,12 @@ class Tree:
         )
         self._places = {part.name: k for k, part in enumerate(parts)}
 
+    @property
+    def flange(self) -> str:
+        """The last of the links and sites that the most joints move."""
+        moved = {name: len(self.joints_to(name)) for name in self.links}
+        return max(self.links, key=lambda name: (moved[name], self.place(name)))
+
     def __contains__(self, name: str) -> bool:
         """Say whether there is a frame of a name."""
         return name in self._places

@@ -33,6 +33,7 @@ from mitt.arm.units import WIDEST, check_range, check_set, doubts
 from mitt.arm.urdf import read_urdf
 from mitt.arm.wam import LIMIT_SETS, wam, wam_limits
 from mitt.errors import InputError, ModelError, UnknownNameError
+from mitt.reading import shipped, shipped_path
 from mitt.signals import Array
 
 Mount = Literal["catch", "plate"]
@@ -40,8 +41,8 @@ Mount = Literal["catch", "plate"]
 _MOUNTS: tuple[Mount, ...] = ("catch", "plate")
 _Z = np.array([0.0, 0.0, 1.0])
 _READERS = {".urdf": read_urdf, ".xml": read_mjcf, ".mjcf": read_mjcf}
-#: What may be named as an arm; an arm file is read by :func:`mitt.load_arm`.
-_ARMS = ("wam", "an arm file (.toml)", "a URDF (.urdf)", "an MJCF (.xml)")
+#: What else may be named as an arm; an arm file is read by :func:`mitt.load_arm`.
+_FILES = ("an arm file (.toml)", "a URDF (.urdf)", "an MJCF (.xml)")
 #: How an error calls the limits that an active joint needs.
 _LIMITS = {"range": "a range", "torque": "an effort limit above 0",
            "speed": "a velocity limit above 0"}  # fmt: skip
@@ -72,13 +73,14 @@ def build_arm(
     limits: str | LimitSet | None = None,
     hand: Hand | str | None = None,
     hand_turn: float = 0.0,
-    hand_mount: Mount = "catch",
+    hand_mount: Mount | None = None,
     encoder_step: float | Sequence[float] | None = None,
 ) -> Arm:
-    """Return an arm by name (``wam``) or from a URDF (``.urdf``) or MJCF (``.xml``) file.
+    """Return an arm by name or from a URDF (``.urdf``) or MJCF (``.xml``) file.
 
     The arguments are those of :func:`mitt.files.arm_file.load_arm`, but for ``limits``: a name of
-    the WAM's, ``model``, what the file states, or a set that goes before it.
+    the WAM's, ``model``, what the file states, or a set that goes before it; if left out, what the
+    file states.
 
     Raises:
         UnknownNameError: No such arm, joint, frame, hand or limit set.
@@ -90,12 +92,16 @@ def build_arm(
     if hand is None:
         hand = "three-finger" if str(name_or_path) == "wam" else "none"
     mounted = hand_named(hand) if isinstance(hand, str) else checked_hand(hand)
-    path = checks.path("arm", name_or_path)
+    ships = is_shipped(name_or_path)
+    mount = hand_mount or ("plate" if ships else "catch")
+    path, tip = described(name_or_path, tip)
     names = _names(joints)
     turn = checks.number("hand_turn", hand_turn, finite=True)
-    checks.one_of("hand_mount", hand_mount, _MOUNTS)
+    checks.one_of("hand_mount", mount, _MOUNTS)
+    if ships and not names:
+        names = tuple(read_described(path).tree.joints_to(tip or ""))
     wanted = _Wanted(name=path.stem, joints=names, held=_angles(held), ready=ready, hand=mounted,
-                     turn=turn, mount=hand_mount)  # fmt: skip
+                     turn=turn, mount=mount)  # fmt: skip
     if str(name_or_path) == "wam":
         if tip is not None:
             raise ModelError("arm wam", "no tip: it is fixed", tip)
@@ -109,6 +115,30 @@ def build_arm(
 def with_encoders(arm: Arm, step: float | Sequence[float]) -> Arm:
     """Return an arm whose active joints have encoders of another resolution [rad]."""
     return Arm(_with_encoders(arm.model, step), arm.limits)
+
+
+def arm_names() -> tuple[str, ...]:
+    """Return the names of all arms that come with mitt, the WAM first."""
+    return ("wam", *shipped("arms"))
+
+
+def is_shipped(name_or_path: str | Path) -> bool:
+    """Say whether an arm is one whose description comes with mitt, by its name."""
+    return str(name_or_path) in shipped("arms")
+
+
+def described(name_or_path: str | Path, tip: str | None) -> tuple[Path, str | None]:
+    """Return the description file of an arm and its tip.
+
+    Args:
+        name_or_path: Name of an arm that ships, or a file, which is returned as it is.
+        tip: The tip; if left out, the flange of an arm that ships.
+    """
+    path = checks.path("arm", name_or_path)
+    if not is_shipped(path):
+        return path, tip
+    path = shipped_path("arms", str(path), ".urdf")
+    return path, read_described(path).tree.flange if tip is None else tip
 
 
 def is_described(path: Path) -> bool:
@@ -125,8 +155,9 @@ def check_described(path: Path) -> None:
     """
     check_suffix(path)
     if not is_described(path):
-        known = [x for x in _ARMS if path.suffix != ".toml" or ".toml" not in x]
-        raise UnknownNameError("arm", str(path), known, do="a file is named by its path")
+        files = [x for x in _FILES if path.suffix != ".toml" or ".toml" not in x]
+        raise UnknownNameError("arm", str(path), (*arm_names(), *files),
+                               do="a file is named by its path")  # fmt: skip
 
 
 def read_described(path: Path) -> Stated:

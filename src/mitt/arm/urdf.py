@@ -2,7 +2,8 @@
 
 What has no meaning is passed over, as the axis of a fixed joint; a continuous joint turns once
 about zero; a limit that is missing is asked for by name once it is needed. The schema of URDF: the
-ROS wiki, pages urdf/XML/joint and urdf/XML/link.
+ROS wiki, pages urdf/XML/joint and urdf/XML/link. The rotor of a drive, of which URDF says nothing,
+is read as Drake's parsers read it: ``drake:rotor_inertia`` and ``drake:gear_ratio`` of an actuator.
 """
 
 from collections.abc import Iterator
@@ -35,6 +36,8 @@ from mitt.signals import Array
 #: Joints that move, with a range that the file has to state or not.
 _MOVING: dict[str, Kind] = {"revolute": "hinge", "continuous": "hinge", "prismatic": "slide"}
 _TYPES = (*_MOVING, "fixed", "floating", "planar")
+#: Elements of an actuator: inertia of its rotor [kg m^2], and its turns for one of the joint.
+_ROTOR, _GEARS = (f"{{http://drake.mit.edu}}{x}" for x in ("rotor_inertia", "gear_ratio"))
 _KEYS_OF = {
     "range": "<limit> lower and upper", "torque": "<limit> effort", "speed": "<limit> velocity"
 }  # fmt: skip
@@ -112,6 +115,7 @@ def _tree(path: Path, root: Element, joints: list[Element]) -> Tree:
     for joint in sorted(joints, key=lambda x: x.get("name", "")):
         behind[_link_of(joint, "parent")].append(joint)
     children = {_link_of(joint, "child") for joint in joints}
+    rotors = _rotors(root)
     parts = [Part(name=WORLD, kind="world")]
     pending: list[tuple[int, Element]] = []
 
@@ -127,10 +131,28 @@ def _tree(path: Path, root: Element, joints: list[Element]) -> Tree:
         before, joint = pending.pop()
         kind = _MOVING.get(joint.get("type", ""), "fixed")
         axis = np.zeros(3) if kind == "fixed" else _axis(path, joint)
-        parts.append(Part(name=joint.get("name", ""), kind=kind, before=before,
-                          placement=_origin(joint), axis=axis))  # fmt: skip
+        name = joint.get("name", "")
+        parts.append(Part(name=name, kind=kind, before=before, placement=_origin(joint), axis=axis,
+                          armature=0.0 if kind == "fixed" else rotors.get(name, 0.0)))  # fmt: skip
         add_link(_link_of(joint, "child"))
     return Tree(parts)
+
+
+def _rotors(root: Element) -> dict[str, float]:
+    """Return the inertias of rotors as seen from their joints [kg m^2]."""
+    return {
+        joint.get("name", ""): float(rotor.get("value", "0")) * _ratio(actuator) ** 2
+        for transmission in root.iter("transmission")
+        for joint in transmission.findall("joint")
+        for actuator in transmission.findall("actuator")
+        for rotor in actuator.findall(_ROTOR)
+    }
+
+
+def _ratio(actuator: Element) -> float:
+    """Return how often a rotor turns while its joint turns once; 1 where nothing is said."""
+    gears = actuator.find(_GEARS)
+    return 1.0 if gears is None else float(gears.get("value", "1"))
 
 
 def _origin(element: Element) -> Array:
@@ -290,6 +312,7 @@ _NUMBERS: dict[str, dict[str, dict[str, int]]] = {
         "origin": _PLACE,
         "dynamics": {"damping": 1, "friction": 1},
     },
+    "transmission": {f"actuator/{x}": {"value": 1} for x in (_ROTOR, _GEARS)},
 }  # fmt: skip
 
 
@@ -309,7 +332,8 @@ def check_numbers(path: Path, root: Element) -> None:
                     given = element.get(key)
                     finite = "geometry" not in inner  # sizes are looked at with the shapes
                     if given is not None and not _are_numbers(given, count, finite=finite):
-                        _refuse(path, part, f"{element.tag} {key}", given, count)
+                        name = element.tag.rpartition("}")[2]
+                        _refuse(path, part, f"{name} {key}", given, count)
         for mass in part.findall("inertial/mass"):
             if float(mass.get("value", "0")) < 0.0:
                 where = f"{path} link {part.get('name', '')!r}"

@@ -9,6 +9,7 @@ import numpy as np
 
 from mitt.arm.arm import Arm
 from mitt.arm.basket import MOST_TILT
+from mitt.arm.load import arm_names
 from mitt.arm.shapes import check_floor
 from mitt.cli.options import DesignOptions
 from mitt.cli.screen import (
@@ -225,7 +226,7 @@ def origin_of(options: DesignOptions, file: ArmFile | None) -> ArmFile:
     limits_file = Path(limits) if limits is not None and limits.endswith(".toml") else limits
     if file is None:
         origin = ArmFile(
-            arm=options.arm if options.arm == "wam" else Path(options.arm), tip=options.tip,
+            arm=options.arm if options.arm in arm_names() else Path(options.arm), tip=options.tip,
             limits=limits_file, hand=options.hand or "three-finger",
             hand_mount=options.mount or "plate", hand_tilt=options.tilt or 0.0,
         )  # fmt: skip

@@ -69,11 +69,12 @@ class ArmOptions(Options):
     """Which arm and which map.
 
     Attributes:
-        arm: The arm: wam, an arm file (.toml), or a URDF or MJCF file (with --tip and --joints).
+        arm: The arm: a name, as wam or ur5e, an arm file (.toml), or a URDF or MJCF file (with
+            --tip and --joints).
         tip: Frame of the file at the catch point, z along the palm's normal.
         joints: Active joints of the file, as A,B,C.
-        limits: Limit set: paper, wam-48v or wam-80v for the wam; for a file model, what it states,
-            one that ships, as franka-fr3, or a TOML file (docs/arms.md).
+        limits: Limit set: paper, wam-48v or wam-80v for the wam; for another arm model, what its
+            file states, one that ships, as franka-fr3, or a TOML file (docs/arms.md).
         catch_joint: Index of the catch joint among the active joints, from 0; the last if left out.
         q_catch: Its angle at the catch [rad]; if left out that of the arm file, or chosen for the
             limit set, or pi/2.
@@ -172,7 +173,7 @@ class DesignOptions(Options):
     """Find what an arm can catch and the map that does it; write DESIGN.toml for --arm.
 
     Attributes:
-        arm: The arm: wam, a URDF or MJCF file (then with --tip), or an arm file.
+        arm: The arm: a name, as wam or ur5e, a URDF or MJCF file (then with --tip), or an arm file.
         out: Arm file to write, if a design is found.
         tip: Frame of the file, z along the palm's normal: where the hand is mounted.
         mount: What of the hand is at the tip: its plate, as on a flange, or its catch point.
@@ -453,7 +454,7 @@ class CalibrateOptions(Options):
         hand_left: Images of the ball, one a row of --hand, if it has no centroids.
         hand_right: The same from the right camera.
         ball_radius: Radius of that ball [m].
-        arm: The arm whose joint angles the tables hold: wam, an arm file, or a description file
+        arm: The arm whose joint angles the tables hold: a name, an arm file, or a description file
             with --tip and --joints.
         tip: Frame of the file at the catch point.
         joints: Active joints of the file, as A,B,C.

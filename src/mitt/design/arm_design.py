@@ -388,7 +388,7 @@ class Design:
             ready=tuple(c.q_ready.tolist()),
             held={names[k]: float(x) for k, x in enumerate(c.q) if k not in c.active},
             hand_turn=c.turn,
-            hand_mount="catch" if path is None else origin.hand_mount,
+            hand_mount="catch" if origin.arm == "wam" else origin.hand_mount,
             map=c.design,
             throws=self._throws(tuple(at), tuple(around)),
             arrivals=self._arrivals(),

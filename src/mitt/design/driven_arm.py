@@ -10,7 +10,15 @@ from numpy.typing import NDArray
 from mitt.arm.arm import Arm
 from mitt.arm.description import Hand
 from mitt.arm.limits import LimitSet
-from mitt.arm.load import Mount, bounded, build_arm, check_active, is_described, read_described
+from mitt.arm.load import (
+    Mount,
+    bounded,
+    build_arm,
+    check_active,
+    described,
+    is_described,
+    read_described,
+)
 from mitt.arm.wam import LIMIT_SETS
 from mitt.errors import ModelError
 from mitt.files.arm_file import limits_of
@@ -27,14 +35,14 @@ def whole_arm(
     tip: str | None,
     limits: str | Path | None,
     hand: Hand | None,
-    mount: Mount = "plate",
+    mount: Mount | None = "plate",
     joints: Sequence[str] = (),
 ) -> Arm:
     """Return an arm with all its driven joints active.
 
     Args:
-        arm: ``wam``, or a URDF or MJCF file.
-        tip: Frame of the file at the catch point.
+        arm: Name of an arm, or a URDF or MJCF file.
+        tip: Frame of the file at the catch point; None: the flange of an arm by name.
         limits: Name of a limit set, or a TOML file.
         hand: What is mounted at the tip.
         mount: What of it is at the tip of a file.
@@ -43,14 +51,15 @@ def whole_arm(
     Raises:
         MittError: The arm cannot be.
     """
-    given = limits_of(limits)
+    given = limits_of(limits, arm)
     if str(arm) == "wam":
         return build_arm("wam", tip=tip, joints=_WAM, limits=given, hand=hand or "none")
-    if tip is None and is_described(Path(arm)):
-        links = ", ".join(read_described(Path(arm)).tree.links) or "none"
+    path, tip = described(arm, tip)
+    if tip is None and is_described(path):
+        links = ", ".join(read_described(path).tree.links) or "none"
         raise ModelError("--tip", "the link or site of the palm", "none",
                          do=f"links of {arm}: {links}")  # fmt: skip
-    names = None if tip is None else driven_joints(Path(arm), tip, given, joints)
+    names = None if tip is None else driven_joints(path, tip, given, joints)
     whole = build_arm(arm, tip=tip, joints=names, limits=given, hand=hand,
                      hand_mount=mount)  # fmt: skip
     endless = [link.name for link in whole.model.links if link.held is not None]

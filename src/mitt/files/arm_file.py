@@ -22,7 +22,7 @@ from mitt.arm.description import Hand
 from mitt.arm.description_files import MAX_BYTES
 from mitt.arm.hands import HandModel
 from mitt.arm.limits import KINDS, LimitSet
-from mitt.arm.load import Mount, build_arm, with_encoders
+from mitt.arm.load import Mount, build_arm, is_shipped, with_encoders
 from mitt.arm.wam import LIMIT_SETS
 from mitt.errors import FileError, InputError, MittError, UnknownNameError, printable
 from mitt.files.schema import Finite, Part, Settings, parsed
@@ -168,8 +168,15 @@ def read_limits(name_or_path: str | Path) -> LimitSet:
         raise FileError(str(path), "limits that joints can have", error) from error
 
 
-def limits_of(limits: str | Path | LimitSet | None) -> str | LimitSet | None:
-    """Return limits as ``load_arm`` takes them: sets of the WAM and ``model`` stay names."""
+def limits_of(limits: str | Path | LimitSet | None, arm: str | Path = "") -> str | LimitSet | None:
+    """Return limits as ``build_arm`` takes them: sets of the WAM and ``model`` stay names.
+
+    Args:
+        limits: A name, a file or a set; None: those of the arm.
+        arm: The arm; one that ships has the set of its own name.
+    """
+    if limits is None and is_shipped(arm):
+        return read_limits(arm)
     if limits is None or isinstance(limits, LimitSet):
         return limits
     named = isinstance(limits, str) and limits in ("model", *LIMIT_SETS)
@@ -184,14 +191,16 @@ class ArmFile:
     Attributes:
         arm: Name of an arm, or path of a URDF or MJCF file.
         sha256: Digest of that file; any file will do where it is None.
-        tip: Frame of the file, z along the palm's normal, at which the hand is mounted.
+        tip: Frame of the file, z along the palm's normal, at which the hand is mounted; None: the
+            flange of an arm by name.
         joints: Active joints; empty for those of an arm by name.
         ready: Ready pose of these joints, in their order [rad]; None: as ``load_arm`` chooses.
         held: Angles at which joints are held [rad]; any other is held at 0, moved into its range.
         limits: Name of a limit set, or path of a TOML file; None: those of the arm's file.
         hand: Name of the hand mounted at the tip, or ``none``.
         hand_turn: How far it is turned about the z axis of the tip [rad].
-        hand_mount: What of it is at the tip: its catch point, or its plate.
+        hand_mount: What of it is at the tip: its catch point, or its plate; None: the plate at an
+            arm by name, the catch point at a file's.
         hand_tilt: How far a basket is then turned about the y axis of the tip [rad].
         hand_force: Largest force of a contact that it takes [N]; None: as that hand says.
         map: Design of its map; None where it follows from the arm.
@@ -208,7 +217,7 @@ class ArmFile:
     limits: str | Path | None = None
     hand: HandName = "three-finger"
     hand_turn: float = 0.0
-    hand_mount: Mount = "catch"
+    hand_mount: Mount | None = None
     hand_tilt: float = 0.0
     hand_force: float | None = None
     map: MapDesign | None = None
@@ -236,7 +245,7 @@ class ArmFile:
             joints=self.joints or None,
             held=self.held,
             ready=self.ready,
-            limits=limits_of(self.limits if limits is None else limits),
+            limits=limits_of(self.limits if limits is None else limits, self.arm),
             hand=hand_of(self.hand, self.hand_tilt, self.hand_force),
             hand_turn=self.hand_turn,
             hand_mount=self.hand_mount,
@@ -265,15 +274,17 @@ class _Arm(Part):
             raise ValueError("one of file and name")
         if self.file is not None and (self.tip is None or self.joints is None):
             raise ValueError("tip and joints beside file")
-        if self.name is not None and (self.tip is not None or self.sha256 is not None):
-            raise ValueError("no tip and no sha256 beside name")
+        if self.name is not None and self.sha256 is not None:
+            raise ValueError("no sha256 beside name")
+        if self.name == "wam" and self.tip is not None:
+            raise ValueError("no tip beside the name wam")
         return self
 
 
 class _Hand(Part):
     name: HandName = "three-finger"
     turn: Annotated[float, Field(ge=-10.0, le=10.0)] = 0.0
-    mount: Mount = "catch"
+    mount: Mount | None = None
     tilt: Annotated[float, Field(ge=-MOST_TILT, le=MOST_TILT)] = 0.0
     force: Annotated[float, Field(gt=0.0, le=1e6)] | None = None
 
@@ -414,7 +425,7 @@ def load_arm(
     limits: str | Path | LimitSet | None = None,
     hand: Hand | str | None = None,
     hand_turn: float = 0.0,
-    hand_mount: Mount = "catch",
+    hand_mount: Mount | None = None,
     encoder_step: float | Sequence[float] | None = None,
 ) -> Arm:
     """Return an arm by name, from a URDF or MJCF file, or from an arm file (``.toml``).
@@ -425,19 +436,22 @@ def load_arm(
     Args:
         name_or_path: Name or file. An arm file says all the rest but the limits and the encoders.
         tip: Frame of the file whose origin is the catch point and whose z axis is the normal
-            of the palm; only for files.
-        joints: Active joints of the file, the others held; of the WAM j1, j2 and j4 if left out.
+            of the palm; if left out, the flange of an arm by name. The WAM takes none.
+        joints: Active joints of the file, the others held; if left out, of the WAM j1, j2 and j4,
+            of another arm by name all.
         held: Angles at which joints are held [rad]; any other is held at 0, or at the end of its
             range that is nearest to it.
         ready: Ready pose of the active joints, in their order [rad]; 0 if left out, or the middle
             of a range that 0 is not in.
         limits: Limit set: a name of :func:`known_limits`, as ``paper``, ``wam-48v`` or ``wam-80v``
-            for the WAM, ``model`` for what a file states, or a TOML file (docs/arms.md).
+            for the WAM, ``model`` for what a file states, or a TOML file (docs/arms.md). If left
+            out, an arm by name has its vendor's, the WAM ``paper``, a file what it states.
         hand: A hand, or the name of one of ``mitt.arm.basket.HANDS``; with ``none`` nothing is
             mounted, and the tip is the catch point. If left out, the WAM has the three-finger hand,
-            and a file is taken to contain what the arm carries, as with ``none``.
+            and any other arm is taken to contain what it carries, as with ``none``.
         hand_turn: How far the hand is turned about the z axis of the tip [rad].
-        hand_mount: For files: whether the hand's catch point or its plate is at the tip.
+        hand_mount: Whether the hand's catch point or its plate is at the tip; if left out, the
+            plate at an arm by name, the catch point at a file's. The WAM has its own place.
         encoder_step: Resolution of the encoders of the active joints [rad], one for all or one a
             joint; the WAM's own, or ``description.ENCODER_STEP`` for files, if left out.
 
@@ -452,8 +466,9 @@ def load_arm(
         arm = arm if encoder_step is None else with_encoders(arm, encoder_step)
     else:
         arm = build_arm(
-            name_or_path, tip=tip, joints=joints, held=held, ready=ready, limits=limits_of(limits),
-            hand=hand, hand_turn=hand_turn, hand_mount=hand_mount, encoder_step=encoder_step,
+            name_or_path, tip=tip, joints=joints, held=held, ready=ready,
+            limits=limits_of(limits, name_or_path), hand=hand, hand_turn=hand_turn,
+            hand_mount=hand_mount, encoder_step=encoder_step,
         )  # fmt: skip
     return _with_notes_logged(arm, name_or_path)
 
