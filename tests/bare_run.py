@@ -262,4 +262,5 @@ def main(part: str = "") -> int:
 
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored in the background
     sys.exit(main(*sys.argv[1:2]))
