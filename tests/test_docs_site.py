@@ -13,7 +13,7 @@ import pytest
 
 import mitt
 from mitt.arm.arm import Arm
-from mitt.arm.catching import CaughtBall
+from mitt.arm.catch import CaughtBall
 from mitt.catcher.generators import Direct
 from mitt.cli.options import COMMANDS
 from mitt.files.arm_file import load_arm

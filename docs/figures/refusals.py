@@ -5,7 +5,7 @@ from drawing import ball_at, save
 from matplotlib.figure import Figure
 
 import mitt
-from mitt.arm.catching import CaughtBall
+from mitt.arm.catch import CaughtBall
 from mitt.map.demand import Tolerance
 from mitt.map.map_design import default_design
 from mitt.report.style import BAND, BLUE, GREEN, GREY, INK, ORANGE, PURPLE, YELLOW

@@ -10,7 +10,7 @@ from verdict.test_impact import BANDWIDTH, V, approach
 
 from mitt.arm.arm import Arm
 from mitt.arm.basket import Basket
-from mitt.arm.catching import CaughtBall, Strike
+from mitt.arm.catch import CaughtBall, Strike
 from mitt.arm.description import Hand
 from mitt.arm.hands import HandModel, jam, rate
 from mitt.arm.load import build_arm

@@ -7,7 +7,7 @@ import pytest
 
 from mitt.arm.arm import Arm
 from mitt.arm.basket import Basket
-from mitt.arm.catching import CaughtBall
+from mitt.arm.catch import CaughtBall
 from mitt.arm.hands import Finger, HandModel
 from mitt.arm.load import build_arm
 from mitt.control.stop import Brake, plan_brake

@@ -21,7 +21,7 @@ from typing import ClassVar, Final
 import numpy as np
 
 from mitt import checks
-from mitt.arm.catching import LOST, Catch, CaughtBall, Strike, reduced
+from mitt.arm.catch import LOST, Catch, CaughtBall, Strike, reduced
 from mitt.arm.description import Capsule, Hand
 from mitt.arm.hands import HandModel
 from mitt.errors import InputError, UnknownNameError

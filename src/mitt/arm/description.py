@@ -16,7 +16,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from mitt import checks
-from mitt.arm.catching import Catch, CaughtBall, ClosingPlan, Strike
+from mitt.arm.catch import Catch, CaughtBall, ClosingPlan, Strike
 from mitt.errors import InputError, ModelError
 from mitt.fields import brief
 from mitt.signals import Array

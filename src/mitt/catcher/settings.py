@@ -5,7 +5,7 @@ from enum import Enum
 from math import inf
 from typing import Annotated
 
-from mitt.arm.catching import CaughtBall
+from mitt.arm.catch import CaughtBall
 from mitt.arm.shapes import Surroundings
 from mitt.ball.filter import THROWN_BALL, FilterConfig
 from mitt.control.encoders import Encoders

@@ -35,7 +35,7 @@ _ASIDE, _FREE = np.linspace(0.0, 0.04, 9), 0.004
 
 FINGERS = np.dtype(
     [
-        # As of :class:`mitt.arm.catching.ClosingPlan`; ``takes`` for distances of _ASIDE.
+        # As of :class:`mitt.arm.catch.ClosingPlan`; ``takes`` for distances of _ASIDE.
         ("profile", float, (5,)),
         ("inside", float),
         ("early", float),

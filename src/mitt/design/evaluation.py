@@ -21,7 +21,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from mitt.arm.arm import Arm
-from mitt.arm.catching import CaughtBall
+from mitt.arm.catch import CaughtBall
 from mitt.arm.shapes import Surroundings, clearance, shapes_of
 from mitt.ball.flight import advance
 from mitt.catcher.generators import Direct

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from mitt.arm.arm import Arm
-from mitt.arm.catching import LOST, Catch, CaughtBall, Strike
+from mitt.arm.catch import LOST, Catch, CaughtBall, Strike
 from mitt.control.closing import fingers_of, lead_of, takes_of
 from mitt.control.stop import Brake
 from mitt.signals import GRAVITY, TICK, Array

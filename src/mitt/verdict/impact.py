@@ -23,7 +23,7 @@ from functools import lru_cache
 import numpy as np
 
 from mitt.arm.arm import Arm, Tables
-from mitt.arm.catching import CaughtBall
+from mitt.arm.catch import CaughtBall
 from mitt.arm.dynamics import bias_and_mass, solve_positive
 from mitt.control.closing import TOUCH_BEFORE
 from mitt.control.envelope import bounds_of, clamp, speeds_of
