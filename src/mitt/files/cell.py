@@ -139,7 +139,6 @@ class Cell(Part):
     zones: list[ZonePart] = Field(default_factory=list, max_length=32)
     floor: Finite = -1.0
     motion: MotionPart = MotionPart()
-    out: Name | None = None
     throws: Annotated[int, Field(ge=1, le=100_000)] | None = None
 
 
