@@ -288,8 +288,9 @@ def test_the_open_hand_leaves_the_ball_free_way(radius: float) -> None:
 def test_closing_is_smooth_and_within_the_drive(radius: float) -> None:
     """The commanded angle rises without jumps, no faster than the servo follows, to the hold."""
     touch, hold = HAND_MODEL.touch_angle(radius), HAND_MODEL.hold_angle(radius)
-    t = np.arange(0.0, 0.25, 0.0005)
-    angle = np.array([HAND_MODEL.closing_angle(s, radius) for s in t])
+    t, profile = np.arange(0.0, 0.25, 0.0005), HAND_MODEL.profile(radius)
+    angle = np.array([closing_angle(s, profile) for s in t])
+    assert angle[100] == HAND_MODEL.closing_angle(t[100], radius)
     rate = np.diff(angle) / 0.0005
     assert angle[0] == 0.0
     assert angle[-1] == hold <= HAND_MODEL.drive.closed

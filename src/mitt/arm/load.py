@@ -93,7 +93,7 @@ def build_arm(
         hand = "three-finger" if str(name_or_path) == "wam" else "none"
     mounted = hand_named(hand) if isinstance(hand, str) else checked_hand(hand)
     ships = is_shipped(name_or_path)
-    mount = hand_mount or ("plate" if ships else "catch")
+    mount = hand_mount if hand_mount is not None else "plate" if ships else "catch"
     path, tip = described(name_or_path, tip)
     names = _names(joints)
     turn = checks.number("hand_turn", hand_turn, finite=True)

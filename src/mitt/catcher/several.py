@@ -141,6 +141,10 @@ class Several:
         """Return the maps that are still to be asked: all, or the one that is followed."""
         return self.maps if self.chosen is None else (self.map,)
 
+    def _keeps(self, index: int, outcome: Outcome) -> bool:
+        """Say whether a map has waited for the ball, and has a verdict with which it keeps it."""
+        return self.waited and index == self.chosen and outcome in _KEPT
+
     def _best(self, ball: BallState, q: Array, dq: Array) -> int:
         """Return the map for a ball; the one followed is asked first."""
         order = sorted(range(len(self.maps)), key=lambda k: k != self.chosen)
@@ -152,13 +156,15 @@ class Several:
                 return k
             if waits and verdict.outcome is Outcome.OPEN:
                 return k
-            if self.waited and k == self.chosen and verdict.outcome in _KEPT:
+            if self._keeps(k, verdict.outcome):
                 return k
             waits = waits and not np.isfinite(verdict.share)
             said.append((k, verdict))
         if all(verdict.outcome is Outcome.UNREACHABLE for _, verdict in said):
             own = [self.maps[k].verdict(ball, q).outcome for k, _ in said]
             said = [(k, replace(x, outcome=y)) for (k, x), y in zip(said, own, strict=True)]
+            if self.chosen is not None and self._keeps(self.chosen, own[0]):
+                return self.chosen
         worth = _AT_FIRST if self.chosen is None else _ON_THE_WAY
         return min(said, key=lambda x: (worth.index(x[1].outcome), x[1].share))[0]
 
