@@ -9,7 +9,9 @@
 
 PYTHON ?= python3
 BIN := .venv/bin
-INSTALL := $(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check --constraint constraints.txt
+PIP := $(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check --constraint constraints.txt
+# uv takes a third of pip's time, but does not read pip's settings: where it finds no packages, pip does it.
+install = $(BIN)/uv pip install --quiet --python $(BIN)/python --constraint constraints.txt $(1) 2>/dev/null || $(PIP) $(1)
 COMMANDS ?= 20000000
 TICKS ?= 5000
 CALLS ?= 20000
@@ -26,17 +28,18 @@ SEED ?= 1
 .venv/ready: pyproject.toml constraints.txt
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "mitt needs Python 3.11 or later")'
 	$(PYTHON) -m venv .venv
-	$(INSTALL) "setuptools>=80"
-	$(INSTALL) --no-build-isolation --editable .
+	$(PIP) uv
+	$(call install,"setuptools>=80")
+	$(call install,--no-build-isolation --editable .)
 	touch .venv/ready
 
 # What catching does not need: tests and checks, cameras, studies, rivals.
 .venv/complete: .venv/ready
-	$(INSTALL) --no-build-isolation --editable ".[dev]"
+	$(call install,--no-build-isolation --editable ".[dev]")
 	touch .venv/complete
 
 .venv/documented: .venv/ready
-	$(INSTALL) --no-build-isolation --editable ".[docs]"
+	$(call install,--no-build-isolation --editable ".[docs]")
 	touch .venv/documented
 
 catch: .venv/ready
