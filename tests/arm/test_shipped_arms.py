@@ -167,7 +167,7 @@ def test_what_ships_is_what_is_published_here() -> None:
     assert arm_names() == ("wam", *NAMES)
     assert set(NAMES) <= set(shipped("limits"))
     for name in NAMES:
-        head = described(name, None)[0].read_text().partition("-->")[0]
+        head = described(name).read_text().partition("-->")[0]
         for word in ("Flange: ", "Frames", "Collision: ", "Estimated: ", "Left out: "):
             assert word in head, (name, word)
 
@@ -204,7 +204,7 @@ def test_the_flange_is_where_another_description_puts_it(
 def test_links_are_bodies_that_weigh_what_the_data_sheet_says(name: str) -> None:
     """Within 2 %; each has the principal moments of a body, none mended."""
     arm, of = load_arm(name), PUBLISHED[name]
-    parts = read_described(described(name, None)[0]).tree.parts
+    parts = read_described(described(name)).tree.parts
     weighed = [x for x in parts if x.kind == "link" and x.name not in of.beside]
     assert sum(x.mass for x in weighed) == pytest.approx(of.mass, rel=0.02)
     for part in (x for x in parts if x.mass):
@@ -234,7 +234,7 @@ def test_file_and_limit_set_agree(name: str) -> None:
 def test_shapes_are_capsules_as_they_are_written(name: str) -> None:
     """One to four a link, balls among them, each with radius and length of the file."""
     arm = load_arm(name)
-    root = ElementTree.parse(described(name, None)[0]).getroot()
+    root = ElementTree.parse(described(name)).getroot()
     solids = root.findall("link/collision/geometry/*")
     assert {x.tag for x in solids} <= {"capsule", "sphere"}
     shapes = [*arm.model.base_capsules, *(x for link in arm.model.links for x in link.capsules)]

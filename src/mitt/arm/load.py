@@ -94,12 +94,10 @@ def build_arm(
     mounted = hand_named(hand) if isinstance(hand, str) else checked_hand(hand)
     ships = is_shipped(name_or_path)
     mount = hand_mount if hand_mount is not None else "plate" if ships else "catch"
-    path, tip = described(name_or_path, tip)
+    path = described(name_or_path)
     names = _names(joints)
     turn = checks.number("hand_turn", hand_turn, finite=True)
     checks.one_of("hand_mount", mount, _MOUNTS)
-    if ships and not names:
-        names = tuple(read_described(path).tree.joints_to(tip or ""))
     wanted = _Wanted(name=path.stem, joints=names, held=_angles(held), ready=ready, hand=mounted,
                      turn=turn, mount=mount)  # fmt: skip
     if str(name_or_path) == "wam":
@@ -107,7 +105,7 @@ def build_arm(
             raise ModelError("arm wam", "no tip: it is fixed", tip)
         model, set_of = _wam(wanted), _wam_limits(limits)
         return Arm(_with_encoders(_with_ready(model, wanted), encoder_step), set_of)
-    arm = _from_file(path, tip, limits, wanted)
+    arm = _from_file(path, tip, limits, wanted, ships=ships)
     arm.model.check_ranges()
     return arm if encoder_step is None else with_encoders(arm, encoder_step)
 
@@ -127,18 +125,10 @@ def is_shipped(name_or_path: str | Path) -> bool:
     return str(name_or_path) in shipped("arms")
 
 
-def described(name_or_path: str | Path, tip: str | None) -> tuple[Path, str | None]:
-    """Return the description file of an arm and its tip.
-
-    Args:
-        name_or_path: Name of an arm that ships, or a file, which is returned as it is.
-        tip: The tip; if left out, the flange of an arm that ships.
-    """
+def described(name_or_path: str | Path) -> Path:
+    """Return the description file of an arm that ships, by its name; any other as it is."""
     path = checks.path("arm", name_or_path)
-    if not is_shipped(path):
-        return path, tip
-    path = shipped_path("arms", str(path), ".urdf")
-    return path, read_described(path).tree.flange if tip is None else tip
+    return shipped_path("arms", str(path), ".urdf") if is_shipped(path) else path
 
 
 def is_described(path: Path) -> bool:
@@ -172,16 +162,22 @@ def read_described(path: Path) -> Stated:
     return _READERS[path.suffix.lower()](path)
 
 
-def _from_file(path: Path, tip: str | None, limits: str | LimitSet | None, wanted: _Wanted) -> Arm:
-    """Return an arm from a description file; arguments as of :func:`build_arm`."""
+def _from_file(
+    path: Path, tip: str | None, limits: str | LimitSet | None, wanted: _Wanted, *, ships: bool
+) -> Arm:
+    """Return an arm from a description file; arguments as of :func:`build_arm`.
+
+    Of one that ships, the tip is the flange and all joints are active, where nothing is said.
+    """
     names, ready = wanted.joints, wanted.ready
     check_described(path)
     if isinstance(limits, str) and limits != "model":
         known = ("model",) if limits in LIMIT_SETS else ("model", *LIMIT_SETS)
         raise UnknownNameError("limits of an arm from a file", limits, known)
-    if ready is not None and names:
-        ready = checks.vector("ready", ready, len(names), finite=True).tolist()
     stated = read_described(path)
+    if ships:
+        tip = stated.tree.flange if tip is None else tip
+        names = names or tuple(stated.tree.joints_to(tip))
     if tip is None:
         links = ", ".join(stated.tree.links) or "none"
         raise ModelError(str(path), "tip and joints (--tip, --joints)", "no tip",
@@ -192,8 +188,10 @@ def _from_file(path: Path, tip: str | None, limits: str | LimitSet | None, wante
         raise ModelError(str(path), "tip and joints (--tip, --joints)", "no joints",
                          do=f"name the active joints; joints from the base to {tip!r}:"
                          f" {chain}")  # fmt: skip
+    if ready is not None:
+        ready = checks.vector("ready", ready, len(names), finite=True).tolist()
     given = limits if isinstance(limits, LimitSet) else None
-    return _serial_arm(stated, replace(wanted, tip=tip, ready=ready, limits=given))
+    return _serial_arm(stated, replace(wanted, tip=tip, joints=names, ready=ready, limits=given))
 
 
 def _serial_arm(stated: Stated, wanted: _Wanted) -> Arm:

@@ -17,6 +17,7 @@ from mitt.arm.load import (
     check_active,
     described,
     is_described,
+    is_shipped,
     read_described,
 )
 from mitt.arm.wam import LIMIT_SETS
@@ -54,7 +55,9 @@ def whole_arm(
     given = limits_of(limits, arm)
     if str(arm) == "wam":
         return build_arm("wam", tip=tip, joints=_WAM, limits=given, hand=hand or "none")
-    path, tip = described(arm, tip)
+    path = described(arm)
+    if tip is None and is_shipped(arm):
+        tip = read_described(path).tree.flange
     if tip is None and is_described(path):
         links = ", ".join(read_described(path).tree.links) or "none"
         raise ModelError("--tip", "the link or site of the palm", "none",
