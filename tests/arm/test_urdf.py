@@ -246,3 +246,15 @@ def test_a_rotor_that_cannot_be_is_refused(tmp_path: Path, value: str) -> None:
                     ("<robot ", '<robot xmlns:drake="http://drake.mit.edu" '))  # fmt: skip
     with pytest.raises(MittError, match=r"rotor_inertia|armature"):
         build_arm(path, tip="l5", joints=_NAMES)
+
+
+@pytest.mark.parametrize(
+    ("value", "said"),
+    [("two", "gear_ratio"), ("nan", "gear_ratio"), ("inf", "gear_ratio"), ("1e300", "larger ones")],
+)
+def test_a_gear_that_cannot_be_is_refused(tmp_path: Path, value: str, said: str) -> None:
+    """Also one whose square is no number any more."""
+    path = _changed(tmp_path / "a.urdf", ("</robot>", _DRIVE.replace('"50"', f'"{value}"')),
+                    ("<robot ", '<robot xmlns:drake="http://drake.mit.edu" '))  # fmt: skip
+    with pytest.raises(MittError, match=said):
+        build_arm(path, tip="l5", joints=_NAMES)

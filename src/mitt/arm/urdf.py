@@ -141,7 +141,7 @@ def _tree(path: Path, root: Element, joints: list[Element]) -> Tree:
 def _rotors(root: Element) -> dict[str, float]:
     """Return the inertias of rotors as seen from their joints [kg m^2]."""
     return {
-        joint.get("name", ""): float(rotor.get("value", "0")) * _ratio(actuator) ** 2
+        joint.get("name", ""): float(rotor.get("value", "0")) * _ratio(actuator) * _ratio(actuator)
         for transmission in root.iter("transmission")
         for joint in transmission.findall("joint")
         for actuator in transmission.findall("actuator")
