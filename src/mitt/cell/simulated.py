@@ -56,7 +56,7 @@ class Controller:
     """What stands between commands and drives.
 
     It holds the arm on its brakes until it is released. From then on it expects commands; where
-    none has come for the watchdog's time it brakes along Ruckig's stop, engages the brakes and
+    none has come for the watchdog's time it brakes as a catcher does, engages the brakes and
     stays so: a protective stop.
 
     Attributes:
