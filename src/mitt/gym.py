@@ -279,7 +279,9 @@ class Environment(gymnasium.Env[Observation, Numbers]):
         """Say whether the cameras expose in a tick of an action."""
         if self.residual:
             return self._catcher.looking
-        return self.watched or (self.pixels and k >= self.ticks - 1 - self.scene.sensing.latency)
+        sensing = self.scene.sensing
+        first = self.ticks - 1 - sensing.latency if sensing.frame_rate >= 1.0 / TICK else 0
+        return self.watched or (self.pixels and k >= first)
 
     def shape(self) -> tuple[int, int]:
         """Return the size of the images; none where there are none."""

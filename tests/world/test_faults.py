@@ -102,7 +102,6 @@ def path(world: World) -> Array:
 ALL = [
     {"kind": "noise", "magnitude": 0.01},
     {"kind": "outlier", "magnitude": 0.3, "chance": 0.1},
-    {"kind": "frame-rate", "magnitude": 120.0},
     {"kind": "dropout", "magnitude": 0.5},
     {"kind": "frozen"},
     {"kind": "latency", "magnitude": 0.01},
@@ -152,12 +151,6 @@ def test_outliers_are_so_far_off_and_so_frequent() -> None:
     hit = np.array(off) > 1e-9
     np.testing.assert_allclose(np.array(off)[hit], 0.3)
     assert 0.12 < hit.mean() < 0.28
-
-
-@pytest.mark.parametrize("rate", [30.0, 120.0, 999.0, 1000.0])
-def test_a_frame_rate_gives_so_many_frames_a_second(rate: float) -> None:
-    seen = sum(bool(s.frames) for s in run({"kind": "frame-rate", "magnitude": rate}, pixels=True))
-    assert abs(seen - rate * TICKS * TICK) <= 1.0
 
 
 def test_a_dropout_takes_one_camera_or_all() -> None:

@@ -144,6 +144,25 @@ def test_frames_are_late_by_the_latency(arm: Arm) -> None:
     assert numbers == [[], [], [], [0], [1], [2]]
 
 
+@pytest.mark.parametrize("pixels", [False, True])
+@pytest.mark.parametrize("rate", [30.0, 160.0, 999.0, 1000.0])
+def test_frames_and_points_come_as_often_as_the_frame_rate_says(
+    arm: Arm, rate: float, pixels: bool
+) -> None:
+    """Each comes in a tick, also where the period is no whole number of ticks: 6 or 7 at 160 Hz."""
+    scene = Scene(sensing=Sensing(latency=0, frame_rate=rate))
+    world = World(scene, arm.model, cameras=(lambda _: Card()) if pixels else None)
+    world.reset(THROW, 0)
+    seen, ticks = [], 300
+    for k in range(ticks):
+        senses = world.sense()
+        seen += [k] * len(senses.frames + senses.points)
+        assert all(x.t == senses.t for x in senses.frames + senses.points)
+        world.apply(hold(arm, senses, arm.q_ready))
+    assert abs(len(seen) - rate * ticks * TICK) <= 1.0
+    assert set(np.diff(seen)) <= {int(1e3 / rate), int(np.ceil(1e3 / rate))}
+
+
 def test_encoders_count(arm: Arm) -> None:
     """With a resolution set, positions are whole counts and velocities their differences."""
     step = 1e-4

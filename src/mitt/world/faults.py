@@ -11,7 +11,6 @@ from abc import abstractmethod
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import replace
-from math import floor
 from typing import Annotated, Literal, Protocol, assert_never, final
 
 import numpy as np
@@ -66,10 +65,6 @@ class Sensor(Protocol):
 class SensorFault(Fault):
     """A fault between the sensors and the catcher; it passes on what it does not change."""
 
-    def exposes(self, t: float) -> bool:  # noqa: ARG002
-        """Say whether the cameras expose at a tick [s]."""
-        return True
-
     def shown(self, t: float, r_o: Array) -> Array:  # noqa: ARG002
         """Return where the exposure at a tick shows the ball [m], shape (3,)."""
         return r_o
@@ -103,25 +98,6 @@ class Outlier(SensorFault):
         hit = bool(self._rng.random() < self.chance)
         off = self.magnitude * direction(self._rng)
         return np.asarray(r_o + off) if hit and self.is_active(t) else r_o
-
-
-class FrameRate(SensorFault):
-    """Cameras that expose less often than each tick; magnitude: frames a second [Hz]."""
-
-    kind: Literal["frame-rate"] = "frame-rate"
-    magnitude: Annotated[float, Field(ge=1.0, le=1000.0)]
-    _phase: float
-
-    def _begin(self, trial: Trial) -> None:  # noqa: ARG002
-        self._phase = self._rng.random()
-
-    def exposes(self, t: float) -> bool:
-        """Say whether a frame begins, from a random phase on."""
-        if not self.is_active(t):
-            return True
-        rate = min(self.magnitude, 1.0 / TICK)
-        now = floor(t * rate + self._phase + 1e-9)
-        return now != floor((t - TICK) * rate + self._phase + 1e-9)
 
 
 class Dropout(SensorFault):
@@ -505,7 +481,7 @@ class Payload(Fault):
 
 
 AnyFault = (
-    Noise | Outlier | FrameRate | Dropout | Frozen | Latency | Late | Duplicate | Calibration
+    Noise | Outlier | Dropout | Frozen | Latency | Late | Duplicate | Calibration
     | NotNumber | Clock | Encoder | Torque | CommandFault | Payload | Drag | Spin | Gust | Kick
     | Bounce | Spring | Carried
 )  # fmt: skip
@@ -554,7 +530,6 @@ class FaultySensors:
     ) -> Senses:
         """Expose at time ``t`` and return what arrives; to be called once a tick."""
         for fault in self._faults:
-            look = fault.exposes(t) and look
             r_o = fault.shown(t, r_o)
         senses = self._sensors.read(t, q, dq, r_o, dr_o, look=look)
         for fault in self._faults:

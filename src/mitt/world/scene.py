@@ -77,6 +77,7 @@ class Sensing(Settings):
     Attributes:
         point_noise: Noise of points, 1 sigma an axis [m].
         latency: Ticks from the exposure of a frame or point to its delivery.
+        frame_rate: Frames or points a second [Hz], from a random phase on, each exposed in a tick.
         encoder_step: Resolution of the joint encoders [rad]; 0 is exact, ``arm`` that of the
             arm's own encoders. Where they count in steps, velocity is the difference of counts.
         cameras: Cameras that stand still and see all, or that pan-tilt heads turn to the ball.
@@ -101,6 +102,7 @@ class Sensing(Settings):
 
     point_noise: Annotated[float, Field(ge=0.0, le=10.0)] = 0.001
     latency: Annotated[int, Field(ge=0, le=20)] = 1
+    frame_rate: Annotated[float, Field(ge=1.0, le=1000.0)] = 1000.0
     encoder_step: NotNegative | Literal["arm"] = 0.0
     cameras: Literal["fixed", "active"] = "fixed"
     exposure: Annotated[float, Field(ge=0.0, le=0.001)] = 0.0005

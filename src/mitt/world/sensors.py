@@ -2,13 +2,14 @@
 
 from collections import deque
 from collections.abc import Callable
+from math import floor
 from typing import NamedTuple
 
 import numpy as np
 
 from mitt.arm.description import ArmModel
 from mitt.kernels import kernel
-from mitt.signals import ArmState, Array, Frame, Senses, Sighting
+from mitt.signals import TICK, ArmState, Array, Frame, Senses, Sighting
 from mitt.world.capsules import Body, lay_capsules
 from mitt.world.imaging import Imager
 from mitt.world.scene import Scene, Sensing
@@ -77,8 +78,8 @@ def read_encoders(encoders: Encoders, t: float, q: Array, dq: Array) -> None:
 class Sensors:
     """Sensors of one trial.
 
-    Frames and points are exposed at every tick and delivered ``latency`` ticks later, carrying
-    the time of their exposure.
+    Frames and points are exposed at every tick, or as often as ``frame_rate`` says, and delivered
+    ``latency`` ticks later, carrying the time of their exposure.
     """
 
     def __init__(
@@ -105,6 +106,7 @@ class Sensors:
         self._cameras = None if cameras is None else cameras(rng)
         self._rng = rng
         self._latency, self._encoders = sensing.latency, fresh_encoders(steps)
+        self._phase = rng.random() if sensing.frame_rate < 1.0 / TICK else 0.0
         self._line: deque[Exposed] = deque()
         self._covariance = max(sensing.point_noise, 1e-6) ** 2 * np.eye(3)
 
@@ -127,6 +129,14 @@ class Sensors:
         """Draw how far off the next points are [m], shape (points, 3)."""
         return self._sensing.point_noise * self._rng.standard_normal((points, 3))
 
+    def exposes(self, t: float) -> bool:
+        """Say whether a frame or point is exposed in the tick at a time [s]."""
+        rate = self._sensing.frame_rate
+        if rate >= 1.0 / TICK:
+            return True
+        now, before = t * rate + self._phase, (t - TICK) * rate + self._phase
+        return floor(now + 1e-9) != floor(before + 1e-9)
+
     def turn(self, gaze: Array | None, duration: float) -> None:
         """Let the heads of the cameras follow the catcher's gaze for ``duration`` [s]."""
         if self._cameras is not None:
@@ -145,7 +155,7 @@ class Sensors:
             dr_o: True ball velocity [m/s], shape (3,).
             look: Whether ball and images are exposed.
         """
-        if not look:
+        if not (look and self.exposes(t)):
             self._line.append(_NOTHING)
         elif self._cameras is None:
             self._line.append(((), (self._point(t, r_o),)))

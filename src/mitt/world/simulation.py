@@ -222,13 +222,13 @@ class World:
     def stage(self) -> Stage | None:
         """The world as compiled code plays on it; None where only :meth:`sense` will do.
 
-        That is where something goes wrong or leads the ball, and where cameras turn or are not a
-        pair.
+        That is where something goes wrong or leads the ball, where cameras turn or are not a pair,
+        and where not every tick has its frame.
         """
         sensors, turns = self._sensors, self._scene.sensing.cameras == "active"
         if self._faults is not None or self._path is not None or turns or self._joint_servo:
             return None
-        if not isinstance(sensors, Sensors):
+        if not isinstance(sensors, Sensors) or self._scene.sensing.frame_rate < 1.0 / TICK:
             return None
         imager = sensors.imager
         if imager is not None and not imager.a_pair:
