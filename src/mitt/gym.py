@@ -44,7 +44,8 @@ from mitt.files.maps import read_map
 from mitt.map.learn import Learned
 from mitt.map.map_design import default_design
 from mitt.map.mapping import DirectMap, unlearned
-from mitt.report.pictures import Faces, body_faces, painted, placed
+from mitt.report.painter import Faces, painted
+from mitt.report.pictures import body_faces, placed
 from mitt.signals import TICK, Array, Command, Frame, Senses
 from mitt.trials.learning import learn
 from mitt.trials.runner import LONGEST, TrialRunner
@@ -194,8 +195,7 @@ class Environment(gymnasium.Env[Observation, Numbers]):
             self._drawn = model, faces
         qpos = self.world.data.qpos.copy()
         picture = painted(*placed(*self._drawn, qpos, np.zeros((0, 3))), self.scene.floor)
-        picture.draw()
-        return np.asarray(picture.buffer_rgba(), np.uint8)[:, :, :3].copy()
+        return np.array(picture, np.uint8)
 
     @property
     def residual(self) -> bool:

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from mitt.arm.arm import Arm
-from mitt.report.pictures import body_faces, painted, placed, png_of
+from mitt.report.painter import View, painted, png_of, seen_from
+from mitt.report.pictures import body_faces, placed
 from mitt.signals import Array
 from mitt.world.build import build_scene
 from mitt.world.scene import Scene
@@ -68,6 +69,32 @@ def test_what_is_nearer_hides_what_is_behind_it() -> None:
         row, column, _ = _red(image)
         assert image[round(row), round(column), 0] > image[round(row), round(column), 2]
         assert np.sum(image[:, :, 2] > 2.0 * image[:, :, 0]) > 1000
+
+
+@pytest.mark.parametrize("azimuth", [-85.5, 20.0, 140.0])
+def test_a_view_is_a_perspective(azimuth: float) -> None:
+    """The target is in the middle, z is up, and things shrink as their distance grows."""
+    view = seen_from(12.0, azimuth, TARGET)
+    right, down, ahead = view.axes
+    np.testing.assert_allclose(view.axes @ view.axes.T, np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(np.cross(right, down), ahead, atol=1e-12)
+    assert right[2] == 0.0
+    assert down[2] < 0.0
+    at = view.pixels(np.array([TARGET, TARGET + 0.1 * right, TARGET + 0.1 * right + 3.6 * ahead]))
+    np.testing.assert_allclose(at[0], (170.0, 131.0, 3.6), atol=1e-9)
+    assert at[1][0] - 170.0 == pytest.approx(2.0 * (at[2][0] - 170.0))
+    assert at[1][1] == pytest.approx(131.0)
+
+
+def test_what_is_above_the_floor_throws_a_shadow_on_it() -> None:
+    """The floor is darker below a plate than without it, and only there."""
+    view = View(eye=(0.0, -4.0, 2.0), target=(0.0, 0.0, _FLOOR), angle=0.9)
+    a, b, c, d = np.array([(-0.3, -0.3, 0), (0.3, -0.3, 0), (0.3, 0.3, 0), (-0.3, 0.3, 0)])
+    plate, red = np.array([[a, b, c], [a, c, d]]), np.tile((0.9, 0.1, 0.1), (2, 1))
+    with_it = np.asarray(painted(plate, red, _FLOOR, view=view), np.int64)
+    without = np.asarray(painted(plate[:0], red[:0], _FLOOR, view=view), np.int64)
+    darker = np.all(with_it < without, axis=2) & (with_it[:, :, 0] <= 1.1 * with_it[:, :, 1])
+    assert 200 < np.sum(darker) < 0.1 * darker.size
 
 
 def test_the_ball_is_drawn_where_the_plant_has_it(arm: Arm) -> None:

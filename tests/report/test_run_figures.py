@@ -16,7 +16,6 @@ from mitt.report.pictures import picture_strip
 from mitt.report.run_figures import (
     catching_trajectory,
     contact_errors,
-    feedback_by_step,
     feedback_share,
     joint_angles,
     joint_torques,
@@ -45,7 +44,6 @@ def _all(arm: Arm, learned: Learned, direct: LoggedTrial, unoptimised: LoggedTri
     trials = [asdict(direct.trial), asdict(unoptimised.trial)]
     return [
         learning_cost(learned.steps),
-        feedback_by_step([0.9, 0.3]),
         catching_trajectory(arm, log, plain),
         target_and_hand(arm, log),
         joint_angles(arm, log, plain),
@@ -152,15 +150,6 @@ def test_fig_10_draws_the_arm_where_its_encoders_were(arm: Arm, direct: LoggedTr
     angles = q.min() + (y.max() - y) / np.ptp(y) * np.ptp(q)
     np.testing.assert_allclose(angles, np.interp(times, log.t, log.encoders[:, 0, 0]),
                                atol=_ON_PAGE * np.ptp(q))  # fmt: skip
-
-
-def test_a_map_that_was_given_is_no_step_of_learning() -> None:
-    """Its feedback stands beside that of alpha = 0, and says what it is."""
-    learned, given = (feedback_by_step([0.9, 0.3], given=given).svg for given in (False, True))
-    assert "learning step" in learned
-    assert "learning step" not in given
-    assert "the map given" in given
-    assert "the map given" not in learned
 
 
 def test_feedback_share_is_that_of_the_formula(direct: LoggedTrial) -> None:

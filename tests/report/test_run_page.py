@@ -100,7 +100,6 @@ def content(
         direct=direct,
         unoptimised=unoptimised,
         releases=np.array([[3.5, 0.1, 0.2], [3.9, -0.1, 0.4], [3.6, 0.0, 0.0]]),
-        rivals=(_result(direct, generator="unoptimised"),),
     )
 
 
@@ -121,8 +120,8 @@ def test_the_page_is_well_formed(page: str) -> None:
 
 def test_the_page_holds_every_figure(page: str) -> None:
     """Figs. 7 to 12 of the paper, ours, the replay and Table 1 are all there."""
-    wanted = {"fig7", "fig8", "fig9", "fig10", "fig11", "fig12", "feedback", "errors", "releases",
-              "replay-3d", "table-1", "failures", "trials", "rivals", "summary"}  # fmt: skip
+    wanted = {"fig7", "fig8", "fig9", "fig10", "fig11", "fig12", "errors", "releases",
+              "replay-3d", "table-1", "failures", "trials", "summary"}  # fmt: skip
     assert wanted <= set(_read(page).ids)
 
 
@@ -177,7 +176,7 @@ def test_hostile_names_do_no_harm(content: ReportContent, direct: LoggedTrial) -
     hostile = _result(direct, **dict.fromkeys(("arm", "limits", "generator", "version"), _HOSTILE))
     for trial in hostile["trials"]:
         trial["status"], trial["binding_limit"] = "dropped", _HOSTILE
-    plain = replace(content, result=hostile, rivals=(hostile,))
+    plain = replace(content, result=hostile)
     page = report(plain)
     reader = _read(page)
     assert "script" not in reader.tags
@@ -191,7 +190,7 @@ def test_a_report_without_logs_still_stands(content: ReportContent, direct: Logg
     page = report(bare)
     reader = _read(page)
     assert reader.bad == []
-    assert {"fig7", "fig8", "replay", "rivals"}.isdisjoint(reader.ids)
+    assert {"fig7", "fig8", "replay"}.isdisjoint(reader.ids)
     for link in re.findall(r'href="#([^"]+)"', page[: page.index("<main>")]):
         assert link in reader.ids
 

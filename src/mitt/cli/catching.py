@@ -190,7 +190,7 @@ def _show(finished: FinishedRun) -> None:
     scene = f"scene {head['scene']}" + (", changed" if "scene_changed" in head else "")
     throws = table(
         f"{head['arm']}, limits {head['limits']}, {head['generator']}, {head['vision']}, {scene}",
-        ("throw", "status", "t [s]", "miss [mm]", "rel. [m/s]", "torque", "speed", "[N]",
+        ("throw", "status", "catch [s]", "miss [mm]", "rel. [m/s]", "force [N]", "speed [%]",
          "asks most, stopped by"), left=("status", "asks most, stopped by"),
         no_wrap=True,
     )  # fmt: skip
@@ -206,11 +206,12 @@ def _show(finished: FinishedRun) -> None:
     low, high = summary["ci95"]
     whole = finished.trials and finished.interrupt is None
     page = "report.html" if whole else "result.json"
+    failed = [f"{summary[status]} {status}" for status in STATUSES[1:] if summary[status]]
     show(
         f"caught {summary['caught']} of {summary['throws']}: {100 * summary['catch_rate']:.1f} % "
-        f"(95 % interval {100 * low:.1f} to {100 * high:.1f} %), "
+        f"(95 % interval {100 * low:.1f} to {100 * high:.1f} %)",
+        *([", ".join(failed)] if failed else []),
         f"{force_words(summary['force_n'], summary['over_force'])}; "
-        f"{', '.join(f'{status} {summary[status]}' for status in STATUSES[1:])}; "
         f"tick {summary['tick_us']['p50']:.0f} us median",
         *([] if finished.clock is None else [finished.clock.words]),
         f"written: {finished.prepared.out / page}",
@@ -225,9 +226,8 @@ def _row(trial: Trial) -> tuple[str, ...]:
         _number(trial.t_catch_s, 3),
         _number(trial.position_error_mm, 1),
         _number(trial.velocity_error_m_s, 2),
-        f"{100 * max(trial.peak_torque_ratio):.0f} %",
-        f"{100 * max(trial.peak_speed_ratio):.0f} %",
         _number(trial.peak_contact_force_n, 0) + ("!" if trial.over_force else ""),
+        f"{100 * max(trial.peak_speed_ratio):.0f}",
         reason_of(trial.stopped_by) or trial.binding_limit or "",
     )
 

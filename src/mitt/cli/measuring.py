@@ -72,14 +72,17 @@ def study(options: StudyOptions) -> int:
 
 
 def _show_study(study: Study, folder: Folder, finished: "FinishedStudy") -> None:
-    """Print catch rates with contact forces: a row a condition, a column a generator."""
-    rates = table(f"{study.name}: caught [%], contact force [N] (median)",
-                  ("condition", *study.generators), left=("condition",))  # fmt: skip
+    """Print catch rates with contact forces: a row a condition, four generators beside another."""
     rows = {(row["condition"], row["generator"]): row for row in finished.rows}
-    for condition in study.conditions:
-        cells = [rows[condition.name, generator] for generator in study.generators]
-        rates.add_row(condition.name, *(_rate(row) for row in cells))
-    show(rates, f"written: {folder.summary} and {folder.trials.name}")
+    for first in range(0, len(study.generators), 4):
+        generators = study.generators[first : first + 4]
+        rates = table(f"{study.name}: caught [%], contact force [N] (median)",
+                      ("condition", *generators), left=("condition",))  # fmt: skip
+        for condition in study.conditions:
+            cells = [_rate(rows[condition.name, generator]) for generator in generators]
+            rates.add_row(condition.name, *cells)
+        show(rates)
+    show(f"written: {folder.summary} and {folder.trials.name}")
 
 
 def _rate(row: dict[str, object]) -> str:

@@ -10,6 +10,7 @@ from pathlib import Path
 from threading import Event
 from typing import Any
 
+from rich.box import SIMPLE_HEAD
 from rich.console import Console, JustifyMethod
 from rich.live import Live
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
@@ -157,12 +158,21 @@ def warn(texts: Sequence[str], *, json: bool = False) -> None:
 def table(
     title: str, columns: Sequence[str], *, left: Sequence[str] = (), no_wrap: bool = False
 ) -> Table:
-    """Return an empty table; all columns but those in ``left`` are aligned to the right."""
-    out = _Table(title=printable(title), title_justify="left")
+    """Return an empty table; all columns but those in ``left`` are aligned to the right.
+
+    With ``no_wrap`` only the last column may break into lines.
+    """
+    out = _Table(title=printable(title), title_justify="left", box=SIMPLE_HEAD,
+                 pad_edge=False, collapse_padding=True)  # fmt: skip
     for name in columns:
         justify: JustifyMethod = "left" if name in left else "right"
-        out.add_column(printable(name), justify=justify, no_wrap=no_wrap)
+        out.add_column(_heading(name), justify=justify, no_wrap=no_wrap and name != columns[-1])
     return out
+
+
+def _heading(name: str) -> str:
+    """Return the heading of a column: a unit stands in a line of its own."""
+    return printable(name).replace(" [", "\n[")
 
 
 class _Table(Table):

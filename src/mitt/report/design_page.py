@@ -16,7 +16,8 @@ from mitt.design.evaluation import Evaluation
 from mitt.design.interception import FasterJoint, faster_joints, longer_arm
 from mitt.files.writing import write_text
 from mitt.report.page import Section, number, page
-from mitt.report.pictures import FROM_THE_SIDE, body_faces, painted, placed, png_of
+from mitt.report.painter import SIDE, painted, png_of, seen_from
+from mitt.report.pictures import body_faces, placed
 from mitt.report.style import BLUE, GREEN, GREY, INK, ORANGE, PALE, PURPLE, YELLOW, Plot, plot
 from mitt.signals import Array
 from mitt.trials.statistics import wilson
@@ -88,7 +89,7 @@ def region_plot(region: Region) -> Plot:
 
 def pose_picture(
     arm: Arm, scene: Scene, q: Array, *, catch: bool, marks: Array | None = None,
-    seen_from: tuple[float, float] = FROM_THE_SIDE,
+    angles: tuple[float, float] = SIDE,
 ) -> str:  # fmt: skip
     """Return a picture of an arm in a pose of its active joints [rad], shape (n,): PNG in base64.
 
@@ -98,7 +99,7 @@ def pose_picture(
         q: The pose.
         catch: Whether the ball is in the hand.
         marks: Points to mark [m], shape (k, 3).
-        seen_from: Elevation and azimuth of the camera [deg].
+        angles: Elevation and azimuth of the camera [deg].
     """
     model = build_scene(scene, arm.model).model
     bodies = [body_faces(model, body, arm, scene) for body in range(model.nbody)]
@@ -109,8 +110,9 @@ def pose_picture(
     reach = 0.5 * (arm.position(q) + arm.model.mount[:3, 3])
     corners, colours = placed(model, bodies, qpos, np.zeros((0, 3)) if marks is None else marks)
     near = np.linalg.norm(corners.mean(axis=1) - reach, axis=1) < 3.0
-    return png_of(painted(corners[near], colours[near], scene.floor, target=tuple(reach.tolist()),
-                          seen_from=seen_from))  # fmt: skip
+    x, y, z = reach.tolist()
+    view = seen_from(*angles, (x, y, z))
+    return png_of(painted(corners[near], colours[near], scene.floor, view=view))
 
 
 _SECTIONS = (
@@ -186,7 +188,7 @@ def _pictures(arm: Arm, scene: Scene, found: Design, best: Evaluation) -> list[t
     if region is not None and len(region.hand):
         oblique = (18.0, -52.0)  # [deg], from the thrower's side
         places = pose_picture(arm, scene, c.q_catch, catch=True, marks=region.hand[::2],
-                              seen_from=oblique)  # fmt: skip
+                              angles=oblique)  # fmt: skip
         out.append(("region", places))
     return out
 

@@ -6,24 +6,20 @@ from typing import Any
 
 import numpy as np
 
-from mitt.catcher.generators import Direct, Unoptimised
-from mitt.clock import Progress, Stopwatch
+from mitt.clock import Progress
 from mitt.files.maps import save_map
 from mitt.files.recordings import write_recording
 from mitt.files.writing import claim_folder, write_json
 from mitt.interrupts import finally_do
 from mitt.map.learn import Learned
-from mitt.report.run_figures import feedback_share
 from mitt.report.run_page import ReportContent, write_report
 from mitt.trials.log import recording_of
-from mitt.trials.result import LEAVES, MAP, PAGE, RESULT, Journal, result
+from mitt.trials.result import LEAVES, MAP, PAGE, RESULT, Journal
 from mitt.trials.runner import LoggedTrial, TrialRunner
-from mitt.trials.runs import FinishedRun, Prepared, make_runner, runner_for
+from mitt.trials.runs import FinishedRun, Prepared, make_runner
 from mitt.trials.score import Trial
 from mitt.trials.source import release_of
 
-#: Throws that the report compares with alpha = 0.
-_COMPARED = 10
 #: A throw with fewer ticks has nothing to draw.
 _FEWEST_TICKS = 50
 
@@ -56,7 +52,7 @@ def write_outputs(finished: FinishedRun, *, progress: Progress) -> None:
 def write_page(finished: FinishedRun, result: dict[str, Any], *, progress: Progress) -> None:
     """Write the page of a run, for its result as the folder has it."""
     progress("report", 0, 1)
-    content = _content(finished, result, progress)
+    content = _content(finished, result)
     write_report(finished.prepared.out / PAGE, content)
     progress("report", 1, 1)
 
@@ -82,7 +78,7 @@ def _write_recordings(finished: FinishedRun, progress: Progress) -> None:
     progress("recordings", len(kept), len(kept))
 
 
-def _content(finished: FinishedRun, result: dict[str, Any], progress: Progress) -> ReportContent:
+def _content(finished: FinishedRun, result: dict[str, Any]) -> ReportContent:
     """Collect what the report shows; alpha = 0 is thrown beside it, if the run was not that."""
     prepared, learned = finished.prepared, finished.learned
     generator = prepared.settings.generator
@@ -90,18 +86,15 @@ def _content(finished: FinishedRun, result: dict[str, Any], progress: Progress) 
     plain = None
     if generator != "unoptimised":
         plain = make_runner(prepared, learned, generator="unoptimised")
-    whole = len(learned.maps) > 1
     balls = [prepared.source.ball(trial.index) for trial in finished.trials]
     return ReportContent(
         result=result,
         arm=prepared.arm,
         scene=prepared.scene,
-        steps=learned.steps if whole else None,
+        steps=learned.steps if len(learned.maps) > 1 else None,
         direct=_shown(runner, prepared),
         unoptimised=None if plain is None else _shown(plain, prepared),
         releases=np.array([release_of(ball) for ball in balls]),
-        shares=_feedback(finished, progress) if whole else None,
-        rivals=() if plain is None else (_compared(plain, finished, progress),),
     )
 
 
@@ -109,28 +102,3 @@ def _shown(runner: TrialRunner, prepared: Prepared) -> LoggedTrial | None:
     """Return the first throw with its log; None where it ended before it began."""
     outcome = runner.throw(prepared.source, 0, log=True)
     return outcome if outcome.log is not None and len(outcome.log.t) >= _FEWEST_TICKS else None
-
-
-def _feedback(finished: FinishedRun, progress: Progress) -> tuple[float, ...]:
-    """Return the share of feedback in the torque with the map of each step of learning."""
-    prepared, maps = finished.prepared, finished.learned.maps
-    shares = []
-    for k, f in enumerate(maps):
-        progress("feedback", k, len(maps))
-        generator = Unoptimised(f) if k == 0 else Direct(f)
-        log = runner_for(prepared, generator).throw(prepared.source, 0, log=True).log
-        if log is not None and np.any(log.following):
-            shares.append(feedback_share(log))
-    progress("feedback", len(maps), len(maps))
-    return tuple(shares)
-
-
-def _compared(runner: TrialRunner, finished: FinishedRun, progress: Progress) -> dict[str, object]:
-    """Return the result of the first throws with alpha = 0, to be compared with."""
-    prepared = finished.prepared
-    count, trials = min(len(finished.trials), _COMPARED), []
-    for index in range(count):
-        progress("alpha = 0", index, count)
-        trials.append(runner.throw(prepared.source, index).trial)
-    progress("alpha = 0", count, count)
-    return result(trials, Stopwatch(), prepared.head | {"generator": "unoptimised"})

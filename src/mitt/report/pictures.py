@@ -1,15 +1,11 @@
 """Pictures as PNG: the throw every 33 ms, fig. 12, and what a calibration has seen of its board.
 
-The throw is drawn by Matplotlib from the meshes of the replay: faces are painted from far to near,
-each in one shade.
+The throw is drawn from the meshes of the replay.
 """
 
-import base64
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import matplotlib
 import mujoco
@@ -17,12 +13,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import LightSource, Normalize
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
-from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
 from mitt.arm.arm import Arm
 from mitt.files.writing import write_atomically
+from mitt.report.painter import FROM_THE_SIDE, Faces, View, painted, png_of
 from mitt.report.scene_meshes import BALL, body_meshes, sphere
 from mitt.report.style import GREY, INK, RC
 from mitt.signals import Array
@@ -30,17 +26,7 @@ from mitt.trials.log import TrialLog
 from mitt.world.build import build_scene
 from mitt.world.scene import Scene
 
-#: The point that the camera looks at [m], elevation and azimuth from there to the camera [deg]:
-#: from the side, a little from the thrower's end.
-_TARGET, FROM_THE_SIDE = (0.72, 0.0, 0.16), (4.5, -85.5)
-#: Colours of sky, floor and its lines; where floor and lines end [m].
-_SKY, _FLOOR, _LINES = "#e9edf1", "#eff1f4", "#dce1e7"
-_X, _Y = (-6.0, 8.0), (-2.5, 9.0)
-
 _MADE_BY = {"Software": "mitt"}
-
-Faces = tuple[Array, Array]
-"""Corners of triangles [m], shape (k, 3, 3), and their colours, 0 to 1, shape (k, 3)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,30 +47,49 @@ class Picture:
 def picture_strip(arm: Arm, scene: Scene, log: TrialLog) -> tuple[Picture, ...]:
     """Return pictures every 33 ms, one of them at the catch, or to the end without one.
 
-    A video of the paper's time had 30 a second. Twelve dots trail the ball, 8 ms apart.
+    A video of the paper's time had 30 a second.
     """
-    trace = log.truth
-    caught = bool(np.isfinite(log.t_catch))
-    last = log.t_catch if caught else float(trace.t[-1])
-    model = build_scene(scene, arm.model).model
+    trace, last, caught = log.truth, _end(log), bool(np.isfinite(log.t_catch))
+    times = [last + step / 30.0 for step in range(-7, 5 if caught else 1)]
+    times = [t for t in times if trace.t[0] <= t <= trace.t[-1] + 1e-9]
+    return tuple(
+        Picture(
+            t=float(trace.t[np.argmin(np.abs(trace.t - t))]), catch=caught and t == last, png=png
+        )
+        for t, png in zip(times, pictures_of(arm, scene, log, times), strict=True)
+    )
+
+
+def still(arm: Arm, scene: Scene, log: TrialLog, view: View) -> str:
+    """Return the picture of a throw 50 ms before the catch, or the end: PNG in base64."""
+    return pictures_of(arm, scene, log, [_end(log) - 0.05], view)[0]
+
+
+def _end(log: TrialLog) -> float:
+    """Return the time of the catch, or of the end without one [s]."""
+    return log.t_catch if np.isfinite(log.t_catch) else float(log.truth.t[-1])
+
+
+def pictures_of(
+    arm: Arm, scene: Scene, log: TrialLog, times: Sequence[float], view: View = FROM_THE_SIDE
+) -> list[str]:
+    """Return pictures of a throw at some times [s]: PNGs in base64; dots trail the ball by 8 ms."""
+    model, trace = build_scene(scene, arm.model).model, log.truth
     bodies = [body_faces(model, body, arm, scene) for body in range(model.nbody)]
     out = []
-    for step in range(-7, 5 if caught else 1):
-        t = last + step / 30.0
-        if trace.t[0] <= t <= trace.t[-1] + 1e-9:
-            k = int(np.argmin(np.abs(trace.t - t)))
-            trail = trace.r_o[max(k - 96, 0) : k : 8]
-            png = png_of(painted(*placed(model, bodies, trace.qpos[k], trail), scene.floor))
-            out.append(Picture(t=float(trace.t[k]), catch=caught and step == 0, png=png))
-    return tuple(out)
+    for t in times:
+        k = int(np.argmin(np.abs(trace.t - t)))
+        faces = placed(model, bodies, trace.qpos[k], trace.r_o[max(k - 96, 0) : k : 8])
+        out.append(png_of(painted(*faces, scene.floor, view=view)))
+    return out
 
 
 def body_faces(model: mujoco.MjModel, body: int, arm: Arm, scene: Scene) -> Faces:
     """Return the faces of a body in its own frame."""
     corners, colours = [np.zeros((0, 3, 3))], [np.zeros((0, 3))]
     for mesh, rgb in body_meshes(model, body, arm, scene):
-        # Sides of 12 cm at most: faces behind one another are told apart by their middles.
-        corners.append(mesh.subdivide_to_size(0.12).triangles)
+        # Sides of 8 cm at most: faces behind one another are told apart by their middles.
+        corners.append(mesh.subdivide_to_size(0.08).triangles)
         colours.append(np.tile(np.array(rgb) / 255.0, (len(corners[-1]), 1)))
     return np.concatenate(corners), np.concatenate(colours)
 
@@ -106,52 +111,6 @@ def placed(model: mujoco.MjModel, bodies: list[Faces], qpos: Array, trail: Array
     corners += [dot + at for at in trail]
     orange = np.tile(np.array(BALL) / 255.0, (len(trail) * len(dot), 1))
     return np.concatenate(corners), np.concatenate([*(rgb for _, rgb in bodies), orange])
-
-
-def png_of(canvas: FigureCanvasAgg) -> str:
-    """Return a picture as PNG in base64."""
-    out = io.BytesIO()
-    canvas.print_png(out, metadata=_MADE_BY)
-    return base64.b64encode(out.getvalue()).decode("ascii")
-
-
-def painted(
-    corners: Array, colours: Array, floor: float, *, target: Sequence[float] = _TARGET,
-    seen_from: tuple[float, float] = FROM_THE_SIDE,
-) -> FigureCanvasAgg:  # fmt: skip
-    """Return a picture of 340 x 262 pixels of faces above a floor; nearer faces are painted last.
-
-    The camera is 3.6 m away, so near that the fingers show: Matplotlib's zoom and focal length.
-
-    Args:
-        corners: Corners of the faces [m], shape (k, 3, 3).
-        colours: Their colours, shape (k, 3).
-        floor: Height of the floor [m].
-        target: The point that is looked at [m].
-        seen_from: Elevation and azimuth from there to the camera [deg].
-    """
-    width, height = 3.4, 2.62  # [inch]
-    figure = Figure(figsize=(width, height), dpi=100.0, facecolor=_SKY)
-    canvas = FigureCanvasAgg(figure)
-    square = (0.0, 0.5 - 0.5 * width / height, 1.0, width / height)  # higher than the picture
-    axes: Any = figure.add_axes(
-        square, projection="3d", proj_type="persp", focal_length=0.376, elev=seen_from[0],
-        azim=seen_from[1], computed_zorder=False, facecolor="none",
-    )  # fmt: skip
-    axes.set_axis_off()
-    axes.set(**{f"{k}lim": (at - 0.9, at + 0.9) for k, at in zip("xyz", target, strict=True)})
-    axes.set_box_aspect((1, 1, 1), zoom=1.7)
-    xs, ys = np.arange(*_X, 0.5), np.arange(*_Y, 0.5)
-    lines = [[(x, y, floor) for y in _Y] for x in xs] + [[(x, y, floor) for x in _X] for y in ys]
-    ground = [(x, y, floor) for x, y in zip((*_X, *_X[::-1]), np.repeat(_Y, 2), strict=True)]
-    for drawing in (
-        Poly3DCollection([ground], facecolors=_FLOOR, zorder=0),
-        Line3DCollection(lines, colors=_LINES, linewidths=0.7, zorder=1),
-        Poly3DCollection(corners, facecolors=colours, edgecolors=colours, linewidths=0.3,
-                         shade=True, lightsource=LightSource(azdeg=145.0, altdeg=52.0), zorder=2),
-    ):  # fmt: skip
-        axes.add_collection3d(drawing, autolim=False)
-    return canvas
 
 
 #: Errors are shown this many times as long [1].

@@ -27,6 +27,7 @@ from websockets.http11 import Request, Response
 
 from mitt.arm.arm import Arm
 from mitt.catcher.settings import PHASES
+from mitt.report.painter import View
 from mitt.report.scene_meshes import BALL, body_meshes
 from mitt.trials.log import TrialLog
 from mitt.world.build import build_scene
@@ -94,14 +95,17 @@ NODE = "/bodies/{:02d}"
 """Name of a body's node."""
 
 
+#: What the replay shows at first, as wide as a page is at most.
+BOX = View(eye=(1.25, -2.35, 0.62), target=(0.78, 0.0, 0.02), angle=0.75, size=(1032, 540))
+
+
 def replay_page(arm: Arm, scene: Scene, log: TrialLog) -> str:
     """Return the replay of a trial as one self-contained HTML page."""
     model = build_scene(scene, arm.model).model
     with served() as server:
         furnish(server.scene, arm, scene, model)
-        server.initial_camera.position = (1.25, -2.35, 0.62)
-        server.initial_camera.look_at = (0.78, 0.0, 0.02)
-        server.initial_camera.fov = 0.75
+        server.initial_camera.position, server.initial_camera.look_at = BOX.eye, BOX.target
+        server.initial_camera.fov = BOX.angle
         page: str = _recorded(server, model, log)
     return page
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator, PercentFormatter
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from mitt.arm.arm import Arm
@@ -81,25 +81,6 @@ def feedback_share(log: TrialLog) -> float:
     tau, feedforward = log.tau[log.following], log.feedforward[log.following]
     total = np.linalg.norm(tau)
     return float(np.linalg.norm(tau - feedforward) / total) if total > 0.0 else 0.0
-
-
-def feedback_by_step(shares: Sequence[float], *, given: bool = False) -> Plot:
-    """Draw the share of feedback for alpha after each step of learning, alpha = 0 first.
-
-    Args:
-        shares: Shares of feedback.
-        given: Whether the second and last is that of a map which was learned before.
-    """
-
-    def draw(figure: Figure) -> None:
-        axes = figure.subplots()
-        _draw_steps(axes, shares, BLUE)
-        if given:
-            axes.set(xlabel="", xticks=(0, 1), xticklabels=("", "the map given"))
-        axes.set(ylabel="feedback in the torque (rms)", ylim=(0.0, 1.2 * max(*shares, 0.05)))
-        axes.yaxis.set_major_formatter(PercentFormatter(1.0))
-
-    return plot("feedback", (10.0, 2.8), draw)
 
 
 #: A line of the arm each so many ticks.

@@ -14,13 +14,12 @@ from mitt.arm.hands import HandModel
 from mitt.eyes.camera import fixed_rig
 from mitt.files.writing import write_text
 from mitt.map.learn import Step
-from mitt.report.page import NONE, Section, interval, number, page
-from mitt.report.pictures import picture_strip
-from mitt.report.replay_3d import replay_page
+from mitt.report.page import NONE, Section, number, page
+from mitt.report.pictures import picture_strip, still
+from mitt.report.replay_3d import BOX, replay_page
 from mitt.report.run_figures import (
     catching_trajectory,
     contact_errors,
-    feedback_by_step,
     feedback_share,
     joint_angles,
     joint_torques,
@@ -158,7 +157,6 @@ _SECTIONS = (
     Section("failures", "Failures", "Throws that failed"),
     Section("replay", "3-D replay", "One throw in 3-D"),
     Section("figures", "Figures", "Figures, by the paper's numbers"),
-    Section("rivals", "Comparison", "Beside other generators"),
     Section("table_1", "Table 1", "The system beside the paper's Table 1"),
     Section("trials", "All throws", "All throws"),
 )
@@ -184,8 +182,6 @@ class ReportContent:
         direct: One throw with the generator of the run, with its log.
         unoptimised: The same throw with alpha = 0, with its log.
         releases: Ball centre at the release of each trial [m], shape (trials, 3).
-        shares: Share of feedback in the torque with alpha = 0 and after each step of learning.
-        rivals: Results of the same throws with other generators or settings.
     """
 
     result: dict[str, Any]
@@ -195,8 +191,6 @@ class ReportContent:
     direct: LoggedTrial | None = None
     unoptimised: LoggedTrial | None = None
     releases: Array | None = None
-    shares: tuple[float, ...] | None = None
-    rivals: tuple[dict[str, Any], ...] = ()
 
 
 def write_report(path: Path, content: ReportContent) -> None:
@@ -232,9 +226,9 @@ def report(content: ReportContent) -> str:
         colour={status: colour for status, (colour, _) in STATUS.items()},
         rows_of=_trial_rows,
         replay=None if log is None else replay_page(arm, scene, log),
+        still=None if log is None else still(arm, scene, log, BOX),
         drawn={plot.name: plot.svg for plot in _plots(content, log, plain)},
         strip=None if log is None else picture_strip(arm, scene, log),
-        rivals=[_compared(other) for other in (result, *content.rivals)] if content.rivals else [],
         system=table_1(arm, log, vision=str(result["vision"])),
     )
 
@@ -287,20 +281,6 @@ def _trial_rows(trials: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:
     ]
 
 
-def _compared(result: dict[str, Any]) -> tuple[str, ...]:
-    """Return a result as a row of the table that compares generators."""
-    d = result_summary(result)
-    place, speed, force, cost = (
-        None if d[name] is None else d[name]["median"]
-        for name in ("position_mm", "velocity_m_s", "force_n", "cost")
-    )
-    return (
-        str(result["generator"]), str(result["limits"]), f"{d['caught']} of {d['throws']}",
-        f"{100 * d['catch_rate']:.1f}", interval(d["ci95"]), number(place, 1), number(speed, 2),
-        number(force, 0), number(cost, 3), str(d["violating_throws"]),
-    )  # fmt: skip
-
-
 def _plots(content: ReportContent, log: TrialLog | None, plain: TrialLog | None) -> list[Plot]:
     """Return all drawings for which there are data."""
     arm, trials = content.arm, content.result["trials"]
@@ -314,11 +294,6 @@ def _plots(content: ReportContent, log: TrialLog | None, plain: TrialLog | None)
             joint_angles(arm, log, plain),
             joint_torques(arm, log, plain),
         ]
-        if content.shares:
-            out.append(feedback_by_step(content.shares))
-        elif plain is not None:
-            both = feedback_share(plain), feedback_share(log)
-            out.append(feedback_by_step(both, given=True))
         if np.isfinite(log.t_catch):
             caught_at = log.truth.position[int(np.argmin(np.abs(log.truth.t - log.t_catch)))]
     out.append(contact_errors(trials))
