@@ -1,6 +1,7 @@
 """The environments keep Gymnasium's rules, and the map catches in them."""
 
 import warnings
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from mitt.errors import InputError
 from mitt.files.maps import save_map
 from mitt.map.learn import Learned
 from mitt.version import __version__
+from mitt.world.scene import Scene, Sensing
 
 _IDS = ("mitt/Catch-v0", "mitt/CatchPixels-v0")
 
@@ -61,6 +63,16 @@ def test_boxes_are_finite_and_hold_what_is_observed(name: str) -> None:
     assert terminated or truncated
     assert info["status"] in ("missed", "dropped", "caught")
     assert info["limit_violations"] >= 0
+    assert ("position_error_m" in info) == (info["peak_contact_force_n"] > 0.0)
+
+
+def test_every_image_is_seen_whatever_the_frame_rate() -> None:
+    """At 160 Hz 16 come in 0.1 s, in any tick of an action."""
+    scene = Scene(sensing=Sensing(frame_rate=160.0))
+    env = gymnasium.make("mitt/CatchPixels-v0", scene=scene, disable_env_checker=True)
+    first = env.reset(seed=2)[0]
+    seen = [first, *(env.step(env.action_space.sample())[0] for _ in range(20))]
+    assert sum(not _same(a["images"], b["images"]) for a, b in pairwise(seen)) in (15, 16, 17)
 
 
 @pytest.mark.parametrize("name", _IDS)

@@ -267,12 +267,15 @@ class Environment(gymnasium.Env[Observation, Numbers]):
         beyond = ticks_beyond(arm, trace, drives, commanded, driven=driven)
         shares = continuous_shares(arm, np.sum(drives.torque**2, axis=0), len(drives.torque))
         contact = world.first_contact
+        errors = {} if contact is None else {
+            "position_error_m": contact.position_error,
+            "velocity_error_m_s": contact.velocity_error,
+        }  # fmt: skip
         return {
             "status": status_of(world, phase, was_held=was_held(arm, world)),
             "limit_violations": int(np.sum(beyond)) + overheated(shares),
             "peak_contact_force_n": float(world.peak_force),
-            "position_error_m": -1.0 if contact is None else contact.position_error,
-            "velocity_error_m_s": -1.0 if contact is None else contact.velocity_error,
+            **errors,
         }
 
     def _looks(self, k: int) -> bool:

@@ -1,5 +1,6 @@
 """Other people's readers decode every topic: ``rosbags``, and ``mcap`` with its ROS 2 decoder."""
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +12,12 @@ from recorded_trials import CASES, recorded
 from rosbags.highlevel import AnyReader
 
 from mitt.files.recordings import Recorded
+from mitt.reading import shipped_path
 
 _TOPICS = {
     "/joint_states", "/joint_commands", "/brakes", "/ball/estimate", "/ball/truth",
-    "/hand/catch_point", "/phase", "/state", "/events", "/mitt/ticks",
+    "/hand/catch_point", "/phase", "/state", "/events", "/mitt/ticks", "/robot_description", "/tf",
+    "/tf_static", "/ball/marker",
 }  # fmt: skip
 
 
@@ -48,6 +51,25 @@ def test_rosbags_reads_every_message(files: dict[str, Path], name: str) -> None:
                 assert np.array_equal(message.position, back.ticks["q"][k])
     assert set(found) == _TOPICS | own
     assert found["/mitt/ticks"] == found["/joint_commands"] == len(back.ticks)
+
+
+def test_the_layout_for_foxglove_names_what_a_recording_has(files: dict[str, Path]) -> None:
+    """Each topic that it shows is there, and each field of a plot is one of its message."""
+    layout = json.loads(shipped_path("layouts", "foxglove", ".json").read_text())
+    panels = layout["configById"].values()
+    paths = [path["value"] for panel in panels for path in panel.get("paths", ())]
+    shown = [topic for panel in panels for topic in panel.get("topics", ())]
+    assert {*shown, *(path.partition(".")[0] for path in paths)} <= _TOPICS
+    first = dict[str, Any]()
+    with AnyReader([files["points"]]) as reader:
+        for connection, _, raw in reader.messages():
+            if connection.topic not in first:
+                first[connection.topic] = reader.deserialize(raw, connection.msgtype)
+    for path in paths:
+        topic, _, fields = path.partition(".")
+        found = first[topic]
+        for name in fields.split("."):
+            found = getattr(found, name.partition("[")[0])
 
 
 def test_the_mcap_package_alone_reads_every_message(files: dict[str, Path]) -> None:

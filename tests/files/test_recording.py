@@ -1,5 +1,6 @@
 """Recordings come back number for number through mcap_ros2's own decoder."""
 
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +15,20 @@ from mitt.errors import FileError, ShapeError
 from mitt.files import messages as of
 from mitt.files.messages import BRAKES, ESTIMATE, EVENT, PHASE, TICKS, TRUTH
 from mitt.files.recordings import METADATA, Heading, Notice, Recording, Track, write_recording
+from mitt.files.robot_description import Frame
 from mitt.signals import Array
 
 _NS = 1e-9
+
+
+def _frames(n: int) -> tuple[Frame, ...]:
+    """Return a chain of n frames that turn about z, 0.1 m apart, and one that stands at its end."""
+    names, still = ("world", *(f"l{i}" for i in range(n)), "tip"), (0.0, 0.0, 0.0)
+    return tuple(
+        Frame(name=name, parent=parent, place=(0.1, 0.0, 0.0), turn=(0.0, 0.0, 0.0, 1.0),
+              axis=still if name == "tip" else (0.0, 0.0, 1.0), follows=min(i, n - 1))
+        for i, (parent, name) in enumerate(pairwise(names))
+    )  # fmt: skip
 
 
 def _recording(k: int, n: int, seed: int) -> Recording:
@@ -31,6 +43,7 @@ def _recording(k: int, n: int, seed: int) -> Recording:
     return Recording(
         heading=Heading(
             joints=tuple(f"j{i}" for i in range(n)), heads=0, shapes=(), about="{}",
+            description="<robot/>", frames=_frames(n), radius=0.03,
             metadata={"seed": str(seed), "trial": '{"index": 0}'},
         ),
         ticks=ticks,
@@ -79,6 +92,30 @@ def test_numbers_come_back_exactly(tmp_path: Path, k: int, n: int, seed: int) ->
     assert notes == sent.heading.metadata
 
 
+def test_each_tenth_tick_says_where_the_arm_and_the_ball_are(tmp_path: Path) -> None:
+    """Transforms along the chain make up the pose of the tip; the ball has one once it is seen."""
+    n, k = 4, 95
+    sent = _recording(k, n, 3)
+    write_recording(tmp_path / "x.mcap", sent)
+    topics, _ = _read(tmp_path / "x.mcap")
+    (_, description), (_, standing) = topics["/robot_description"][0], topics["/tf_static"][0]
+    assert description.data == "<robot/>"
+    (tip,) = standing.transforms
+    assert (tip.header.frame_id, tip.child_frame_id) == ("l3", "tip")
+    arm = [(ns, m) for ns, m in topics["/tf"] if len(m.transforms) == n]
+    ball = [(ns, m.transforms[0]) for ns, m in topics["/tf"] if len(m.transforms) == 1]
+    assert [ns for ns, _ in arm] == [10_000_000 * i for i in range(10)]
+    for (_, message), q in zip(arm, sent.ticks["q"][::10], strict=True):
+        for transform, angle in zip(message.transforms, q, strict=True):
+            r = transform.transform.rotation
+            np.testing.assert_allclose(2.0 * np.arctan2(r.z, r.w), angle, atol=1e-12)
+    assert [m.transform.translation.x for _, m in ball] == sent.ticks["ball"][50::10, 0].tolist()
+    ((at, marker),) = topics["/ball/marker"]
+    assert at == ball[0][0]
+    assert (marker.header.frame_id, marker.type, marker.frame_locked) == ("ball", 2, True)
+    assert (marker.scale.x, marker.scale.z, marker.color.a) == (0.06, 0.06, 1.0)
+
+
 def test_the_same_recording_gives_the_same_bytes(tmp_path: Path) -> None:
     """Nothing of the clock or of the machine enters a file."""
     for name in ("a", "b"):
@@ -111,6 +148,9 @@ def test_topics_have_the_types_that_foxglove_knows(tmp_path: Path) -> None:
         "/state": "std_msgs/msg/String",
         EVENT: "std_msgs/msg/String",
         TICKS: "mitt_msgs/msg/Tick",
+        "/robot_description": "std_msgs/msg/String",
+        "/tf": "tf2_msgs/msg/TFMessage",
+        "/tf_static": "tf2_msgs/msg/TFMessage",
     }
     assert {schema.encoding for schema in kinds.values()} == {"ros2msg"}
 

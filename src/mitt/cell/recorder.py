@@ -54,6 +54,7 @@ from mitt.files.messages import (
     point_rows,
 )
 from mitt.files.recordings import Heading, RecordingWriter, heading_of
+from mitt.files.robot_description import Frame as Drawn
 from mitt.signals import Command, Frame, Senses, all_of
 
 #: Kinds of entries: a tick, what the catcher was told, what happened, the background.
@@ -442,6 +443,7 @@ def main(words: list[str]) -> int:
     try:
         heading = json.loads(sys.stdin.buffer.readline())
         heading["joints"] = tuple(heading["joints"])
+        heading["frames"] = tuple(Drawn(**frame) for frame in heading["frames"])
         heading["shapes"] = tuple((int(h), int(w)) for h, w in heading["shapes"])
         ring = Ring(fd, size)
         with path.open("xb") as stream:

@@ -30,7 +30,7 @@ HEAD = b"\x00\x01\x00\x00"
 #: Longest string or sequence that is read field by field: a robot's joints are far fewer.
 _MOST = 4096
 _KINDS = {"bool": "?", "uint8": "u1", "int32": "<i4", "uint32": "<u4", "int64": "<i8",
-          "float64": "<f8"}  # fmt: skip
+          "float32": "<f4", "float64": "<f8"}  # fmt: skip
 
 
 @final

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from mitt.catcher.state import Result, fresh_result
 from mitt.files.cdr import Field, Rows, layout, text
+from mitt.files.robot_description import Frame as Drawn
 from mitt.signals import Array, Frame, Senses, Sighting
 
 #: Topics, and the frame in which all points are given (REP 105 has no name for a shoulder frame).
@@ -16,11 +17,16 @@ ESTIMATE, TRUTH, CATCH_POINT = "/ball/estimate", "/ball/truth", "/hand/catch_poi
 PHASE, STATE, EVENT = "/phase", "/state", "/events"
 TICKS, POINTS, FRAMES, CALLS = "/mitt/ticks", "/mitt/points", "/mitt/frames", "/mitt/calls"
 IMAGES, WORLD = "/camera_{}/image", "world"
+DESCRIPTION, MOVING, FIXED = "/robot_description", "/tf", "/tf_static"
+BALL, MARKER = "ball", "/ball/marker"
 
 #: Types of messages.
 STAMPED, JOINTS = "geometry_msgs/msg/PointStamped", "sensor_msgs/msg/JointState"
 TEXT, FLAG, IMAGE = "std_msgs/msg/String", "std_msgs/msg/Bool", "sensor_msgs/msg/Image"
+TRANSFORMS, SHAPE = "tf2_msgs/msg/TFMessage", "visualization_msgs/msg/Marker"
 TICK, POINT, FRAME = "mitt_msgs/msg/Tick", "mitt_msgs/msg/Point", "mitt_msgs/msg/Frame"
+#: A marker's type of a ball.
+_SPHERE = 2
 #: What a correction of the eyes' stamps is called among the calls.
 _CLOCK = "clock"
 #: Largest time that a stamp can say [ns].
@@ -33,6 +39,21 @@ _BREAK = "=" * 80 + "\n"
 _TIME = "int32 sec\nuint32 nanosec\n"
 _HEADER = "builtin_interfaces/Time stamp\nstring frame_id\n"
 _STAMP = ("sec", "int32", None), ("nanosec", "uint32", None)
+_POSE_OF = {
+    "geometry_msgs/Quaternion": "float64 x\nfloat64 y\nfloat64 z\nfloat64 w\n",
+    "geometry_msgs/Vector3": "float64 x\nfloat64 y\nfloat64 z\n",
+}
+_ON_ANOTHER = "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/Transform transform\n"
+_TRANSFORM = "geometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation\n"
+_MARKER_OF = {
+    "geometry_msgs/Pose": "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation\n",
+    "std_msgs/ColorRGBA": "float32 r\nfloat32 g\nfloat32 b\nfloat32 a\n",
+    "builtin_interfaces/Duration": "int32 sec\nuint32 nanosec\n",
+    "sensor_msgs/CompressedImage": "std_msgs/Header header\nstring format\nuint8[] data\n",
+    "visualization_msgs/UVCoordinate": "float32 u\nfloat32 v\n",
+    "visualization_msgs/MeshFile": "string filename\nuint8[] data\n",
+}
+_PLACE_OF = {"geometry_msgs/Point": "float64 x\nfloat64 y\nfloat64 z\n"}
 
 
 def _definition(own: str, **parts: str) -> str:
@@ -82,7 +103,24 @@ SCHEMAS = {
     ),
     STAMPED: _definition(
         "std_msgs/Header header\ngeometry_msgs/Point point\n",
-        **{"geometry_msgs/Point": "float64 x\nfloat64 y\nfloat64 z\n"},
+        **_PLACE_OF,
+    ),
+    TRANSFORMS: _definition(
+        "geometry_msgs/TransformStamped[] transforms\n",
+        **{"geometry_msgs/TransformStamped": _ON_ANOTHER, "geometry_msgs/Transform": _TRANSFORM},
+        **_POSE_OF,
+    ),
+    SHAPE: _definition(
+        "std_msgs/Header header\nstring ns\nint32 id\nint32 type\nint32 action\n"
+        "geometry_msgs/Pose pose\ngeometry_msgs/Vector3 scale\nstd_msgs/ColorRGBA color\n"
+        "builtin_interfaces/Duration lifetime\nbool frame_locked\n"
+        "geometry_msgs/Point[] points\nstd_msgs/ColorRGBA[] colors\n"
+        "string texture_resource\nsensor_msgs/CompressedImage texture\n"
+        "visualization_msgs/UVCoordinate[] uv_coordinates\nstring text\nstring mesh_resource\n"
+        "visualization_msgs/MeshFile mesh_file\nbool mesh_use_embedded_materials\n",
+        **_POSE_OF,
+        **_PLACE_OF,
+        **_MARKER_OF,
     ),
     IMAGE: _definition(
         "std_msgs/Header header\nuint32 height\nuint32 width\nstring encoding\n"
@@ -114,6 +152,46 @@ def joint_states(names: Sequence[str], *, efforts: bool) -> Rows:
 def point_stamped() -> Rows:
     """Return a ``geometry_msgs/msg/PointStamped``, its point as ``r``."""
     return layout([*_STAMP, ("frame_id", "string", WORLD), ("r", "float64[3]", None)])
+
+
+def transforms(frames: Sequence[Drawn], ns: NDArray[np.int64], poses: Sequence[Array]) -> Rows:
+    """Return ``tf2_msgs/msg/TFMessage`` of all frames at k times [ns].
+
+    Args:
+        frames: The frames.
+        ns: Times [ns], shape (k,).
+        poses: Of each frame on its parent, position and quaternion x, y, z, w, shape (k, 7).
+    """
+    fields: list[Field] = [("count", "uint32", None)]
+    for k, frame in enumerate(frames):
+        fields += [(f"sec_{k}", "int32", None), (f"nanosec_{k}", "uint32", None),
+                   (f"parent_{k}", "string", frame.parent), (f"child_{k}", "string", frame.name),
+                   (f"pose_{k}", "float64[7]", None)]  # fmt: skip
+    rows = layout(fields, len(ns))
+    rows["count"] = len(frames)
+    for k, pose in enumerate(poses):
+        rows[f"sec_{k}"], rows[f"nanosec_{k}"] = np.divmod(ns, 1_000_000_000)
+        rows[f"pose_{k}"] = pose
+    return rows
+
+
+def ball_marker(ns: int, radius: float) -> bytes:
+    """Return a ``visualization_msgs/msg/Marker``: a ball [m] that goes with the frame ``ball``."""
+    fields: list[Field] = [
+        *_STAMP, ("frame_id", "string", BALL), ("ns", "string", BALL), ("id", "int32", None),
+        ("type", "int32", None), ("action", "int32", None), ("pose", "float64[7]", None),
+        ("scale", "float64[3]", None), ("color", "float32[4]", None), ("lasts", "int32[2]", None),
+        ("frame_locked", "bool", None), ("points", "float64[]", 0), ("colors", "float64[]", 0),
+        ("texture_resource", "string", ""), ("texture_sec", "int32[2]", None),
+        ("texture_frame", "string", ""), ("format", "string", ""), ("data", "uint8[]", 0),
+        ("uv", "float64[]", 0), ("text", "string", ""), ("mesh_resource", "string", ""),
+        ("filename", "string", ""), ("mesh", "uint8[]", 0), ("materials", "bool", None),
+    ]  # fmt: skip
+    row = layout(fields)
+    row["sec"], row["nanosec"] = divmod(ns, 1_000_000_000)
+    row["type"], row["pose"], row["scale"] = _SPHERE, (0, 0, 0, 0, 0, 0, 1), 2.0 * radius
+    row["color"], row["frame_locked"] = (0.84, 0.37, 0.0, 1.0), True
+    return row.tobytes()
 
 
 def image(shape: tuple[int, int], camera: int) -> Rows:

@@ -6,6 +6,9 @@
 | `/joint_commands`   | sensor_msgs/msg/JointState     | commanded position, speed, torque        |
 | `/brakes`           | std_msgs/msg/Bool              | whether the brakes are to engage         |
 | `/ball/estimate`    | geometry_msgs/msg/PointStamped | the ball, as the catcher estimates it    |
+| `/robot_description` | std_msgs/msg/String          | a URDF of the arm as it is driven        |
+| `/tf`, `/tf_static` | tf2_msgs/msg/TFMessage         | frames of arm, hand, ball, each 10 ms    |
+| `/ball/marker`      | visualization_msgs/msg/Marker  | the ball in the frame `ball`             |
 | any, one a track    | geometry_msgs/msg/PointStamped | positions in the frame `world`           |
 | `/camera_K/image`   | sensor_msgs/msg/Image          | images, where they were asked for        |
 | `/phase`, `/state`  | std_msgs/msg/String            | of the catcher, when it changed          |
@@ -23,6 +26,7 @@ A file is read record by record, each of a bounded size, and foreign ones are re
 the last whole record is read when it has come, so one reader follows a file that grows.
 """
 
+import json
 import os
 import stat
 import struct
@@ -50,6 +54,8 @@ from mitt.files import messages as of
 from mitt.files.about import About, about_of
 from mitt.files.cdr import Rows
 from mitt.files.messages import Said
+from mitt.files.robot_description import Frame as Drawn
+from mitt.files.robot_description import frames_of, urdf_of
 from mitt.files.writing import write_atomically
 from mitt.signals import Array, Frame, Sighting
 
@@ -59,6 +65,16 @@ METADATA, ENDING, ABOUT = "mitt", "mitt.end", "about.json.zst"
 LIBRARY = "mitt"
 #: Ticks in a chunk: a file that is cut loses at most so many.
 _CHUNK_TICKS = 100
+#: Frames are written each so many ticks; what is said once is kept for those who come later.
+_DRAWN, _KEPT_BY_ROS = 10, (of.DESCRIPTION, of.FIXED, of.MARKER)
+_NO_TIME = {"sec": 0, "nsec": 0}
+_LATCHED = {"offered_qos_profiles": json.dumps([{
+    "history": 1, "depth": 1, "reliability": 1, "durability": 1, "deadline": _NO_TIME,
+    "lifespan": _NO_TIME, "liveliness": 1, "liveliness_lease_duration": _NO_TIME,
+    "avoid_ros_namespace_conventions": False,
+}])}  # fmt: skip
+"""Keep the last, reliable, transient local; as rosbag2 writes it."""
+_BALL = Drawn(name=of.BALL, parent=of.WORLD, place=(0.0,) * 3, turn=(0.0, 0.0, 0.0, 1.0))
 #: What an MCAP file begins with.
 _MAGIC = b"\x89MCAP0\r\n"
 #: Largest record, and chunk unpacked, and all that is kept [bytes].
@@ -92,6 +108,9 @@ class Heading:
         heads: Number of cameras that turn.
         shapes: Height and width of the images of each camera [px].
         about: What makes the catcher, as ``About.text``.
+        description: A URDF of the arm.
+        frames: Frames of arm and hand, as of :mod:`mitt.files.robot_description`.
+        radius: Radius of the ball [m].
         metadata: Texts by name for other readers.
     """
 
@@ -99,6 +118,9 @@ class Heading:
     heads: int
     shapes: tuple[tuple[int, int], ...]
     about: str
+    description: str
+    frames: tuple[Drawn, ...]
+    radius: float
     metadata: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -108,7 +130,8 @@ def heading_of(about: About, metadata: Mapping[str, str] | None = None) -> Headi
             "limits": about.arm.limits.name, "generator": about.generator}  # fmt: skip
     return Heading(
         joints=about.arm.names, heads=len(about.rig.heads), shapes=about.shapes, about=about.text,
-        metadata={**said, **about.notes, **(metadata or {})},
+        description=urdf_of(about.arm), frames=frames_of(about.arm),
+        radius=about.settings.ball_radius, metadata={**said, **about.notes, **(metadata or {})},
     )  # fmt: skip
 
 
@@ -126,6 +149,7 @@ class RecordingWriter:
         self._writer.add_metadata(METADATA, dict(heading.metadata))
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
+        self._heading = heading
         self._states = of.joint_states(heading.joints, efforts=False)
         self._commands = of.joint_states(heading.joints, efforts=True)
         self._last = {of.PHASE: "", of.STATE: ""}
@@ -152,12 +176,16 @@ class RecordingWriter:
             (of.TICKS, of.TICK, rows),
         ]  # fmt: skip
         tracked = rows["out_tracked"]
+        drawn = self._draw(first, rows, ns)
         for k in range(len(rows)):
             self._ns, sequence = int(ns[k]), first + k
+            if of.DESCRIPTION not in self._channels:
+                self._introduce(sequence)
             self.say(before.get(sequence, ()), sequence)
             for topic, kind, column in columns:
                 if topic is not of.ESTIMATE or tracked[k]:
                     self._add(topic, kind, column[k].tobytes(), self._ns, sequence)
+            self.say(drawn.get(k, ()), sequence)
             self._changes(rows[k], sequence)
 
     def say(self, messages: Iterable[Said], sequence: int = 0) -> None:
@@ -174,6 +202,37 @@ class RecordingWriter:
         self._writer.flush()
         self._writer.add_metadata(ENDING, {"dropped_ticks": str(dropped)})
         self._writer.finish()
+
+    def _draw(self, first: int, rows: Rows, ns: NDArray[np.int64]) -> dict[int, list[Said]]:
+        """Return where arm and ball are drawn, by row: each tenth tick, the ball if tracked."""
+        at = np.arange(-first % _DRAWN, len(rows), _DRAWN)
+        values = np.column_stack((rows["q"][at], rows["hand"][at]))
+        good = np.all(np.isfinite(values), axis=1)
+        at, values = at[good], values[good]
+        frames = [frame for frame in self._heading.frames if frame.moves]
+        arm = of.transforms(frames, ns[at], [x.poses(values[:, x.follows]) for x in frames])
+        out: dict[int, list[Said]] = {
+            k: [(of.MOVING, of.TRANSFORMS, row.tobytes(), None)]
+            for k, row in zip(at.tolist(), arm, strict=True)
+        }
+        at = at[rows["out_tracked"][at]]
+        ball = of.transforms([_BALL], ns[at], [_BALL.poses(np.zeros(len(at)))])
+        ball["pose_0"][:, :3] = rows["ball"][at, :3]
+        for k, row in zip(at.tolist(), ball, strict=True):
+            out[k].append((of.MOVING, of.TRANSFORMS, row.tobytes(), None))
+        if len(at) and of.MARKER not in self._channels:
+            marker = of.ball_marker(int(ns[at[0]]), self._heading.radius)
+            out[int(at[0])].append((of.MARKER, of.SHAPE, marker, None))
+        return out
+
+    def _introduce(self, sequence: int) -> None:
+        """Write once what does not change: the arm's description, and the frames that stand."""
+        frames, now = [x for x in self._heading.frames if not x.moves], np.array([self._ns])
+        rows = of.transforms(frames, now, [frame.poses(np.zeros(1)) for frame in frames])
+        self.say((
+            (of.DESCRIPTION, of.TEXT, cdr.text(self._heading.description), None),
+            (of.FIXED, of.TRANSFORMS, rows[0].tobytes(), None),
+        ), sequence)  # fmt: skip
 
     def _changes(self, row: np.void, sequence: int) -> None:
         """Write phase and state where they have changed."""
@@ -192,7 +251,8 @@ class RecordingWriter:
             if kind not in self._schemas:
                 text = of.SCHEMAS[kind].encode()
                 self._schemas[kind] = self._writer.register_schema(kind, "ros2msg", text)
-            channel = self._writer.register_channel(topic, "cdr", self._schemas[kind])
+            kept = _LATCHED if topic in _KEPT_BY_ROS else {}
+            channel = self._writer.register_channel(topic, "cdr", self._schemas[kind], kept)
             self._channels[topic] = channel
         self._writer.add_message(channel, ns, data, ns, sequence)
 
