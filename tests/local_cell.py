@@ -5,7 +5,15 @@ from pathlib import Path
 
 from mitt.cell.drivers import LocalRobot, local_robot
 from mitt.cell.live import LiveLoop, Mode
-from mitt.cell.prepare import PreparedCell, about_of, catchers, map_of, prepare, setpoints_of
+from mitt.cell.prepare import (
+    PreparedCell,
+    about_of,
+    catchers,
+    map_of,
+    period_of,
+    prepare,
+    setpoints_of,
+)
 from mitt.cell.recorder import Recorder
 from mitt.cell.robot import Robot, RobotLink
 from mitt.files.cell import read_cell
@@ -96,7 +104,7 @@ class LocalCell:
             RobotLink(self.robot, setpoints=setpoints_of(prepared)), arm, first, again,
             ready_speed=cell.motion.ready_speed, silence=cell.robot.watchdog,
             frames=frames, lenses=prepared.lenses, recorder=self.recorder,
-            clock=lambda: self.simulated.t,
+            clock=lambda: self.simulated.t, period=period_of(cell),
         )  # fmt: skip
 
     def until(self, over: Callable[[], bool], *, ticks: int = 12_000) -> None:

@@ -155,6 +155,11 @@ def shipped_path(kind: str, name: str, suffix: str = ".toml") -> Path:
     return _PACKAGE / "data" / kind / f"{name}{suffix}"
 
 
+def data_path(name: str) -> Path:
+    """Return where a single file is that comes with mitt."""
+    return _PACKAGE / "data" / name
+
+
 def _check_nesting(text: str) -> None:
     """Refuse keys of too many parts or characters, and brackets too deep in one another.
 

@@ -175,7 +175,7 @@ def test_what_ships_is_what_is_published_here() -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_the_flange_is_where_the_published_rows_put_it(name: str) -> None:
     """Place and orientation, by parameters that the vendor gives beside its description."""
-    arm = load_arm(name)
+    arm = load_arm(name, hand="none")
     for q in _poses(arm):
         assert np.allclose(_flange(arm, q), _by_rows(PUBLISHED[name], q), atol=_SAME)
         assert np.allclose(arm.position(q), _flange(arm, q)[:3, 3], atol=1e-12)
@@ -190,7 +190,7 @@ def test_the_flange_is_where_another_description_puts_it(
     name: str, other: str, tip: str, within: float
 ) -> None:
     """That of example-robot-data, by Pinocchio."""
-    arm = load_arm(name)
+    arm = load_arm(name, hand="none")
     model = pin.buildModelFromUrdf(str(_ROBOTS / other))
     data, at = model.createData(), model.getFrameId(tip, pin.FrameType.BODY)
     for q in _poses(arm):
@@ -203,7 +203,7 @@ def test_the_flange_is_where_another_description_puts_it(
 @pytest.mark.parametrize("name", NAMES)
 def test_links_are_bodies_that_weigh_what_the_data_sheet_says(name: str) -> None:
     """Within 2 %; each has the principal moments of a body, none mended."""
-    arm, of = load_arm(name), PUBLISHED[name]
+    arm, of = load_arm(name, hand="none"), PUBLISHED[name]
     parts = read_described(described(name)).tree.parts
     weighed = [x for x in parts if x.kind == "link" and x.name not in of.beside]
     assert sum(x.mass for x in weighed) == pytest.approx(of.mass, rel=0.02)
@@ -217,7 +217,7 @@ def test_links_are_bodies_that_weigh_what_the_data_sheet_says(name: str) -> None
 @pytest.mark.parametrize("name", NAMES)
 def test_file_and_limit_set_agree(name: str) -> None:
     """In ranges, efforts and velocities; the set is that of the arm's name, `model` is the file."""
-    own, stated = load_arm(name), load_arm(name, limits="model")
+    own, stated = (load_arm(name, hand="none", limits=x) for x in (None, "model"))
     assert own.limits.name == name
     assert np.array_equal(own.q_min, stated.q_min)
     bounds = read_limits(name).fitted(own.names)
@@ -233,7 +233,7 @@ def test_file_and_limit_set_agree(name: str) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_shapes_are_capsules_as_they_are_written(name: str) -> None:
     """One to four a link, balls among them, each with radius and length of the file."""
-    arm = load_arm(name)
+    arm = load_arm(name, hand="none")
     root = ElementTree.parse(described(name)).getroot()
     solids = root.findall("link/collision/geometry/*")
     assert {x.tag for x in solids} <= {"capsule", "sphere"}
@@ -248,7 +248,7 @@ def test_shapes_are_capsules_as_they_are_written(name: str) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_links_that_are_no_neighbours_keep_apart_in_most_poses(name: str) -> None:
     """In at least 80 % of 200 poses within the ranges, each pair of them."""
-    arm = load_arm(name)
+    arm = load_arm(name, hand="none")
     shapes = shapes_of(arm, Surroundings())
     table, ends = shapes.table, shapes.ends
     link = table["link"]
@@ -263,7 +263,7 @@ def test_links_that_are_no_neighbours_keep_apart_in_most_poses(name: str) -> Non
 
 def test_an_arm_by_name_is_taken_wherever_a_file_is() -> None:
     """All joints and the flange, a hand by its plate; tip, joints and limits may be said."""
-    arm = mitt.load_arm("ur5e")
+    arm = mitt.load_arm("ur5e", hand="none")
     assert arm.model.name == "ur5e"
     assert arm.names[-1] == "wrist_3_joint"
     palm = mitt.load_arm("ur5e", hand="three-finger")

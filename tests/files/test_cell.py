@@ -42,7 +42,7 @@ def test_what_ships_fits_its_arm() -> None:
     ("change", "says"),
     [
         (lambda raw: raw.update(typo=1), "key 'typo'"),
-        (lambda raw: raw["robot"].update(rate=500.0), "1000 Hz, the rate of the catcher"),
+        (lambda raw: raw["robot"].update(rate=125.0), "1000 or 500 or 250 Hz, got 125"),
         (lambda raw: raw["robot"].update(takes="voltage"), "robot.takes"),
         (lambda raw: raw["ball"].update(radius=40.0), "ball.radius"),
         (lambda raw: raw["source"].update(sigma=float("nan")), "source.sigma"),

@@ -97,8 +97,8 @@ class LocalRobot:
         return self.simulated.t
 
     def read(self, timeout: float) -> Sequence[ArmState]:
-        """Let what was commanded act for a tick, and return the reading after it."""
-        if timeout > 0.0:
+        """Let what was commanded act until the next reading, and return that."""
+        while timeout > 0.0 and not self.port.states:
             if self._begun:
                 self.simulated.act()
             self._begun = True

@@ -80,14 +80,15 @@ class LiveLoop:
         self, link: RobotLink, arm: Arm, first: Catcher, again: Callable[[Catcher], Catcher],
         *, ready_speed: float, silence: float, frames: FrameSource | None = None,
         lenses: Sequence[Lens] = (), recorder: Recorder | None = None,
-        clock: Callable[[], float] = monotonic,
+        clock: Callable[[], float] = monotonic, period: float = TICK,
     ) -> None:  # fmt: skip
         """Take the robot, the arm as it is driven, and a first catcher.
 
         ``again`` returns a fresh one for another throw. ``ready_speed`` is the share of the speeds
         in motions to the ready pose, ``silence`` the time without a reading after which the robot
-        is lost [s], ``clock`` the steady clock by which readings arrive [s]. Without ``frames``
-        the ball is seen as points; ``lenses`` bend them. ``recorder`` keeps each tick of a catch.
+        is lost [s], ``clock`` the steady clock by which readings arrive, ``period`` apart [s].
+        Without ``frames`` the ball is seen as points; ``lenses`` bend them. ``recorder`` keeps each
+        tick of a catch.
         """
         self._link, self._robot, self._arm = link, link.robot, arm
         self._share, self._silence, self._sight = ready_speed, silence, Sight(frames, lenses)
@@ -98,7 +99,7 @@ class LiveLoop:
         self._watch = Watch(arm, link.robot, self._lag, self._positions, clock=clock,
                             silence=silence)  # fmt: skip
         self._ticks = Ticks(first, again, self._sight, self._positions, self.counts, recorder, arm,
-                            obeys=link.obeys)  # fmt: skip
+                            obeys=link.obeys, period=period)  # fmt: skip
         self.age, self._until, self._fastest, self._missed = 0.0, np.inf, 0.0, False
         self._unread = 0
 

@@ -22,8 +22,8 @@ from mitt.eyes.eyes import Eyes, EyesConfig
 from mitt.eyes.lens import Lens
 from mitt.eyes.triangulation import TriangulatorConfig
 from mitt.files.about import About
-from mitt.files.arm_file import is_arm_file, read_arm_file
-from mitt.files.cell import Cell, arm_of, around_of, lenses_of, rig_of
+from mitt.files.arm_file import ArmFile
+from mitt.files.cell import Cell, arm_and_file, around_of, lenses_of, rig_of
 from mitt.files.maps import read_map, save_map
 from mitt.kernels import cache_folder
 from mitt.map.learn import Learned
@@ -45,6 +45,7 @@ class PreparedCell:
     Attributes:
         cell: What the file says.
         arm: The arm.
+        file: The arm file that it comes from; None where it comes from none.
         around: What stands around it.
         design: Design of its map.
         learned: Its map, where the file names one.
@@ -54,6 +55,7 @@ class PreparedCell:
 
     cell: Cell
     arm: Arm
+    file: ArmFile | None
     around: Surroundings
     design: MapDesign
     learned: Learned | None
@@ -67,17 +69,16 @@ def prepare(cell: Cell) -> PreparedCell:
     Raises:
         MittError: Something does not fit; the message says what.
     """
-    arm = arm_of(cell)
+    arm, file = arm_and_file(cell)
     around = around_of(cell, arm)
     learned = None if cell.map is None else read_map(Path(cell.map), arm)
     if learned is not None:
         design = learned.map.design
     else:
-        base = read_arm_file(Path(cell.arm.file)).map if is_arm_file(cell.arm.file) else None
-        design = default_design(arm, base=base)
+        design = default_design(arm, base=None if file is None else file.map)
     return PreparedCell(
-        cell=cell, arm=arm, around=around, design=design, learned=learned, rig=rig_of(cell),
-        lenses=lenses_of(cell),
+        cell=cell, arm=arm, file=file, around=around, design=design, learned=learned,
+        rig=rig_of(cell), lenses=lenses_of(cell),
     )  # fmt: skip
 
 
@@ -145,9 +146,14 @@ def setpoints_of(prepared: PreparedCell) -> Setpoints | None:
     return Setpoints(prepared.arm, robot.takes, bandwidth=w, delay=_delay_of(prepared.cell))
 
 
+def period_of(cell: Cell) -> float:
+    """Return the time from one reading of a cell's robot to the next [s]."""
+    return cell.robot.ticks * TICK
+
+
 def _delay_of(cell: Cell) -> float:
-    """Return the time after which a setpoint acts, for a tick [s]."""
-    return max(cell.robot.delay - TICK, 0.0)
+    """Return the time after which a setpoint acts, until the next one does [s]."""
+    return max(cell.robot.delay - period_of(cell), 0.0)
 
 
 def scene_of_cell(cell: Cell, scene: str | None) -> Scene:
@@ -170,8 +176,7 @@ def balls_of(prepared: PreparedCell, scene: Scene, *, seed: int, count: int | No
     """Return what a simulated cell throws."""
     f = unlearned(prepared.arm, prepared.design)
     source = source_of(f.arm, seed=seed, count=count, drag=scene.ball.drag)
-    file = prepared.cell.arm.file
-    throws = read_arm_file(Path(file)).throws if is_arm_file(file) else None
+    throws = None if prepared.file is None else prepared.file.throws
     return source if throws is None else widened(source, throws)
 
 

@@ -19,7 +19,7 @@ from mitt.catcher.generators import Direct
 from mitt.catcher.planner import load_decisions
 from mitt.cell.drivers import Connection, local_connection, local_robot
 from mitt.cell.live import LiveLoop, Mode
-from mitt.cell.prepare import PreparedCell, about_of, catchers, map_of, setpoints_of
+from mitt.cell.prepare import PreparedCell, about_of, catchers, map_of, period_of, setpoints_of
 from mitt.cell.recorder import Recorder
 from mitt.cell.robot import Robot, RobotLink
 from mitt.cell.simulated import Port, SimulatedCell
@@ -67,6 +67,7 @@ def loop_of(
         prepared.arm, *catchers(prepared, f),
         ready_speed=cell.motion.ready_speed, silence=cell.robot.watchdog,
         frames=connection.frames, lenses=prepared.lenses, recorder=recorder, clock=connection.clock,
+        period=period_of(cell),
     )  # fmt: skip
 
 

@@ -239,6 +239,7 @@ class SimulatedCell:
         cameras = cameras_of(prepared.rig, scene) if self._sees else None
         self._world = World(scene, arm.model, cameras=cameras, limits=arm.limits)
         self._controller = Controller(arm, prepared.cell.robot)
+        self._every = prepared.cell.robot.ticks
         self._base, self._ticks, self._next, self._flying = started, 0, 0, False
         self._settled, self.done = 0, False
         self.statuses, self.violations, self.ages = list[str](), 0, Ages()
@@ -276,8 +277,9 @@ class SimulatedCell:
         world, port, t = self._world, self._port, self.t
         senses = world.sense(look=self._flying or self._sees)
         stamp = float(self._base + senses.t)
-        self._sent[self._ticks % _KEPT] = stamp, self._clock()
-        port.state(stamp, senses.arm.q, senses.arm.dq)
+        if self._ticks % self._every == 0:
+            self._sent[self._ticks // self._every % _KEPT] = stamp, self._clock()
+            port.state(stamp, senses.arm.q, senses.arm.dq)
         if senses.frames:
             images = [x.pixels for x in senses.frames]
             if self._bend:

@@ -92,11 +92,14 @@ class Ticks:
     def __init__(
         self, first: Catcher, again: Callable[[Catcher], Catcher], sight: Sight,
         positions: Positions, counts: Counts, recorder: Recorder | None, arm: Arm, *, obeys: bool,
+        period: float = TICK,
     ) -> None:  # fmt: skip
         """Take a first catcher, what returns a fresh one for another throw, and what they need.
 
-        An arm that ``obeys`` does at once what it is told: by torques, not by setpoints.
+        An arm that ``obeys`` does at once what it is told: by torques, not by setpoints. Its
+        readings come a ``period`` apart [s].
         """
+        self._period = period
         self.catcher, self.stamps, self.recorded = first, Stamps(), False
         self._again, self._sight, self._counts, self._recorder = again, sight, counts, recorder
         self._positions, self._begun, self._last = positions, 0.0, 0.0
@@ -147,7 +150,7 @@ class Ticks:
         if t is None:
             return None
         if self.catcher.tick is not None:  # a fresh one begins with this reading
-            self._counts.lost += max(round((t - self._last) / TICK) - 1, 0)
+            self._counts.lost += max(round((t - self._last) / self._period) - 1, 0)
         self._last = t
         shift = self.stamps.at(0.0) - self._begun
         t -= self._begun
@@ -184,10 +187,10 @@ class Ticks:
         speed = np.abs(self.catcher.estimated[1])
         if self._obeys:
             speed = np.maximum(speed, np.abs(self.catcher.result.command[1]))
-        self._moved = 0.9 * self._moved + TICK * speed  # at rest estimates are not zero
+        self._moved = 0.9 * self._moved + self._period * speed  # at rest estimates are not zero
         repeats = bool(np.any(self._moved > self._least))
         self._run += repeats
-        self._travel += TICK * float(np.max(speed))
+        self._travel += self._period * float(np.max(speed))
         # Hardware of 125 Hz repeats 7, an encoder of 1 degree more on a slow way.
         self.frozen = self._run >= 9 and self._travel > 0.005
         return repeats

@@ -69,8 +69,8 @@ class ArmOptions(Options):
     """Which arm and which map.
 
     Attributes:
-        arm: The arm: a name, as wam or ur5e, an arm file (.toml), or a URDF or MJCF file (with
-            --tip and --joints).
+        arm: The arm: a name, as wam or ur5e (mitt arms), an arm file (.toml), or a URDF or MJCF
+            file (with --tip and --joints).
         tip: Frame of the file at the catch point, z along the palm's normal.
         joints: Active joints of the file, as A,B,C.
         limits: Limit set: paper, wam-48v or wam-80v for the wam; for another arm model, what its
@@ -262,6 +262,14 @@ class SimOptions(Options):
     throws: Throws = None
     seed: Seed = 0
     scene: Scene = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ArmsOptions(Options):
+    """List the arms that have a name, and how well each catches."""
+
+    module: ClassVar = "listing"
+    examples: ClassVar = ("mitt arms", "mitt catch --arm ur5e")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -502,6 +510,7 @@ class CalibrateOptions(Options):
 
 COMMANDS: dict[str, type[Options]] = {
     "catch": CatchOptions,
+    "arms": ArmsOptions,
     "learn": LearnOptions,
     "design": DesignOptions,
     "run": RunOptions,

@@ -315,6 +315,27 @@ def is_arm_file(name_or_path: str | Path) -> bool:
     return Path(name_or_path).suffix == ".toml"
 
 
+def design_of(name_or_path: str | Path) -> ArmFile | None:
+    """Return the arm file that an arm stands for: itself, or of a name the design that ships.
+
+    None where it stands for none: of the WAM, whose design follows from its limits, and of a
+    description file.
+
+    Raises:
+        InputError: It is an arm by name that has no design.
+        FileError: The file is missing, or says what cannot be.
+    """
+    if is_arm_file(name_or_path):
+        return read_arm_file(Path(name_or_path))
+    name = str(name_or_path)
+    if name in shipped("designs"):
+        return read_arm_file(shipped_path("designs", name))
+    if is_shipped(name):
+        raise InputError(f"arm {name}", "one with a design that ships", "one without",
+                         do=f"mitt design {name} --out {name}.toml looks for one")  # fmt: skip
+    return None
+
+
 def read_arm_file(path: Path) -> ArmFile:
     """Return what an arm file says; paths in it are below its own folder, or absolute.
 
@@ -435,10 +456,12 @@ def load_arm(
 
     Args:
         name_or_path: Name or file. An arm file says all the rest but the limits and the encoders.
+            So does a name alone, which is the design that ships (``mitt arms``); with more
+            beside it than these two, a name is the bare arm.
         tip: Frame of the file whose origin is the catch point and whose z axis is the normal
-            of the palm; if left out, the flange of an arm by name. The WAM takes none.
+            of the palm; if left out, the flange of a bare arm by name. The WAM takes none.
         joints: Active joints of the file, the others held; if left out, of the WAM j1, j2 and j4,
-            of another arm by name all.
+            of another bare arm by name all.
         held: Angles at which joints are held [rad]; any other is held at 0, or at the end of its
             range that is nearest to it.
         ready: Ready pose of the active joints, in their order [rad]; 0 if left out, or the middle
@@ -459,10 +482,12 @@ def load_arm(
         UnknownNameError: No such arm, joint, frame, hand or limit set.
         FileError: The file cannot be read or parsed.
         ModelError: What it describes is no arm that can be used.
+        InputError: It is a name alone, of an arm that has no design.
     """
-    if isinstance(name_or_path, str | Path) and is_arm_file(name_or_path):
-        _check_alone(tip=tip, joints=joints, held=held, ready=ready, hand=hand)
-        arm = read_arm_file(Path(name_or_path)).load(limits=limits_of(limits))
+    file = _design_beside(name_or_path, tip=tip, joints=joints, held=held, ready=ready, hand=hand,
+                          hand_turn=hand_turn or None, hand_mount=hand_mount)  # fmt: skip
+    if file is not None:
+        arm = file.load(limits=limits_of(limits))
         arm = arm if encoder_step is None else with_encoders(arm, encoder_step)
     else:
         arm = build_arm(
@@ -473,12 +498,34 @@ def load_arm(
     return _with_notes_logged(arm, name_or_path)
 
 
-def _check_alone(**said: object) -> None:
-    """Refuse what an arm file says itself."""
-    for name, value in said.items():
-        if value is not None:
-            raise InputError(name, "nothing beside an arm file, which says it", "a value",
-                             do="change the arm file")  # fmt: skip
+def load_with_hand(
+    name_or_path: str | Path,
+    *,
+    tip: str | None = None,
+    joints: Sequence[str] | None = None,
+    limits: str | Path | None = None,
+) -> tuple[Arm, ArmFile | None]:
+    """Return an arm with a hand at its tip unless an arm file says otherwise, and that file.
+
+    The arguments are those of :func:`load_arm`; there is no file where an arm stands for none.
+
+    Raises:
+        MittError: The arm cannot be.
+    """
+    file = _design_beside(name_or_path, tip=tip, joints=joints)
+    if file is None:
+        arm = load_arm(name_or_path, tip=tip, joints=joints, limits=limits, hand=HandModel())
+        return arm, None
+    return _with_notes_logged(file.load(limits=limits_of(limits)), name_or_path), file
+
+
+def _design_beside(name_or_path: str | Path, **said: object) -> ArmFile | None:
+    """Return what an arm stands for; nothing where something is said beside a name."""
+    beside = [name for name, value in said.items() if value is not None]
+    if beside and is_arm_file(checks.path("arm", name_or_path)):
+        raise InputError(beside[0], "nothing beside an arm file, which says it", "a value",
+                         do="change the arm file")  # fmt: skip
+    return None if beside else design_of(checks.path("arm", name_or_path))
 
 
 def _with_notes_logged(arm: Arm, name: str | Path) -> Arm:
@@ -539,13 +586,7 @@ class ArmSpec(Settings):
         """
         names = None if self.joints is None else [x.strip() for x in self.joints.split(",")]
         with noted() as read:
-            if is_arm_file(self.arm):
-                _check_alone(tip=self.tip, joints=names)
-                file = read_arm_file(Path(self.arm))
-                arm = _with_notes_logged(file.load(limits=limits_of(self.limits)), self.arm)
-            else:
-                file, hand = None, HandModel()
-                arm = load_arm(self.arm, tip=self.tip, joints=names, limits=self.limits, hand=hand)
+            arm, file = load_with_hand(self.arm, tip=self.tip, joints=names, limits=self.limits)
         if was is not None and (name := difference(was, read)):
             raise FileError(name, "the file that the study was made with", "another content",
                             do="put it back, or begin the study anew")  # fmt: skip
