@@ -39,7 +39,7 @@ from mitt.arm.hands import HandModel
 from mitt.arm.limits import saturate
 from mitt.catcher.generators import Direct, check_arm
 from mitt.catcher.settings import Phase
-from mitt.files.arm_file import load_with_hand
+from mitt.files.arm_file import arm_with_hand
 from mitt.files.maps import read_map
 from mitt.map.learn import Learned
 from mitt.map.map_design import default_design
@@ -103,7 +103,7 @@ class Environment(gymnasium.Env[Observation, Numbers]):
         self.ticks = checks.whole("ticks", ticks, least=1)
         self.metadata = {**self.metadata, "render_fps": max(round(1.0 / (TICK * ticks)), 1)}
         limits = checks.text("limits", limits)
-        self.arm, said = (arm, None) if isinstance(arm, Arm) else load_with_hand(arm, limits=limits)
+        self.arm, said = (arm, None) if isinstance(arm, Arm) else arm_with_hand(arm, limits=limits)
         self._design = default_design(self.arm, base=None if said is None else said.map)
         source = source_of(self.arm, seed=0, count=1, drag=self.scene.ball.drag)
         if said is not None and said.throws is not None:

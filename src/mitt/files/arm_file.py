@@ -456,8 +456,7 @@ def load_arm(
 
     Args:
         name_or_path: Name or file. An arm file says all the rest but the limits and the encoders.
-            So does a name alone, which is the design that ships (``mitt arms``); with more
-            beside it than these two, a name is the bare arm.
+            So does a name alone, the design that ships (``mitt arms``); with more, the arm is bare.
         tip: Frame of the file whose origin is the catch point and whose z axis is the normal
             of the palm; if left out, the flange of a bare arm by name. The WAM takes none.
         joints: Active joints of the file, the others held; if left out, of the WAM j1, j2 and j4,
@@ -467,14 +466,14 @@ def load_arm(
         ready: Ready pose of the active joints, in their order [rad]; 0 if left out, or the middle
             of a range that 0 is not in.
         limits: Limit set: a name of :func:`known_limits`, as ``paper``, ``wam-48v`` or ``wam-80v``
-            for the WAM, ``model`` for what a file states, or a TOML file (docs/arms.md). If left
-            out, an arm by name has its vendor's, the WAM ``paper``, a file what it states.
+            for the WAM, ``model`` for what a file states, or a TOML file. If left out, an arm by
+            name has its vendor's, the WAM ``paper``, a file what it states.
         hand: A hand, or the name of one of ``mitt.arm.basket.HANDS``; with ``none`` nothing is
-            mounted, and the tip is the catch point. If left out, the WAM has the three-finger hand,
-            and any other arm is taken to contain what it carries, as with ``none``.
+            mounted, the tip is the catch point. If left out, the WAM has the three-finger hand, any
+            other arm is taken to contain what it carries.
         hand_turn: How far the hand is turned about the z axis of the tip [rad].
         hand_mount: Whether the hand's catch point or its plate is at the tip; if left out, the
-            plate at an arm by name, the catch point at a file's. The WAM has its own place.
+            plate at an arm by name, else the catch point. The WAM has its own place.
         encoder_step: Resolution of the encoders of the active joints [rad], one for all or one a
             joint; the WAM's own, or ``description.ENCODER_STEP`` for files, if left out.
 
@@ -482,10 +481,11 @@ def load_arm(
         UnknownNameError: No such arm, joint, frame, hand or limit set.
         FileError: The file cannot be read or parsed.
         ModelError: What it describes is no arm that can be used.
-        InputError: It is a name alone, of an arm that has no design.
+        InputError: It is a name alone, of an arm without a design.
     """
+    turn = checks.number("hand_turn", hand_turn, finite=True) or None
     file = _design_beside(name_or_path, tip=tip, joints=joints, held=held, ready=ready, hand=hand,
-                          hand_turn=hand_turn or None, hand_mount=hand_mount)  # fmt: skip
+                          hand_turn=turn, hand_mount=hand_mount)  # fmt: skip
     if file is not None:
         arm = file.load(limits=limits_of(limits))
         arm = arm if encoder_step is None else with_encoders(arm, encoder_step)
@@ -498,7 +498,7 @@ def load_arm(
     return _with_notes_logged(arm, name_or_path)
 
 
-def load_with_hand(
+def arm_with_hand(
     name_or_path: str | Path,
     *,
     tip: str | None = None,
@@ -586,7 +586,7 @@ class ArmSpec(Settings):
         """
         names = None if self.joints is None else [x.strip() for x in self.joints.split(",")]
         with noted() as read:
-            arm, file = load_with_hand(self.arm, tip=self.tip, joints=names, limits=self.limits)
+            arm, file = arm_with_hand(self.arm, tip=self.tip, joints=names, limits=self.limits)
         if was is not None and (name := difference(was, read)):
             raise FileError(name, "the file that the study was made with", "another content",
                             do="put it back, or begin the study anew")  # fmt: skip

@@ -14,7 +14,7 @@ from mitt.arm.shapes import Surroundings, shapes_of
 from mitt.errors import FileError, InputError, meant
 from mitt.eyes.camera import Rig, fixed_rig
 from mitt.eyes.lens import Lens, is_bent
-from mitt.files.arm_file import ArmFile, Name, load_with_hand
+from mitt.files.arm_file import ArmFile, Name, arm_with_hand
 from mitt.files.rig import read_rig
 from mitt.files.schema import Finite, Part, parsed
 from mitt.reading import read_toml, shipped, shipped_path
@@ -199,7 +199,7 @@ def arm_and_file(cell: Cell) -> tuple[Arm, ArmFile | None]:
         MittError: The arm cannot be, carries no hand, or its joints do not fit the robot's.
     """
     of = cell.arm
-    arm, file = load_with_hand(of.file, tip=of.tip, joints=of.joints, limits=of.limits)
+    arm, file = arm_with_hand(of.file, tip=of.tip, joints=of.joints, limits=of.limits)
     if arm.model.hand is None:
         do = 'say name = "three-finger" in its table [hand]'
         raise InputError(f"{cell.name} arm", "an arm with a hand", "none", do=do)

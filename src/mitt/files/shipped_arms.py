@@ -85,7 +85,9 @@ def shipped_arms() -> tuple[ShippedArm, ...]:
     """Return all arms by name: the WAM with each of its limit sets, then the others.
 
     An arm has its design under its own name; where the other hand has one too, that is called
-    by the arm's name and the hand's.
+    by the arm's name and the hand's. Each has a ``name``, ``limits``, a ``title``, a ``source``,
+    and ``figures``: ``joints``, ``hand``, ``throws``, ``caught``, ``relative_speed_m_s``,
+    ``force_n``, or None where nothing ships.
     """
     named = [("wam", "wam", limits) for limits in LIMIT_SETS]
     designs = {x: read_arm_file(shipped_path("designs", x)) for x in shipped("designs")}
