@@ -18,7 +18,7 @@ from mitt.world.scene import read_scene
 
 #: Throws, from when before and until when after the catch [s], and from frame to frame [ms].
 THROWS, BEFORE, AFTER, EACH_MS = 3, 0.44, 0.36, 10
-SHOWN_MS, COLOURS = 4 * EACH_MS, 64
+SHOWN_MS = 4 * EACH_MS
 VIEW = View(eye=(1.55, -3.3, 0.75), target=(1.0, 0.0, -0.02), angle=0.52, size=(640, 340))
 
 arm, scene = mitt.load_arm("wam", limits="wam-80v"), read_scene("lab")
@@ -36,7 +36,7 @@ for throw in range(THROWS):
     for k in range(first, last, EACH_MS):
         trail = trace.r_o[max(k - 96, 0) : k : 8] if trace.t[k] < log.t_catch else np.zeros((0, 3))
         frames.append(painted(*placed(model, bodies, trace.qpos[k], trail), scene.floor, view=VIEW))
-palette = frames[len(frames) // 2].quantize(COLOURS)
+palette = frames[30].quantize(128, Image.Quantize.FASTOCTREE)
 flat = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
 folder = Path(sys.argv[1]) if len(sys.argv) > 1 else IMAGES
 flat[0].save(folder / "catch.gif", save_all=True, append_images=flat[1:], duration=SHOWN_MS, loop=0)

@@ -34,6 +34,12 @@ pause = time.sleep
 time_of_day = time.time
 """Returns the time since 1970 [s], as ROS 2 stamps it; it may be set at any time."""
 
+
+def date() -> str:
+    """Return today's date, as 2026-11-26."""
+    return time.strftime("%Y-%m-%d")
+
+
 #: Time before a deadline from which it is waited for by spinning [s].
 _SPIN = 1.2e-4
 STALL = 0.003

@@ -1,5 +1,6 @@
 """The page of a design, and what would help: laws of the numbers that stand on it."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from mitt.design.geometry import candidates_of, drawn, triples_of
 from mitt.design.interception import LONGER, QUICKER, faster_joints, longer_arm
 from mitt.design.poses import Touch
 from mitt.design.task import Balls
-from mitt.report.design_page import advice_of, write_design_page
+from mitt.report.design_page import advice_of, force_in_words, write_design_page
 from mitt.world.scene import read_scene
 
 #: How far the gain of a quicker joint may be off when it is measured on a quicker arm [m/s].
@@ -91,17 +92,30 @@ def test_longer_links_are_as_good_as_all_joints_faster_by_as_much(whole: Arm) ->
 
 
 def test_the_page_stands_alone(found: Design, tmp_path: Path) -> None:
-    path = tmp_path / "design.html"
+    path = tmp_path / "my-arm.html"
     row = AtSpeed(speed_m_s=6.0, throws=12, feasible=3, binding_limit="speed:j2")
     scene = read_scene("lab")
-    write_design_page(path, replace(found, rows=(row,)), scene, command="mitt design wam")
+    command = "design wam --out 'my arm.toml'"
+    write_design_page(path, replace(found, rows=(row,)), scene, command=command)
     text = path.read_text()
     assert "http://" not in text
     assert "https://" not in text
     assert "What the arm can catch" in text
     assert text.count("data:image/png;base64,") == 3
     assert "Where balls may come" in text
-    assert "speed:j2" in text
+    assert "speed\nj2" in re.sub(r"</?(?:text|tspan)[^>]*>\s*", "\n", text).replace("\n\n", "\n")
+    assert "<h1>What my-arm can catch</h1>" in text
+    assert "<code>mitt design wam --out &#39;my arm.toml&#39;</code>" in text
+
+
+def test_a_hard_catch_is_said_in_words(found: Design) -> None:
+    """A soft design needs none; for a hard one with fingers there is a basket."""
+    assert found.best is not None
+    soft, hard = (replace(found, best=replace(found.best, force=force)) for force in (40.0, 635.0))
+    assert force_in_words(soft) == ""
+    assert "65 kg" in force_in_words(hard)
+    assert "--hand basket" in force_in_words(hard)
+    assert force_in_words(replace(found, best=None)) == ""
 
 
 def test_the_page_names_the_whole_command() -> None:

@@ -15,7 +15,7 @@ from mitt.design.arm_design import AtSpeed, Design, Region, softer
 from mitt.design.evaluation import Evaluation
 from mitt.design.interception import FasterJoint, faster_joints, longer_arm
 from mitt.files.writing import write_text
-from mitt.report.page import Section, number, page
+from mitt.report.page import Section, made_with, number, page
 from mitt.report.painter import SIDE, painted, png_of, seen_from
 from mitt.report.pictures import body_faces, placed
 from mitt.report.style import BLUE, GREEN, GREY, INK, ORANGE, PALE, PURPLE, YELLOW, Plot, plot
@@ -39,11 +39,12 @@ def rate_by_speed(rows: Sequence[AtSpeed]) -> Plot:
         axes.fill_between(speed, 100.0 * ends[:, 0], 100.0 * ends[:, 1], color=BLUE, alpha=0.15)
         axes.plot(speed, 100.0 * rate, "o-", color=BLUE)
         for row, share in zip(rows, rate, strict=True):
-            axes.annotate(row.binding_limit or "", (row.speed_m_s, 100.0 * share), (0, 8),
-                          textcoords="offset points", ha="center", color=GREY, fontsize=8,
+            name = "" if row.binding_limit is None else row.binding_limit.replace(":", "\n")
+            axes.annotate(name if share < 1.0 else "", (row.speed_m_s, 100.0 * share), (0, 7),
+                          textcoords="offset points", ha="center", color=GREY, fontsize=7.5,
                           )  # fmt: skip
         axes.set(xlabel="speed of the throws at release [m/s]", ylabel="caught within limits [%]")
-        axes.set_ylim(-4.0, 116.0)
+        axes.set_ylim(-4.0, 122.0)
         axes.set_xlim(speed.min() - 0.6, speed.max() + 0.6)
 
     return plot("rate", (9.0, 3.4), draw)
@@ -122,6 +123,7 @@ _SECTIONS = (
     Section("speeds", "Speeds", "Rate against the speed of the throws"),
     Section("choice", "Choice", "What it was chosen from"),
     Section("help", "What would help", "What would help"),
+    Section("repeat", "Repeat", "How to repeat it"),
 )
 #: What a limit that binds means.
 _WHAT = {
@@ -147,12 +149,14 @@ _WHAT = {
     "error": "the throws ended in an error",
     "lost": "the worker process ended",
 }
+#: Contact force from which the page speaks of it: more than people like to hold on a finger [N].
+_MUCH = 150.0
 #: Gain in relative speed that is worth a word [m/s].
 _GAIN = 0.1
 
 
 def write_design_page(path: Path, found: Design, scene: Scene, *, command: str) -> None:
-    """Write the page of a design."""
+    """Write the page of a design; the arm is called as its file is, ``path`` without suffix."""
     best = found.best
     arm = None if best is None else best.candidate.arm(found.whole)
     pictures = [] if best is None or arm is None else _pictures(arm, scene, found, best)
@@ -168,8 +172,10 @@ def write_design_page(path: Path, found: Design, scene: Scene, *, command: str) 
     write_text(
         path,
         page(
-            "design", _SECTIONS, title=f"What {found.whole.model.name} can catch",
-            command=command, found=found, best=best, pictures=pictures, helps=rows,
+            "design", _SECTIONS, title=f"What {path.stem} can catch",
+            command="design", typed=f"mitt {command}", made_with=made_with(),
+            hard=force_in_words(found),
+            found=found, best=best, pictures=pictures, helps=rows,
             advice=advice, limits=found.whole.limits.name,
             choice=_choice(found), interval=_interval(best),
             plot=rate_by_speed(found.rows).svg if found.rows else "",
@@ -191,6 +197,17 @@ def _pictures(arm: Arm, scene: Scene, found: Design, best: Evaluation) -> list[t
                               angles=oblique)  # fmt: skip
         out.append(("region", places))
     return out
+
+
+def force_in_words(found: Design) -> str:
+    """Return what the contact force of a design is like, and what would lower it, if it is much."""
+    best, hand = found.best, found.whole.model.hand
+    if best is None or best.force < _MUCH:
+        return ""
+    said = f"{best.force:.0f} N is the weight of {best.force / 9.81:.0f} kg on one spot of the hand"
+    if hand is not None and not hand.closes:
+        return f"{said}."
+    return f"{said}. A basket (--hand basket), whose net gives way, catches far more softly."
 
 
 def _interval(best: Evaluation | None) -> str:

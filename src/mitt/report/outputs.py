@@ -1,5 +1,6 @@
 """What a run leaves in its folder: throws, result, map, recordings, report."""
 
+import shlex
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -94,6 +95,7 @@ def _content(finished: FinishedRun, result: dict[str, Any]) -> ReportContent:
         steps=learned.steps if len(learned.maps) > 1 else None,
         direct=_shown(runner, prepared),
         unoptimised=None if plain is None else _shown(plain, prepared),
+        command=shlex.join(["mitt", "catch", *prepared.again.get("words", [])]),
         releases=np.array([release_of(ball) for ball in balls]),
     )
 

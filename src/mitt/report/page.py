@@ -5,12 +5,18 @@ link, where the block comes out empty. Text is escaped by the templates; drawing
 come from this package, are not.
 """
 
+import os
+import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from importlib.metadata import version
 from importlib.resources import files
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from mitt.clock import date
+from mitt.version import __version__
 
 NONE = "\u2013"
 """A dash: where there is no value, and between the ends of an interval."""
@@ -76,6 +82,15 @@ def _environment() -> Environment:
     environment.globals["style"] = style
     environment.globals["piece"] = environment.get_template("pieces.html").module
     return environment
+
+
+def made_with() -> str:
+    """Return date, versions and machine, as a line of a page."""
+    return (
+        f"{date()} with mitt {__version__}, Python {platform.python_version()},"
+        f" MuJoCo {version('mujoco')}, NumPy {version('numpy')}, Numba {version('numba')},"
+        f" {platform.system()} {platform.machine()}, {os.cpu_count()} cores"
+    )
 
 
 def number(value: float | None, digits: int) -> str:

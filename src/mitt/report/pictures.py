@@ -88,8 +88,8 @@ def body_faces(model: mujoco.MjModel, body: int, arm: Arm, scene: Scene) -> Face
     """Return the faces of a body in its own frame."""
     corners, colours = [np.zeros((0, 3, 3))], [np.zeros((0, 3))]
     for mesh, rgb in body_meshes(model, body, arm, scene):
-        # Sides of 8 cm at most: faces behind one another are told apart by their middles.
-        corners.append(mesh.subdivide_to_size(0.08).triangles)
+        # Short sides: faces behind one another are told apart by their middles.
+        corners.append(mesh.subdivide_to_size(0.15 if body == 0 else 0.045).triangles)
         colours.append(np.tile(np.array(rgb) / 255.0, (len(corners[-1]), 1)))
     return np.concatenate(corners), np.concatenate(colours)
 

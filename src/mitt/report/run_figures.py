@@ -4,7 +4,7 @@ Fig. 7, cost over the steps of learning; fig. 8, the catching trajectory; figs. 
 hand, joint angles and torques over time; and all throws: errors at first contact, releases.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -292,8 +292,8 @@ def _end(log: TrialLog) -> float:
     return min(log.t_catch + 0.2, float(log.t[-1]))
 
 
-#: Points of one kind that are drawn at most.
-_MOST = 2000
+#: Points of one kind that are drawn at most; throws below which each is drawn, without bars.
+_MOST, _FEW = 2000, 40
 #: Field of a trial, and what it is called on the axis.
 _ERRORS = (
     ("position_error_mm", "position error at first contact [mm]"),
@@ -307,39 +307,58 @@ def contact_errors(trials: Sequence[dict[str, Any]]) -> Plot:
     def draw(figure: Figure) -> None:
         for axes, (key, title) in zip(figure.subplots(1, 2), _ERRORS, strict=True):
             _draw_errors(axes, trials, key)
-            axes.set(xlabel=title, ylabel="throws")
+            axes.set(xlabel=title)
         legend_above(figure, figure.axes[0])
 
     return plot("errors", (11.0, 3.4), draw)
 
 
 def _draw_errors(axes: Axes, trials: Sequence[dict[str, Any]], key: str) -> None:
-    """Draw one histogram, stacked by status, with a mark a throw below it."""
-    groups = {s: [t[key] for t in trials if t["status"] == s and t[key] is not None]
+    """Draw the values of a field, coloured by status, with their median and 95th percentile."""
+    groups = {s: [(t[key], t["index"]) for t in trials if t["status"] == s and t[key] is not None]
               for s in STATUS}  # fmt: skip
-    groups = {status: values for status, values in groups.items() if values}
-    every = np.array([x for values in groups.values() for x in values])
+    groups = {status: rows for status, rows in groups.items() if rows}
+    every = np.array([x for rows in groups.values() for x, _ in rows])
     if not len(every):
         axes.text(0.5, 0.5, "no ball was touched", transform=axes.transAxes, ha="center",
                   color=GREY)  # fmt: skip
         return
-    edges = np.linspace(0.0, 1.02 * max(float(every.max()), 1e-6), 25)
-    colours = [STATUS[status][0] for status in groups]
-    axes.hist(
-        list(groups.values()), edges.tolist(), stacked=True, color=colours, label=list(groups),
-        edgecolor="white", linewidth=0.6,
-    )  # fmt: skip
-    top = axes.get_ylim()[1]
-    for values, colour in zip(groups.values(), colours, strict=True):
-        marks = np.array(values[:300])
-        axes.plot(marks, np.full(len(marks), -0.05 * top), "|", color=colour, ms=7, mew=1.0)
-    for share, name, height in ((50.0, "median", 1.0), (95.0, "95 % below", 0.93)):
+    most = 1.05 * max(float(every.max()), 1e-6)
+    (_draw_each if len(every) < _FEW else _draw_bars)(axes, groups, most)
+    for share, name, height in ((50.0, "median", 1.0), (95.0, "95 % below", 0.92)):
         at = float(np.percentile(every, share))
         axes.axvline(at, color=INK, linewidth=1.0, linestyle=(0, (4, 2)))
         axes.annotate(f"{name} {at:.2g}", (at, height), (3, 0), xycoords=("data", "axes fraction"),
                       textcoords="offset points", va="top", fontsize=8.5, color=INK)  # fmt: skip
-    axes.set_ylim(-0.1 * top, 1.25 * top)
-    axes.set_xlim(0.0, float(edges[-1]))
+    axes.set_xlim(0.0, most)
+
+
+def _draw_each(axes: Axes, groups: Mapping[str, list[tuple[float, int]]], most: float) -> None:
+    """Draw a mark a throw, from the first above to the last below."""
+    for status, rows in groups.items():
+        values, indices = zip(*rows, strict=True)
+        colour, mark = STATUS[status]
+        axes.hlines(indices, 0.0, values, color=BAND, linewidth=3.0)
+        axes.plot(values, indices, mark, color=colour, ms=7, mec="white", mew=0.7, label=status)
+    last = max(index for rows in groups.values() for _, index in rows)
+    axes.set(ylabel="throw", ylim=(last + 0.7, -0.2 * last - 1.2), xlim=(0.0, most))
+    axes.yaxis.set_major_locator(MaxNLocator(nbins=6, integer=True))
+    axes.set_yticks([y for y in axes.get_yticks() if 0.0 <= y <= last])
+
+
+def _draw_bars(axes: Axes, groups: Mapping[str, list[tuple[float, int]]], most: float) -> None:
+    """Draw a histogram, stacked by status, with a mark a throw below it."""
+    values = [[x for x, _ in rows] for rows in groups.values()]
+    colours = [STATUS[status][0] for status in groups]
+    axes.hist(
+        values, np.linspace(0.0, most, 25).tolist(), stacked=True, color=colours,
+        label=list(groups), edgecolor="white", linewidth=0.6,
+    )  # fmt: skip
+    top = axes.get_ylim()[1]
+    for of, colour in zip(values, colours, strict=True):
+        marks = np.array(of[:300])
+        axes.plot(marks, np.full(len(marks), -0.05 * top), "|", color=colour, ms=7, mew=1.0)
+    axes.set(ylabel="throws", ylim=(-0.1 * top, 1.25 * top))
     ticks = MaxNLocator(nbins=5, integer=True).tick_values(0.0, top)
     axes.set_yticks([y for y in ticks if 0.0 <= y <= 1.25 * top])
 
@@ -366,18 +385,17 @@ def releases(
     x, y, z = high - low
 
     def draw(figure: Figure) -> None:
-        side, top = figure.subplots(2, 1, sharex=True, height_ratios=(z, y))
+        side, top = figure.subplots(1, 2)
         for axes, row, name in ((side, 2, "z [m], from the side"), (top, 1, "y [m], from above")):
             _draw_releases(axes, trials, points, row)
             axes.plot(0.0, 0.0, "s", color=GREY, ms=7, label="shoulder")
             axes.plot(*marks[1:, [0, row]].T, "+", color=INK, ms=11, mew=1.6,
                       label="catch of the throw shown")  # fmt: skip
             axes.set(ylabel=name, xlim=(low[0], high[0]), ylim=(low[row], high[row]))
-            axes.set_aspect("equal")
-        top.set_xlabel("x [m], towards the thrower")
+            axes.set(aspect="equal", xlabel="x [m], towards the thrower")
         legend_above(figure, side)
 
-    return plot("releases", (11.0, 10.0 * (y + z) / x + 1.1), draw)
+    return plot("releases", (11.0, 5.0 * max(y, z) / x + 1.2), draw)
 
 
 def _draw_releases(axes: Axes, trials: Sequence[dict[str, Any]], points: Array, row: int) -> None:

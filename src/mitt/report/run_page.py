@@ -14,7 +14,7 @@ from mitt.arm.hands import HandModel
 from mitt.eyes.camera import fixed_rig
 from mitt.files.writing import write_text
 from mitt.map.learn import Step
-from mitt.report.page import NONE, Section, number, page
+from mitt.report.page import NONE, Section, made_with, number, page
 from mitt.report.pictures import picture_strip, still
 from mitt.report.replay_3d import BOX, replay_page
 from mitt.report.run_figures import (
@@ -159,6 +159,7 @@ _SECTIONS = (
     Section("figures", "Figures", "Figures, by the paper's numbers"),
     Section("table_1", "Table 1", "The system beside the paper's Table 1"),
     Section("trials", "All throws", "All throws"),
+    Section("repeat", "Repeat", "How to repeat it"),
 )
 #: What became of throws that were not caught, in words.
 _FAILED = {
@@ -181,6 +182,7 @@ class ReportContent:
         steps: Costs over the steps of learning; None where the map brought none with it.
         direct: One throw with the generator of the run, with its log.
         unoptimised: The same throw with alpha = 0, with its log.
+        command: The command that made the run, as one types it; empty where none did.
         releases: Ball centre at the release of each trial [m], shape (trials, 3).
     """
 
@@ -190,6 +192,7 @@ class ReportContent:
     steps: tuple[Step, ...] | None = None
     direct: LoggedTrial | None = None
     unoptimised: LoggedTrial | None = None
+    command: str = ""
     releases: Array | None = None
 
 
@@ -217,6 +220,8 @@ def report(content: ReportContent) -> str:
         command="catch",
         result=result,
         short=short,
+        typed=content.command,
+        made_with=made_with(),
         failed_words=f"; {failed}" if failed else "",
         failed_counts=", ".join(f"{counts[s]} {s}" for s in STATUSES[1:]),
         failed=[t for t in result["trials"] if t["status"] != "caught"],

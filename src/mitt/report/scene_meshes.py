@@ -60,8 +60,8 @@ def _distinct(points: Array) -> Array:
 Colour: TypeAlias = tuple[int, int, int]
 """Red, green, blue, 0 to 255."""
 
-#: Corners around the axis of a round shape.
-_AROUND = 24
+#: Corners around the axis of a round shape, and of one as thin as a finger, radius so small [m].
+_AROUND, _AROUND_THIN, _THIN = 24, 12, 0.015
 METAL, DARK, FINGER, BALL = (214, 218, 224), (92, 100, 112), (150, 158, 170), (213, 94, 0)
 """Colours of links, joints, fingers and ball."""
 
@@ -111,7 +111,8 @@ def sphere(radius: float, *, corners: int = _AROUND) -> Trimesh:
 
 def capsule(radius: float, length: float) -> Trimesh:
     """Return a capsule about z, its straight part so long [m]."""
-    return trimesh.creation.capsule(length, radius, count=(_AROUND // 2, _AROUND))
+    around = _AROUND if radius > _THIN else _AROUND_THIN
+    return trimesh.creation.capsule(length, radius, count=(around // 2, around))
 
 
 def cylinder(radius: float, length: float) -> Trimesh:
