@@ -32,7 +32,7 @@ def breaking(stage: str) -> Callable[[str, int, int], None]:
     """Return what interrupts a search as soon as something is done in a stage."""
 
     def progress(name: str, *_: int) -> None:
-        if name == f"designing: {stage}":
+        if name.startswith(f"designing: {stage}"):
             raise Interrupted(signal.SIGINT)
 
     return progress
@@ -229,14 +229,23 @@ def test_the_best_so_far_is_of_the_last_stage_that_caught_enough(
     assert answers.best is None
     job = Job(number=0, whole=whole, candidate=first.candidate, task=task,
               by=Procedure(throws=10))  # fmt: skip
+    told = list[str]()
+    total = SearchProgress(TINY, lambda name, *_: told.append(name), answers)
+    total("throwing", 0, 2)
     answers.add(job, replace(first, clean=2))
     assert answers.best is None
+    total("throwing", 1, 2)
+    answers.add(job, replace(first, clean=1))
     answers.add(job, first)
     assert answers.best == (task, [first])
     later = replace(first, thrown=50, caught=50, clean=50)
     answers.ended(task, [later, first])
     answers.ended(task, [replace(first, clean=2)])
     assert answers.best == (task, [later, first])
+    total("confirming", 1, 1)
+    how = f"{first.speed:.1f} m/s, {first.force:.0f} N"
+    assert told == ["designing: throwing", f"designing: throwing (2 of 10 caught, {how})",
+                    f"designing: confirming (50 of 50 caught, {how})"]  # fmt: skip
 
 
 @pytest.mark.parametrize("slower", [False, True])
@@ -249,7 +258,7 @@ def test_the_time_left_is_that_of_the_whole_search(name: str, slower: bool) -> N
         assert work.startswith("designing: ")
         told.append(done / of)
 
-    total = SearchProgress(effort, heard)
+    total = SearchProgress(effort, heard, Answers())
     own = [x for x in total._takes if not x.startswith("changing 2")]  # a stage is left out
     for stage in own:
         for k in range(3):
@@ -275,7 +284,7 @@ def test_every_stage_of_a_search_is_expected(
     searched: tuple[Design, list[tuple[str, Job]]],
 ) -> None:
     """A stage that nobody expected would not move the bar."""
-    total = SearchProgress(TINY, silent)
+    total = SearchProgress(TINY, silent, Answers())
     assert {name for name, _ in searched[1]} <= set(total._takes) | set(total._last)
 
 

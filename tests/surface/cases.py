@@ -128,6 +128,7 @@ class Cases:
             "holding": {"mass": 0.125}, "inverse_dynamics": three, "jacobian": one,
             "mass_matrix": one, "orientation": one, "position": one, "torque": three,
             "torque_derivatives": three, "torques": {"motion": motion},
+            "torques_and_slopes": {"motion": motion}, "hand_along": {"motion": motion},
         }  # fmt: skip
         arms = names.ROOT / "examples" / "tutorials" / "arm" / "arm.toml"
         return self._methods("Arm", arm, methods) | {
@@ -136,7 +137,8 @@ class Cases:
             "open_arm": Case(names.public()["open_arm"], {"path": arms, "limits": "model"}),
             "plan_brake": Case(plan_brake, {"arm": arm, "t": 0.25, "motion": self.still}),
         } | self._methods("Brake", plan_brake(arm, 0.25, self.still),
-                  {"at": {"t": 0.5}, "over": {"t": 0.5}, "table": {"tick": 0.001}})  # fmt: skip
+                  {"at": {"t": 0.5}, "over": {"t": 0.5}, "rows": {"t": np.array([0.5])},
+                   "table": {"tick": 0.001}})  # fmt: skip
 
     def _maps(self) -> dict[str, Case]:
         """Return the cases of maps and of what learns and keeps them."""

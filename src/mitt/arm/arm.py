@@ -21,11 +21,12 @@ from mitt.arm.dynamics import (
     bodies_of,
     dynamics_scratch,
     inverse_dynamics,
+    slopes_along,
     slopes_work,
     torque_slopes,
     torques,
 )
-from mitt.arm.kinematics import chain_of, motion_of, place
+from mitt.arm.kinematics import chain_of, hand_along, motion_of, place
 from mitt.arm.limits import Limits
 from mitt.errors import InputError, ShapeError
 from mitt.kernels import Record
@@ -160,6 +161,18 @@ class Arm:
         R = place(self.chain, self._checked("q", q), self._scratch.motion)
         return np.reshape(R, (3, 3)) @ self._plate
 
+    def hand_along(self, motion: Array) -> tuple[Array, Array]:
+        """Return the catch point's velocity [m/s] and the palm's normal, shapes (K, 3).
+
+        Args:
+            motion: q, dq, ddq [rad ...], shape (K, 3, n).
+        """
+        motion = checks.array("motion", motion, (None, 3, self.n), finite=True)
+        velocity, palm = np.empty((len(motion), 3)), np.empty((len(motion), 3))
+        normal = self._plate[:, 2].copy()
+        hand_along(self.chain, normal, motion, velocity, palm, self._scratch.motion)
+        return velocity, palm
+
     def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Return tau of eq. (14) for all N links, held ones included [N m], shape (N,)."""
         tau = np.empty(len(self.bodies))
@@ -189,6 +202,18 @@ class Arm:
         tau, slope = np.empty(len(self.bodies)), np.empty((3, len(self.bodies), self.n))
         torque_slopes(self.bodies, np.array(state), tau, slope, self._scratch.work)
         return slope[0], slope[1], slope[2]
+
+    def torques_and_slopes(self, motion: Array) -> tuple[Array, Array]:
+        """Return :meth:`torques`, (K, N), and d tau/dq, d tau/d dq and M, (K, 3, N, n).
+
+        Args:
+            motion: q, dq, ddq [rad ...], shape (K, 3, n).
+        """
+        motion = checks.array("motion", motion, (None, 3, self.n), finite=True)
+        tau, links = np.empty((len(motion), len(self.bodies))), len(self.bodies)
+        slope = np.empty((len(motion), 3, links, self.n))
+        slopes_along(self.bodies, motion, tau, slope, self._scratch.work)
+        return tau, slope
 
     def mass_matrix(self, q: Array) -> Array:
         """Return M(q) over the active joints [kg m^2], shape (n, n)."""

@@ -195,16 +195,16 @@ class Basket(Hand):
             return LOST
         instants = 24
         h = catch.duration / instants
-        normal = catch.felt(0.0)[1]
-        height, speed, most = 0.0, max(-ball.restitution * float(catch.v_rel @ normal), 0.0), 0.0
-        for k in range(instants):
-            force, normal = catch.felt((k + 0.5) * h)
-            speed -= h * float(force @ normal)
+        force, normal = catch.felt(h * np.concatenate([[0.0], np.arange(instants) + 0.5]))
+        out = -ball.restitution * float(catch.v_rel @ normal[0])
+        height, speed, most = 0.0, max(out, 0.0), 0.0
+        for pushed in np.sum(force * normal, axis=1)[1:].tolist():
+            speed -= h * pushed
             height += h * speed
             if height < 0.0:
                 height, speed = 0.0, 0.0
             most = max(most, height)
-        weight = GRAVITY * float(normal[2])
+        weight = GRAVITY * float(normal[-1, 2])
         if weight <= 0.0:
             return LOST
         most = max(most, height + 0.5 * max(speed, 0.0) ** 2 / weight)

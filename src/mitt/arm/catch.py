@@ -81,14 +81,14 @@ class Catch(NamedTuple):
         v_rel: Its velocity relative to the catch point at the catch [m/s], shape (3,).
         normal: The palm's normal then, shape (3,).
         duration: Time until the arm rests [s].
-        felt: What the hand gives a kilogram at a time [N], shape (3,), and the palm's normal, (3,).
+        felt: What the hand gives a kilogram at K times [N], and the palm's normal, (K, 3) each.
     """
 
     ball: CaughtBall
     v_rel: Array
     normal: Array
     duration: float
-    felt: Callable[[float], tuple[Array, Array]]
+    felt: Callable[[Array], tuple[Array, Array]]
 
 
 def reduced(mass: float, other: float) -> float:

@@ -207,6 +207,16 @@ def torque_slopes(bodies: Record, motion: Array, tau: Array, slope: Array, work:
 
 
 @kernel
+def slopes_along(bodies: Record, motion: Array, tau: Array, slope: Array, work: Record) -> None:
+    """Write torques, (K, N), and how they answer, (K, 3, N, n), at K instants of a motion.
+
+    See :func:`torque_slopes`.
+    """
+    for k in range(len(motion)):
+        torque_slopes(bodies, motion[k], tau[k], slope[k], work)
+
+
+@kernel
 def bias_and_mass(bodies: Record, motion: Array, tau: Array, M: Array, work: Record) -> None:
     """Write tau of eq. (14) and M over the active joints alone; see :func:`torque_slopes`.
 

@@ -455,13 +455,10 @@ class HandModel(Hand):
         held = 0.6 * self.holding_force(ball.radius, ball.friction)
         if held == 0.0:
             return LOST
-        most = 0.0
-        for t in np.linspace(0.0, catch.duration, 8).tolist():
-            force, normal = catch.felt(t)
-            out = float(force @ normal)
-            across = float(np.linalg.norm(force - out * normal))
-            most = max(most, max(-out, 0.0) + across)
-        return ball.heaviest * most / held
+        force, normal = catch.felt(np.linspace(0.0, catch.duration, 8))
+        out = np.sum(force * normal, axis=1)
+        across = np.linalg.norm(force - out[:, None] * normal, axis=1)
+        return ball.heaviest * float(np.max(np.maximum(-out, 0.0) + across)) / held
 
     def contact_force(self, ball: CaughtBall, strike: Strike) -> float:
         """Return the hardest of the contacts of the module's table [N].

@@ -299,6 +299,29 @@ def place(chain: Chain, q: Array, m: Motion) -> Mat:
 
 
 @kernel
+def hand_along(
+    chain: Chain, normal: Array, motion: Array, velocity: Array, palm: Array, m: Motion
+) -> None:
+    """Write the velocity of the catch point and the palm's normal along a motion.
+
+    Args:
+        chain: The arm.
+        normal: The palm's normal in the last frame, shape (3,).
+        motion: q, dq in the first two rows at K instants, shape (K, 2 or more, n).
+        velocity: Result [m/s], shape (K, 3).
+        palm: Result, shape (K, 3).
+        m: Scratch.
+    """
+    for t in range(len(motion)):
+        frame = place(chain, motion[t, 0], m)
+        put(palm, t, rotate(frame, (normal[0], normal[1], normal[2])))
+        for c in range(3):
+            velocity[t, c] = 0.0
+            for k in range(motion.shape[2]):
+                velocity[t, c] += m.J[k, c] * motion[t, 1, k]
+
+
+@kernel
 def move(chain: Chain, q: Array, dq: Array, m: Motion) -> None:
     """Fill in the derivatives in time, for constant joint velocities, of what is placed.
 

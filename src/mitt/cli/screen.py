@@ -122,7 +122,8 @@ def progress() -> Iterator[Progress]:
             work = name.partition(":")[0]
             if work not in tasks:
                 tasks[work] = bar.add_task(name, total=of)
-            bar.update(tasks[work], description=name, completed=done, total=of)
+            part = name.rpartition(": ")[2]  # a line of 80 columns has no more room
+            bar.update(tasks[work], description=part, completed=done, total=of)
 
         yield report
 

@@ -273,7 +273,7 @@ class Brake:
 
     def at(self, t: float) -> Array:
         """Return q, dq, ddq at time ``t`` [rad ...], shape (3, n); at rest after the end."""
-        row: Array = self._sampled(np.array([checks.number("t", t, finite=True)]))[0]
+        row: Array = self.rows(np.array([checks.number("t", t, finite=True)]))[0]
         return row
 
     def table(self, tick: float) -> Array:
@@ -283,16 +283,17 @@ class Brake:
         """
         tick = checks.number("tick", tick, least=1e-6, most=10.0)
         ticks = np.arange(ceil(self.duration / tick) + 2, dtype=np.float64)
-        return self._sampled(self.t + tick * ticks)
+        return self.rows(self.t + tick * ticks)
 
     @property
     def q_end(self) -> Array:
         """Where the arm comes to rest [rad], shape (n,)."""
-        end: Array = self._sampled(np.array([np.inf]))[0, 0]
+        end: Array = self.rows(np.array([np.inf]))[0, 0]
         return end
 
-    def _sampled(self, t: Array) -> Array:
-        """Return q, dq, ddq at some times [s], (k,), shape (k, 3, n)."""
+    def rows(self, t: Array) -> Array:
+        """Return q, dq, ddq at some times [s], (k,), shape (k, 3, n); see :meth:`at`."""
+        t = checks.numbers("t", checks.array("t", t, (None,)))
         after = np.minimum(np.maximum(t - self.t, 0.0), self.duration)
         out = np.empty((len(t), 3, len(self.pieces)))
         sample(self.pieces, after, out)

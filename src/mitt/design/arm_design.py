@@ -441,7 +441,8 @@ def design(
             taken.
         answers: Where answers are kept, and those of a search that was broken off are found.
     """
-    start, total = monotonic(), SearchProgress(effort, progress)
+    start, answers = monotonic(), answers or Answers()
+    total = SearchProgress(effort, progress, answers, rate)
     evaluator = Evaluator(whole, task, engine, total, answers=answers)
     confirmed = search(evaluator, effort, joints=joints, rate=rate)
     usual = reported(evaluator, confirmed[0].candidate, effort) if confirmed else None

@@ -32,7 +32,7 @@ from mitt.design.geometry import (
     triples_of,
 )
 from mitt.design.poses import Touch
-from mitt.design.search_jobs import Evaluator, Procedure, digest, plain_task
+from mitt.design.search_jobs import Answers, Evaluator, Procedure, digest, plain_task
 from mitt.design.task import REPORTED, Task
 from mitt.errors import ModelError
 from mitt.files.schema import to_plain
@@ -185,10 +185,17 @@ def last_stages(effort: Effort) -> dict[str, float]:
 
 @final
 class SearchProgress:
-    """Tells the progress of a whole search whenever it is told that of a stage."""
+    """Tells the progress of a whole search whenever it is told that of a stage.
 
-    def __init__(self, effort: Effort, progress: Progress) -> None:
-        """Expect one search, and what follows it."""
+    And the best that is found so far: of those that catch enough the one to take, or else what
+    catches most.
+    """
+
+    def __init__(
+        self, effort: Effort, progress: Progress, answers: Answers, rate: float = RATE
+    ) -> None:
+        """Expect one search, and what follows it; what is found is in its answers."""
+        self._answers, self._rate = answers, rate
         self._takes, self._last = stages(effort), last_stages(effort)
         self._progress, self._before, self._further, self._at = progress, 0.0, 0, 0
 
@@ -211,7 +218,14 @@ class SearchProgress:
             self._further = 0
         past = self._before + sum(takes[x] for x in order[: self._at]) + takes[name] * done / of
         whole = self._before + self._further * sum(self._takes.values()) + sum(takes.values())
-        self._progress(f"designing: {name}", int(1000 * past / whole), 1000)
+        told = f"designing: {name}{self._so_far()}"
+        self._progress(told, int(1000 * past / whole), 1000)
+
+    def _so_far(self) -> str:
+        """Return in words the best that is found so far."""
+        best = self._answers.best
+        found = self._answers.most if best is None else ranked(best[1], self._rate)[0]
+        return "" if found is None else f" ({found})"
 
 
 def search(

@@ -97,6 +97,7 @@ class Answers:
         """Begin with nothing, and without a file."""
         self._ended: tuple[Task, list[Evaluation]] | None = None
         self._under_way = list[tuple[Task, Evaluation]]()
+        self._most: Evaluation | None = None
         self._answers, self._tasks = dict[str, dict[str, Any]](), dict[int, tuple[Task, str]]()
         self._file: int | None = None
         self._begun: bool | None = None  # whether there are answers, once that is known
@@ -150,6 +151,8 @@ class Answers:
         Raises:
             FileError: The file cannot be written.
         """
+        if worth.thrown and (self._most is None or worth.within > self._most.within):
+            self._most = worth
         if worth.enough:
             self._under_way.append((job.task, worth))
         if self._file is not None and worth.failed != "lost":
@@ -167,6 +170,11 @@ class Answers:
         """The best of the last stage by throws: those that catch enough, and what they are for."""
         first = [(task, w) for task, w in self._under_way if task is self._under_way[0][0]]
         return self._ended or ((first[0][0], [w for _, w in first]) if first else None)
+
+    @property
+    def most(self) -> Evaluation | None:
+        """What caught most of its throws so far; None where none was thrown at."""
+        return self._most
 
     def close(self, *, done: bool) -> None:
         """Close the file; it goes where the search is done, or has not begun.

@@ -76,7 +76,12 @@ class Demand(NamedTuple):
 
         Ranges are not among them: what exceeds them counts by ``excess``.
         """
-        return np.concatenate([x.ravel() for x in (self.torque, self.speed, self.acceleration)])
+        return np.concatenate([x.ravel() for x in self.of_limits])
+
+    @property
+    def of_limits(self) -> tuple[Array, Array, Array]:
+        """Shares of the limits of drives, and of accelerations; see :attr:`shares`."""
+        return self.torque, self.speed, self.acceleration
 
     @property
     def cost(self) -> float:

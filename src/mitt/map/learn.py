@@ -37,7 +37,6 @@ from mitt.map.mapping import (
     coordinates,
     initial_gap,
     initial_matrix,
-    project,
     unlearned,
 )
 from mitt.map.prediction import root_time
@@ -201,6 +200,26 @@ def _met(f: DirectMap, flight: Flight, last: Array) -> tuple[Array, Array]:
     return ball[1] - J @ rows[1], slope
 
 
+class _Starts(NamedTuple):
+    """How each flight's coefficients follow from alpha*, in one metric; see the module."""
+
+    C: Array  # (F, 2n, m n)
+    W: Array  # (F, m n, 2n)
+    gap: Array  # (F, 2n)
+
+    def projected(self, alpha: Array) -> Array:
+        """Return alpha_f of each flight [rad], shape (F, m, n)."""
+        flat = alpha.ravel()
+        step = np.einsum("fak,fk->fa", self.W, self.gap - self.C @ flat)
+        return np.asarray((flat + step).reshape(-1, *alpha.shape))
+
+
+def _starts_of(f: DirectMap, lifted: Sequence[Lifted]) -> _Starts:
+    """Return how flights start in the metric of a map."""
+    C = initial_matrix(np.array([x.phi_0 for x in lifted]), f.arm.n)
+    return _Starts(C, answer_to_gap(C, f.H_inverse), np.array([x.gap for x in lifted]))
+
+
 class Cost(NamedTuple):
     """Least-squares form of eq. (22) for one motion: residual and its derivative."""
 
@@ -230,8 +249,7 @@ class Sensitivity(NamedTuple):
 
 def sensitivity(arm: Arm, motion: Array, phi: Array) -> Sensitivity:
     """Return d tau/d alpha = tau_q Phi + tau_qdot Phi-dot + M Phi-ddot and its companions."""
-    tau = arm.torques(motion)
-    slope = np.array([arm.torque_derivatives(*row) for row in motion])
+    tau, slope = arm.torques_and_slopes(motion)
     count, n = len(motion), arm.n
     J_tau = np.einsum("tdrk,tda->trak", slope, phi).reshape(count, tau.shape[1], -1)
     eye = np.eye(n)
@@ -334,8 +352,9 @@ def learn_from(
     start, lifted = _scaled(unlearned(arm, design), flights)
     history, maps = [_unoptimised(start, lifted)], [start]
     f, status, last = _with_metric(start, _kinetic(arm, lifted)), "steps", np.inf
+    starts = _starts_of(f, lifted)
     for _ in range(settings.steps):
-        parts = [_linearise(f, flight, settings) for flight in lifted]
+        parts = _linearised(f, lifted, settings, starts)
         history.append(_mean([part.step for part in parts]))
         maps.append(f)
         now = float(np.mean([part.cost for part in parts]))
@@ -343,13 +362,13 @@ def learn_from(
             status = "converged"
             break
         last = now
-        further = _advanced(f, parts, lifted, settings)
+        further = _advanced(f, parts, lifted, settings, starts)
         if further is None:
             status = "solver"
             break
-        f = further
+        f, starts = further
     else:
-        history.append(_mean([_linearise(f, x, settings).step for x in lifted]))
+        history.append(_mean([part.step for part in _linearised(f, lifted, settings, starts)]))
         maps.append(f)
     return Learned(
         map=f,
@@ -434,12 +453,19 @@ def _with_metric(f: DirectMap, H: Array) -> DirectMap:
     return replace(f, H=0.5 * (H + H.T) + _RIDGE * np.trace(H) / size * np.eye(size))
 
 
-def _linearise(f: DirectMap, x: Lifted, settings: LearnSettings) -> _Part:
+def _linearised(
+    f: DirectMap, lifted: Sequence[Lifted], settings: LearnSettings, starts: _Starts
+) -> list[_Part]:
+    """Return each flight's share of a step."""
+    kept = np.eye(f.alpha.size) - starts.W @ starts.C
+    alphas = starts.projected(f.alpha)
+    return [_linearise(f, *of, settings) for of in zip(lifted, alphas, kept, strict=True)]
+
+
+def _linearise(
+    f: DirectMap, x: Lifted, alpha: Array, keep: Array, settings: LearnSettings
+) -> _Part:
     """Return gradient, Gauss-Newton Hessian and limit rows of one flight in alpha*."""
-    C = initial_matrix(x.phi_0, f.arm.n)
-    W = answer_to_gap(C, f.H_inverse)
-    keep = np.eye(C.shape[1]) - W @ C
-    alpha = (keep @ f.alpha.ravel() + W @ x.gap).reshape(f.alpha.shape)
     s = sensitivity(f.arm, x.motion(alpha), x.phi)
     torque, speed, J = cost(f.arm, s)
     residual, count = np.concatenate([torque.ravel(), speed.ravel()]), len(torque)
@@ -488,19 +514,22 @@ def _unoptimised(f: DirectMap, lifted: Sequence[Lifted]) -> Step:
 
 
 def _advanced(
-    f: DirectMap, parts: Sequence[_Part], lifted: Sequence[Lifted], settings: LearnSettings
-) -> DirectMap | None:
+    f: DirectMap, parts: Sequence[_Part], lifted: Sequence[Lifted], settings: LearnSettings,
+    starts: _Starts,
+) -> tuple[DirectMap, _Starts] | None:  # fmt: skip
     """Return the map one Gauss-Newton step further, and with the metric found there if it helps."""
-    best = _stepped(f, parts, lifted, settings)
+    best = _stepped(f, parts, lifted, settings, starts)
     if best is None:
         return None
     metric = _with_metric(best, np.mean([p.hessian for p in parts], axis=0))
-    return min((best, metric), key=lambda x: _merit(x, lifted, settings))
+    both = (best, starts), (metric, _starts_of(metric, lifted))
+    return min(both, key=lambda x: _merit(x[0], lifted, settings, x[1]))
 
 
 def _stepped(
-    f: DirectMap, parts: Sequence[_Part], lifted: Sequence[Lifted], settings: LearnSettings
-) -> DirectMap | None:
+    f: DirectMap, parts: Sequence[_Part], lifted: Sequence[Lifted], settings: LearnSettings,
+    starts: _Starts,
+) -> DirectMap | None:  # fmt: skip
     """Return the map after the largest share of a Gauss-Newton step that helps; None if unsound."""
     size, instants = len(parts[0].reduced), sum(len(x.virtual) for x in lifted)
     H = np.mean([p.reduced for p in parts], axis=0)
@@ -511,32 +540,38 @@ def _stepped(
     step = solve(H, gradient, (rows, room), weight=_PENALTY / instants)
     if step is None:
         return None
-    before = _merit(f, lifted, settings)
+    before = _merit(f, lifted, settings, starts)
     for k in range(_HALVINGS):
         tried = f.with_alpha(f.alpha + 0.5**k * step.reshape(f.alpha.shape))
-        if _merit(tried, lifted, settings) < before:
+        if _merit(tried, lifted, settings, starts) < before:
             return tried
     return f
 
 
 def refined(f: DirectMap, lifted: Sequence[Lifted], settings: LearnSettings) -> DirectMap:
     """Return the map after some Gauss-Newton steps over flights, in the metric that it has."""
+    starts = _starts_of(f, lifted)
     for _ in range(settings.steps):
-        further = _stepped(f, [_linearise(f, x, settings) for x in lifted], lifted, settings)
+        parts = _linearised(f, lifted, settings, starts)
+        further = _stepped(f, parts, lifted, settings, starts)
         if further is None or further is f:
             break
         f = further
     return f
 
 
-def _merit(f: DirectMap, lifted: Sequence[Lifted], settings: LearnSettings) -> float:
+def _merit(
+    f: DirectMap, lifted: Sequence[Lifted], settings: LearnSettings, starts: _Starts
+) -> float:
     """Return the mean cost and a penalty on what exceeds the limits, each flight projected."""
-    total = 0.0
-    for x in lifted:
-        alpha = project(f.alpha, f.H_inverse, x.phi_0, x.gap)
-        asked = demand(f.arm, x.motion(alpha))
-        over = asked.shares - settings.share
-        excess = float(np.sum(np.maximum(over, 0.0) ** 2) + np.sum(asked.excess**2))
-        total += asked.cost + _PENALTY * excess / len(x.virtual)
+    alphas = starts.projected(f.alpha)
+    motions = [x.motion(alpha) for x, alpha in zip(lifted, alphas, strict=True)]
+    asked = demand(f.arm, np.concatenate(motions))
+    beyond = [np.maximum(x - settings.share, 0.0) for x in asked.of_limits]
+    each = asked.cost_torque + asked.cost_speed
+    each += _PENALTY * sum(np.sum(x**2, axis=1) for x in (*beyond, asked.excess))
+    first = np.cumsum([0, *(len(x) for x in motions[:-1])])
+    total = float(np.sum(np.add.reduceat(each, first) / [len(x) for x in motions]))
+    for x, alpha in zip(lifted, alphas, strict=True):
         total += f.design.match_weight * float(np.sum(x.relative_velocity(alpha) ** 2))
     return total / len(lifted)

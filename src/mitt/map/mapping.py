@@ -355,11 +355,11 @@ def basis_of(design: MapDesign, centre: Array, scale: Array) -> CatchBasis:
 
 
 def initial_matrix(phi: Array, n: int) -> Array:
-    """Return C of eq. (13), shape (2n, m n), for phi and its rate, shape (2, m)."""
-    C = np.zeros((2, n, phi.shape[1], n))
+    """Return C of eq. (13), shape (..., 2n, m n), for phi and its rate, shape (..., 2, m)."""
+    C = np.zeros((*phi.shape[:-1], n, phi.shape[-1], n))
     for k in range(n):
-        C[:, k, :, k] = phi
-    return C.reshape(2 * n, -1)
+        C[..., k, :, k] = phi
+    return C.reshape(*phi.shape[:-2], 2 * n, -1)
 
 
 def initial_gap(q: Array, dq: Array, virtual: Array) -> Array:
@@ -393,22 +393,24 @@ def project(alpha: Array, H_inverse: Array, phi: Array, d: Array) -> Array:
 
 
 def answer_to_gap(C: Array, H_inverse: Array) -> Array:
-    """Return W = H^-1 C' (C H^-1 C')^+, shape (m n, 2n): the answer of alpha to a gap in d."""
-    spread = H_inverse @ C.T
+    """Return W = H^-1 C' (C H^-1 C')^+, (..., m n, 2n): the answer of alpha to a gap in d."""
+    spread = H_inverse @ np.swapaxes(C, -1, -2)
     gram = C @ spread
-    size = np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
-    scaled = gram / (size[:, None] * size)
+    size = np.sqrt(np.maximum(np.diagonal(gram, 0, -2, -1), np.finfo(float).tiny))[..., None, :]
+    scaled = gram / (np.swapaxes(size, -1, -2) * size)
     W: Array = (spread / size) @ _pseudo_inverse(scaled) / size
     return W
 
 
 def _pseudo_inverse(A: Array) -> Array:
-    """Return A^+ of a symmetric A; ``np.linalg.pinv`` says the same in twice the time."""
+    """Return A^+ of symmetric A, (..., k, k); ``np.linalg.pinv`` says it in twice the time."""
     values, axes = np.linalg.eigh(A)
-    values, axes = values[::-1], axes[:, ::-1]
+    values, axes = values[..., ::-1], axes[..., ::-1]
     size = np.abs(values)
-    inverse = np.divide(1.0, size, out=np.zeros_like(size), where=size > _RANK * size.max())
-    out: Array = (axes * np.sign(values)) @ (inverse[:, None] * axes.T)
+    good = size > _RANK * size.max(axis=-1, keepdims=True)
+    inverse = np.divide(1.0, size, out=np.zeros_like(size), where=good)
+    turned = inverse[..., None] * np.swapaxes(axes, -1, -2)
+    out: Array = (axes * np.sign(values)[..., None, :]) @ turned
     return out
 
 

@@ -72,9 +72,8 @@ def force_of(arm: Arm, q: Array, v_rel: Array, ball: CaughtBall) -> float:
     return hand.contact_force(ball, Strike(whole, into, lead, behind))
 
 
-def _felt(arm: Arm, brake: Brake, t: float) -> tuple[Array, Array]:
+def _felt(arm: Arm, brake: Brake, t: Array) -> tuple[Array, Array]:
     """Return what the hand gives a kilogram while the arm brakes [N], and the palm's normal."""
-    (q, dq, _), (p, dp, _) = brake.at(t), brake.at(t + TICK)
-    up = np.array([0.0, 0.0, GRAVITY])
-    force: Array = (arm.jacobian(p) @ dp - arm.jacobian(q) @ dq) / TICK + up
-    return force, arm.orientation(q)[:, 2]
+    (before, palm), (after, _) = (arm.hand_along(brake.rows(x)) for x in (t, t + TICK))
+    force: Array = (after - before) / TICK + [0.0, 0.0, GRAVITY]
+    return force, palm

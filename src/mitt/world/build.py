@@ -212,21 +212,19 @@ def _let_neighbours_meet(spec: mujoco.MjSpec, arm: ArmModel) -> None:
     data.qpos[: len(arm.q_ready)] = arm.q_ready
     mujoco.mj_kinematics(model, data)
     own = np.flatnonzero((model.geom_contype & (ARM | HAND)) != 0)
-    overlapping: set[tuple[str, str]] = set()
-    for first, second in combinations(own, 2):
-        names = model.geom(int(first)).name, model.geom(int(second)).name
-        bodies = [model.body_weldid[model.geom_bodyid[g]] for g in (first, second)]
-        parents = [model.body_weldid[model.body_parentid[b]] for b in bodies]
-        kindred = parents[0] == bodies[1] or parents[1] == bodies[0]
-        moving = bodies[0] != bodies[1] and 0 not in bodies
-        apart = mujoco.mj_geomDistance(model, data, int(first), int(second), 1.0, None) > 0.0
-        arms = all(model.geom_contype[g] == ARM for g in (first, second))
-        if not apart and arms and bodies[0] != bodies[1] and not (kindred and moving):
+    body, parent = model.body_weldid[model.geom_bodyid], model.body_weldid[model.body_parentid]
+    is_arm, overlapping = model.geom_contype == ARM, set[tuple[str, str]]()
+    for first, second in combinations(own.tolist(), 2):
+        a, b = int(body[first]), int(body[second])
+        kindred = (parent[a] == b or parent[b] == a) and 0 not in (a, b)
+        if a == b or not (kindred or (is_arm[first] and is_arm[second])):
+            continue
+        names = model.geom(first).name, model.geom(second).name
+        apart = mujoco.mj_geomDistance(model, data, first, second, 1.0, None) > 0.0
+        if not kindred and not apart:
             both = [model.body(model.geom_bodyid[g]).name for g in (first, second)]
             overlapping.add((both[0], both[1]))
-        if not (kindred and moving) or any(name.startswith(SMALL_PARTS) for name in names):
-            continue
-        if apart:
+        elif kindred and apart and not any(name.startswith(SMALL_PARTS) for name in names):
             spec.add_pair(geomname1=names[0], geomname2=names[1]).solref = STIFF
     for bodies_apart in sorted(overlapping):
         spec.add_exclude(bodyname1=bodies_apart[0], bodyname2=bodies_apart[1])

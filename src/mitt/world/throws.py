@@ -10,6 +10,7 @@ from mitt import checks
 from mitt.ball.flight import advance
 from mitt.errors import FileError, InputError, ShapeError
 from mitt.files.csv_table import number, read_rows
+from mitt.kernels import kernel
 from mitt.signals import GRAVITY, Array
 from mitt.world.fall import doubt_of_throws
 
@@ -116,18 +117,24 @@ def release_velocity(
     Returns:
         Velocity at release [m/s], shape (3,).
     """
-    dr = (target - start) / duration
+    dr, ends, nudge = (target - start) / duration, np.empty((7, 3)), 1e-5
     dr[2] += 0.5 * GRAVITY * duration
-    slope, nudge = np.empty((3, 3)), 1e-5
-
-    def end(velocity: Array) -> Array:
-        return fly(start, velocity, drag=drag, duration=duration)[0]
-
     for _ in range(iterations):
-        for i, step in enumerate(nudge * np.eye(3)):
-            slope[:, i] = (end(dr + step) - end(dr - step)) / (2.0 * nudge)
-        dr = dr - np.linalg.solve(slope, end(dr) - target)
+        _ends(start, dr, drag, duration, nudge, ends)
+        slope = (ends[:3] - ends[3:6]).T / (2.0 * nudge)
+        dr = dr - np.linalg.solve(slope, ends[6] - target)
     return dr
+
+
+@kernel
+def _ends(start: Array, dr: Array, drag: float, duration: float, nudge: float, ends: Array) -> None:
+    """Write where flights end [m], shape (7, 3): each axis of ``dr`` more, less, then as it is."""
+    for i in range(7):
+        velocity = dr.copy()
+        ends[i] = start
+        if i < 6:
+            velocity[i % 3] += nudge if i < 3 else -nudge
+        advance(ends[i], velocity, drag, duration)
 
 
 def default_throw(
