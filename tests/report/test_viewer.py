@@ -4,6 +4,7 @@ import json
 import os
 import urllib.request
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import mujoco
@@ -21,7 +22,7 @@ from mitt.errors import FileError
 from mitt.files.messages import TRUTH
 from mitt.files.recordings import Recorded
 from mitt.report.replay_3d import NODE, served
-from mitt.report.viewer import Viewer, ellipsoid, newest, watch, way
+from mitt.report.viewer import Viewer, around_catch, ellipsoid, newest, watch, way
 from mitt.signals import ArmState, BallState, Senses
 from mitt.trials.replayed import catcher_of
 
@@ -95,12 +96,34 @@ def test_a_recording_that_is_written_is_followed(one: Path, tmp_path: Path) -> N
         deadline = monotonic() + 10.0
         while viewer._shown < 199 and monotonic() < deadline:
             pause(0.05)
-            viewer.step(0.05)
+            viewer.step()
         assert viewer._shown == 199
-        viewer._play.value = True
-        viewer._live.value = False
-        viewer.step(0.1)
-        assert viewer._shown == 19  # played on from the beginning, at a fifth of the speed
+        viewer.play(True)
+        viewer.advance(0.1)
+        assert viewer._shown == 0
+        viewer.advance(0.1)
+        assert viewer._shown == 20  # at a fifth of the speed
+
+
+def test_it_opens_on_the_catch_and_plays_it_again_and_again(one: Path) -> None:
+    """From 0.45 s before to 0.35 s behind it; a narrow window looks from farther away."""
+    with served(port=8875) as server:
+        viewer = Viewer(server, one)
+        left = viewer._recorded.ticks["out_time_to_catch"]
+        first, end = around_catch(viewer._recorded.ticks)
+        assert viewer.playing
+        assert viewer._shown == first
+        assert 0.44 < left[first] < 0.46
+        assert end - first == 800
+        viewer.advance(3.99)
+        assert viewer._shown == end - 2
+        viewer.advance(0.1)
+        assert viewer._shown == first
+        wide, narrow = (SimpleNamespace(image_width=w, image_height=800) for w in (1400, 420))
+        for camera in (wide, narrow):
+            viewer._look(camera)
+        distance = [np.linalg.norm(np.subtract(x.position, x.look_at)) for x in (wide, narrow)]
+        assert distance[1] > 1.5 * distance[0] > 1.5
 
 
 def test_a_page_is_served_on_the_loopback_and_the_newest_file_is_taken(
@@ -159,6 +182,7 @@ def test_a_recording_that_vanishes_is_left_for_the_next(
     looks = iter((gone, there, there, gone, gone, there))
     seen: list[Path] = []
     monkeypatch.setattr("mitt.report.viewer._LOOK", 0.1)
-    monkeypatch.setattr(Viewer, "step", lambda self, _: seen.append(self.path))
-    watch(lambda: next(looks, gone), host="127.0.0.1", port=8875, ready=lambda _: None, until=1.5)
+    monkeypatch.setattr(Viewer, "step", lambda self: seen.append(self.path))
+    with pytest.raises(StopIteration):  # after the last look
+        watch(lambda: next(looks), host="127.0.0.1", port=8875, ready=lambda _: None)
     assert set(seen) == {there}

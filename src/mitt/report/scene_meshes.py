@@ -14,7 +14,7 @@ import trimesh
 from trimesh import Trimesh
 
 from mitt.arm.arm import Arm
-from mitt.arm.description import ArmModel, joint_motion, mounting
+from mitt.arm.description import ArmModel, Capsule, joint_motion, mounting
 from mitt.signals import Array
 from mitt.world.scene import Scene
 
@@ -84,8 +84,22 @@ def body_meshes(
         else:
             colour = METAL if name.startswith(("link_", "basket")) else DARK
         by_colour.setdefault(colour, []).append(mesh)
+    if _has_shapes(arm.model) and name.startswith("link_") and METAL in by_colour:
+        by_colour[METAL] = [trimesh.util.concatenate(by_colour[METAL]).convex_hull]
     return [(trimesh.util.concatenate(found), colour)
             for colour, found in by_colour.items() if found]  # fmt: skip
+
+
+def _holds_origin(capsule: Capsule) -> bool:
+    """Say whether the origin of its frame is well inside a capsule."""
+    a, b = np.array(capsule.start), np.array(capsule.end)
+    along = float(np.clip(-a @ (b - a) / max((b - a) @ (b - a), 1e-12), 0.0, 1.0))
+    return float(np.linalg.norm(a + along * (b - a))) < 0.3 * capsule.radius
+
+
+def _has_shapes(model: ArmModel) -> bool:
+    """Say whether its capsules show the arm: most links have some."""
+    return 2 * sum(bool(link.capsules) for link in model.links) > len(model.links)
 
 
 def geom_mesh(model: mujoco.MjModel, g: int) -> Trimesh | None:
@@ -132,7 +146,10 @@ def rod(start: Array, end: Array, radius: float) -> Trimesh:
 
 
 def _extras(arm: Arm, scene: Scene, body: str) -> list[Trimesh]:
-    """Return what is only for the eye: struts along a link, a drum at its joint, the stand [m]."""
+    """Return what is only for the eye: the stand, and a band at the joint of a link [m].
+
+    Where capsules do not show the arm, a drum at the joint, and struts along the link.
+    """
     if body == "world":
         top = float(arm.model.mount[2, 3])
         if top <= scene.floor:
@@ -144,11 +161,13 @@ def _extras(arm: Arm, scene: Scene, body: str) -> list[Trimesh]:
         return []
     k = names.index(body)
     points, link = bones(arm.model)[k], arm.model.links[k]
+    turn = trimesh.geometry.align_vectors((0.0, 0.0, 1.0), link.axis)
+    if _has_shapes(arm.model):
+        about = [] if link.prismatic else [x.radius for x in link.capsules if _holds_origin(x)]
+        return [cylinder(max(about) + 0.003, 0.016).apply_transform(turn)] if about else []
     struts = [rod(a, b, 0.028) for a, b in pairwise(points)]
     if k + 1 == len(names):
         struts = struts[:-1] or struts
     if link.prismatic or link.held is not None:
         return struts
-    drum = cylinder(0.052, 0.124)
-    turn = trimesh.geometry.align_vectors((0.0, 0.0, 1.0), link.axis)
-    return [*struts, drum.apply_transform(turn)]
+    return [*struts, cylinder(0.052, 0.124).apply_transform(turn)]

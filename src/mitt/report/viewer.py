@@ -31,6 +31,8 @@ from mitt.trials.score import drive_loads
 from mitt.world.build import build_scene
 from mitt.world.scene import Scene
 
+#: Age from which an estimate of the ball is not shown [s]: it is caught, or lost.
+_STALE = 0.05
 #: Colours: covariance, sightings, true ball.
 _DOUBT, _SEEN, _TRUE = (86, 180, 233), (110, 120, 130), (240, 228, 66)
 
@@ -98,6 +100,7 @@ class Stage:
         if about.arm.model.hand is None:
             raise InputError("the arm", "one with a hand", "none")
         self._n, self._floor = about.arm.n, about.settings.around.floor
+        self._ready = about.arm.model.q_ready
         scene = scene_of(about)
         self._model = build_scene(scene, about.arm.model).model
         self._data = mujoco.MjData(self._model)
@@ -123,11 +126,23 @@ class Stage:
         """Take over what a recording that grows has now."""
         self._truth = {topic: recorded.track(topic) for topic in (TRUTH, CATCH_POINT)}
 
+    def sphere(self, rows: Rows) -> tuple[Array, float]:
+        """Return centre [m] and radius [m] about the arm, and the ball in flight, in some ticks."""
+        self._data.qpos[: self._n] = self._ready
+        mujoco.mj_kinematics(self._model, self._data)
+        points = [self._data.xpos[body].copy() for body in self._bodies if body != self._ball]
+        for row in rows[:: max(len(rows) // 20, 1)]:
+            self._place(row)
+            points += [self._data.xpos[body].copy() for body in self._bodies
+                       if body != self._ball or row["out_tracked"]]  # fmt: skip
+        low, high = np.min(points, axis=0), np.max(points, axis=0)
+        return 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low)) + 0.15
+
     def show(self, rows: Rows, k: int) -> None:
         """Show tick ``k`` of a recording's ticks."""
         row = rows[k]
         self._place(row)
-        tracked = bool(row["out_tracked"])
+        tracked = bool(row["out_tracked"] and row["out_age"] < _STALE)
         r, dr = row["ball"][:3], row["ball"][3:6]
         self._doubt.visible = self._way.visible = tracked
         self._at_catch.visible = self._foresee(row)
@@ -180,6 +195,14 @@ class Stage:
             node.position = tuple(r[min(int(np.searchsorted(times, t)), len(r) - 1)])
 
 
+#: What is played first, ticks before and after the catch.
+_BEFORE, _AFTER = 450, 350
+#: Of these the last, in which arm and ball are to be in the picture.
+_NEAR = 650
+#: Field of view from top to bottom [rad], and the direction from which a scene is looked at.
+_FIELD, _FROM = 0.75, np.array([0.17, -0.96, 0.24])
+#: Width of the panel [px]: beside the scene in a window of twice that, else on its lower half.
+_PANEL = 400
 #: Time between two looks for a newer file [s].
 _LOOK = 1.0
 _SPEEDS = {"1/20": 0.05, "1/10": 0.1, "1/5": 0.2, "1/2": 0.5, "1": 1.0}
@@ -202,6 +225,15 @@ def newest(folder: Path) -> Path | None:
     return max(found, default=(0, None))[1]
 
 
+def around_catch(rows: Rows) -> tuple[int, int]:
+    """Return the first tick to be played about the last catch, and where to end; all without."""
+    near = np.flatnonzero(np.abs(rows["out_time_to_catch"]) < 0.006)
+    if not len(near):
+        return 0, len(rows)
+    at = int(near[-1])
+    return max(at - _BEFORE, 0), min(at + _AFTER, len(rows))
+
+
 @final
 class Viewer:
     """What the browser shows, and what it is asked for there."""
@@ -211,18 +243,18 @@ class Viewer:
         self._server, self._gui = server, server.gui
         server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
         server.gui.main_panel.dock_right()
-        server.initial_camera.position = (2.1, -3.6, 1.0)
-        server.initial_camera.look_at = (1.45, 0.0, 0.05)
-        server.initial_camera.fov = 0.75
+        self.playing = False
         self._title = self._gui.add_html("", order=0.0)
         self._slider: Any = None
-        self._play = self._gui.add_checkbox("play", initial_value=False)
+        self._play = self._gui.add_button("play", order=0.6)
+        self._play.on_click(lambda _: self.play(not self.playing))
         self._live = self._gui.add_checkbox("follow", initial_value=True)
         self._speed = self._gui.add_dropdown("speed", tuple(_SPEEDS), initial_value="1/5")
         self._panel = self._gui.add_html("")
         self._images: list[Any] = []
         self._shown = -1
         self.load(path)
+        server.on_client_connect(lambda client: self._look(client.camera))
 
     def load(self, path: Path) -> None:
         """Show another recording; the one that is shown stays where it cannot be read.
@@ -253,7 +285,12 @@ class Viewer:
         self._slider = self._gui.add_slider("tick", 0, self._last, 1, 0, order=0.5)
         self._slider.on_update(self._scrubbed)
         self._grown()
-        self.show(0 if self._recorded.whole else len(self._recorded.ticks) - 1)
+        self._turn, whole = around_catch(self._recorded.ticks), self._recorded.whole
+        self._sphere = self._stage.sphere(self._recorded.ticks[slice(*self._turn)][-_NEAR:])
+        self.show(self._turn[0] if whole else len(self._recorded.ticks) - 1)
+        self.play(whole)
+        for client in self._server.get_clients().values():
+            self._look(client.camera)
 
     @property
     def _last(self) -> int:
@@ -265,19 +302,31 @@ class Viewer:
         """The recording that is shown."""
         return self._recorded.path
 
-    def step(self, elapsed: float) -> None:
-        """Go on by so much time [s]: read what is new, play."""
+    def step(self) -> None:
+        """Read what is new."""
         grown = False
         with contextlib.suppress(MittError):  # gone or broken: what was read stays
             grown = not self._recorded.whole and self._recorded.more() > 0
         if grown:
             self._grown()
             self._stage.refresh(self._recorded)
+            self._turn = 0, len(self._recorded.ticks)
             if self._live.value:
                 self.show(len(self._recorded.ticks) - 1)
-        if self._play.value and len(self._recorded.ticks):
+
+    def advance(self, elapsed: float) -> None:
+        """Play on by so much time [s]: the catch again and again; all, once the slider moved."""
+        first, end = self._turn
+        if self.playing and end > first:
             ahead = max(round(1e3 * elapsed * _SPEEDS[self._speed.value]), 1)
-            self.show((self._shown + ahead) % len(self._recorded.ticks))
+            shown = self._shown + ahead
+            self.show(shown if first <= shown < end else first)
+
+    def play(self, on: bool) -> None:
+        """Play, or stand still."""
+        self.playing = on
+        self._play.label = "pause" if on else "play"
+        self._play.icon = "player-pause" if on else "player-play"
 
     def show(self, k: int) -> None:
         """Show a tick."""
@@ -300,7 +349,20 @@ class Viewer:
         """Show what the slider was moved to."""
         if event.client is not None:
             self._live.value = False
+            self.play(False)
+            self._turn = 0, len(self._recorded.ticks)
             self.show(int(self._slider.value))
+
+    def _look(self, camera: Any) -> None:  # noqa: ANN401 (viser)
+        """Let a browser look at arm and flight; a narrow one has the panel in its lower half."""
+        centre, radius = self._sphere
+        height, beside = 0.5 * _FIELD, camera.image_width > 2 * _PANEL
+        free = camera.image_width - (_PANEL if beside else 0)
+        width = np.arctan(np.tan(height) * free / camera.image_height)
+        away = radius / np.sin(min(height, width))
+        middle = centre - [0.0, 0.0, 0.0 if beside else 0.5 * away * np.tan(height)]
+        camera.fov, camera.position = _FIELD, tuple(middle + away * _FROM)
+        camera.look_at = tuple(middle)  # last: a camera that moves takes its aim along
 
     def _grown(self) -> None:
         """Let the slider reach the newest tick."""
@@ -383,7 +445,9 @@ def watch(
         ready(f"http://{server.get_host()}:{server.get_port()}")
         last = look = monotonic()
         while (now := monotonic()) < end:
-            viewer.step(now - last)
+            viewer.step()
+            if server.get_clients():
+                viewer.advance(now - last)
             last = now
             if now > look:
                 look = now + _LOOK
