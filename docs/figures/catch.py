@@ -1,4 +1,4 @@
-"""Three catches in a row, at a quarter of their speed: the first throws of seed 0, scene lab."""
+"""Three catches in a row, four times slower than life: the first throws of seed 0, scene lab."""
 
 import sys
 from pathlib import Path
