@@ -30,7 +30,7 @@ from mitt.map.learn import Learned
 from mitt.map.map_design import MapDesign, default_design
 from mitt.map.mapping import DirectMap, unlearned
 from mitt.signals import TICK
-from mitt.trials.catcher_settings import bandwidth_of, filter_settings, reserved
+from mitt.trials.catcher_settings import bandwidth_of, filter_settings, rebound, reserved
 from mitt.trials.learning import learn, neighbourhood_of_ball
 from mitt.trials.source import Source, source_of, widened
 from mitt.version import __version__
@@ -115,7 +115,8 @@ def about_of(prepared: PreparedCell, f: DirectMap) -> About:
     """Return what makes the catcher of a cell, as its recordings say it."""
     cell, ball, arm = prepared.cell, prepared.cell.ball, prepared.arm
     settings = CatcherSettings(
-        ball_mass=ball.mass, ball_radius=ball.radius, ball_restitution=ball.restitution,
+        ball_mass=ball.mass, ball_radius=ball.radius,
+        ball_restitution=rebound(arm, ball.restitution),
         ball_friction=ball.friction,
         flight=filter_settings(ball.drag, ball.mass, spread=ball.drag_spread),
         around=prepared.around, encoders=Encoders(step=tuple(arm.encoder_step.tolist())),

@@ -110,7 +110,7 @@ class Controller:
         if new is not None and self.released:
             if self._control is not None:
                 self._control.take(new.joints[self._row], passed=max(t - self._heard, TICK))
-            self._told, self._heard, self._hand = new, t, new.hand
+            self._told, self._heard, self._hand = self._cut(new), t, new.hand
         elif self.released and t - self._heard > self._watchdog:
             self.trouble = f"protective stop: no command for {1e3 * self._watchdog:.0f} ms"
             self.released, self._told, self._since = False, None, t
@@ -121,6 +121,15 @@ class Controller:
         told = self._own(t, q, dq) if self._told is None else self._followed(q, dq)
         still = not self.released and self._held is not None
         return Command(t=t, joints=told, hand=self._hand, brakes=still)
+
+    def _cut(self, new: ReceivedCommand) -> ReceivedCommand:
+        """Return a command without what torques may not change in a tick, as drivers cut it off."""
+        rate, last = self._arm.limits.torque_rate, self._told
+        if rate is None or last is None or self._control is not None:
+            return new
+        joints, step = new.joints.copy(), TICK * self._arm.active(rate)
+        joints[3] = np.clip(joints[3], last.joints[3] - step, last.joints[3] + step)
+        return new._replace(joints=joints)
 
     def _take_over(self, t: float, q: Array, dq: Array) -> None:
         """Plan the stop from here, to hold wherever it ends."""

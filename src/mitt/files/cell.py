@@ -175,6 +175,8 @@ def cell_of(raw: Any, *, place: str, folder: Path = Path()) -> Cell:  # noqa: AN
         wanted = " or ".join(f"{1.0 / (k * TICK):g}" for k in _TICKS)
         raise FileError(f"{place} key 'robot.rate'", f"{wanted} Hz", f"{cell.robot.rate:g}",
                         do="let the driver fill in readings")  # fmt: skip
+    if cell.robot.takes == "torque" and cell.robot.ticks > 1:
+        raise FileError(f"{place} key 'robot.rate'", "1000 Hz for torques", f"{cell.robot.rate:g}")
     named = {"file": _beside(folder, cell.arm.file), "limits": _beside(folder, cell.arm.limits)}
     arm = cell.arm.model_copy(update=named)
     source = cell.source.model_copy(update={"rig": _beside(folder, cell.source.rig)})

@@ -21,6 +21,8 @@ from mitt.world.sensors import encoder_steps
 #: Share of each torque limit that is not commanded to drives that lag behind their commands: the
 #: WAM's command stays within its limits as the motors see them (a choice of this project).
 RESERVE = 0.02
+#: Rebound from a palm whose contact is soft: 0.18 at 5 m/s.
+_SOFT = CatcherSettings().ball_restitution
 
 
 def catcher_settings(arm: Arm, scene: Scene) -> CatcherSettings:
@@ -31,7 +33,7 @@ def catcher_settings(arm: Arm, scene: Scene) -> CatcherSettings:
     return CatcherSettings(
         ball_mass=ball.mass,
         ball_radius=ball.radius,
-        ball_restitution=_restitution(scene, arm),
+        ball_restitution=rebound(arm, restitution_of(scene) or _SOFT),
         ball_friction=friction_of(scene),
         flight=filter_settings(ball.drag, ball.mass, spread=scene.mismatch.drag),
         around=Surroundings(floor=scene.floor),
@@ -101,8 +103,6 @@ def filter_settings(drag: float, mass: float, *, spread: float = 0.0) -> FilterC
     )
 
 
-def _restitution(scene: Scene, arm: Arm) -> float:
-    """Return what share of its speed a ball keeps that strikes the palm, or the net."""
-    if isinstance(arm.model.hand, Basket):
-        return arm.model.hand.restitution
-    return restitution_of(scene) or CatcherSettings().ball_restitution  # soft: 0.18 at 5 m/s
+def rebound(arm: Arm, palm: float) -> float:
+    """Return what share of its speed a ball keeps in a hand: its ``palm``'s, or that of a net."""
+    return arm.model.hand.restitution if isinstance(arm.model.hand, Basket) else palm

@@ -310,7 +310,7 @@ def _rates_beyond(
     :func:`ticks_beyond`.
     """
     limits, out = arm.limits, np.zeros(len(commanded), dtype=np.bool_)
-    slack = 1.0 + 1e-6  # rounding of differences
+    slack = 1.0 + 1e-3  # stamps that are times of the day are rounded to 2.4e-7 s
     if limits.acceleration is not None:
         most = arm.active(limits.acceleration)
         out |= driven & np.any(np.abs(commanded[:, 2]) > most * slack, axis=1)
