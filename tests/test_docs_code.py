@@ -5,6 +5,7 @@ import json
 import re
 import runpy
 import shlex
+import tomllib
 from collections.abc import Callable
 from dataclasses import fields
 from itertools import pairwise
@@ -22,8 +23,10 @@ from mitt.catcher.generators import Direct
 from mitt.cli.line import parse
 from mitt.cli.main import main
 from mitt.cli.options import COMMANDS
+from mitt.files.cell import cell_of, read_cell
 from mitt.files.maps import save_map
 from mitt.map.learn import Learned
+from mitt.reading import shipped_path
 from mitt.signals import ArmState, Command, Sighting
 from mitt.trials.runner import TrialRunner
 from mitt.trials.source import source_of
@@ -128,6 +131,18 @@ def test_the_arm_of_the_tutorial_catches(tmp_path: Path, monkeypatch: pytest.Mon
     assert main([*shlex.split(catch)[1:], *words]) == 0
     summary = json.loads((run / "result.json").read_text())["summary"]
     assert (summary["throws"], summary["caught"] >= 2) == (5, True)
+
+
+def test_scene_and_cell_of_the_ur5e_tutorial_can_be(tmp_path: Path) -> None:
+    """The scene is one for its arm; the table of the driver fits into the cell that ships."""
+    scene, robot = blocks(ROOT / "docs/tutorials/ur5e.md", "toml")
+    path = tmp_path / "ur.toml"
+    path.write_text(scene)
+    line = ["--arm", "ur5e", "--scene", str(path), "--vision", "points", "--check"]
+    assert main(["catch", *line]) == 0
+    raw = tomllib.loads(shipped_path("cells", "ur5e-sim").read_text()) | tomllib.loads(robot)
+    cell = cell_of(raw, place="CELL.toml")
+    assert cell.robot.takes == read_cell("ur5e-sim").robot.takes == read_scene(path).actuation.takes
 
 
 def test_the_tutorial_on_planners_is_its_files() -> None:
