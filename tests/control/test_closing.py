@@ -10,7 +10,7 @@ from mitt.arm.hands import Closing, HandModel
 from mitt.control.closing import FOLLOW_ON, TOUCH_BEFORE, close, fingers_of, has_closed
 from mitt.signals import PASSED, TICK, Array
 
-RADIUS, FAR = 0.04, np.array([[0.0, 0.0, 10.0], [0.0, 0.0, 0.0]])
+HAND, RADIUS, FAR = HandModel(), 0.04, np.array([[0.0, 0.0, 10.0], [0.0, 0.0, 0.0]])
 
 #: Times to the catch as a map announces them: falling, noisy, or none in sight.
 announced = st.lists(st.one_of(st.floats(-0.1, 0.6), st.just(np.inf)), min_size=1, max_size=120)
@@ -55,8 +55,8 @@ def lead_of(hand: Fingers, speed: float, acceleration: float, later: float = 0.0
 @given(times=announced, radius=st.floats(0.01, 0.06))
 def test_a_started_closing_is_not_taken_back(times: list[float], radius: float) -> None:
     """Whatever the map announces, the hand starts at most once and its angle never falls."""
-    hand = Fingers(HandModel(), radius)
-    touches = HandModel().closing_time(radius) - HandModel().closing.firm
+    hand = Fingers(HAND, radius)
+    touches = HAND.closing_time(radius) - HAND.closing.firm
     angles, starts = [], set()
     for k, time in enumerate(times):
         angles.append(hand.step(k * TICK, time))
@@ -64,7 +64,7 @@ def test_a_started_closing_is_not_taken_back(times: list[float], radius: float) 
     assert np.all(np.diff(angles) >= 0.0)
     assert len(starts - {np.inf}) <= 1
     assert hand.started == any(-PASSED <= time <= touches for time in times)
-    assert max(angles) <= HandModel().drive.closed
+    assert max(angles) <= HAND.drive.closed
 
 
 @given(
@@ -94,13 +94,13 @@ def test_a_ball_that_passes_aside_is_met_later(speed: float, slope: float, more:
     """The farther off the palm's axis it passes the fingertips, the farther open they are then."""
     leads = []
     for tangent in (slope, slope + more):
-        hand = Fingers(HandModel())
+        hand = Fingers(HAND)
         hand.palm = np.array([tangent, 0.0, 1.0]) / np.hypot(tangent, 1.0)
         leads.append(lead_of(hand, speed, 0.0))
     assert leads[1] <= leads[0] + 3e-4
-    aside = HandModel().ring(RADIUS)[0] * np.sin(np.arctan(slope + more))
-    model, opened = HandModel(), HandModel().closing_time(RADIUS, max(aside - 0.004, 0.0))
-    assert leads[1] <= opened + model.inside(RADIUS) / speed + 1.5e-3
+    aside = HAND.ring(RADIUS)[0] * np.sin(np.arctan(slope + more))
+    opened = HAND.closing_time(RADIUS, max(aside - 0.004, 0.0))
+    assert leads[1] <= opened + HAND.inside(RADIUS) / speed + 1.5e-3
 
 
 @given(e=st.floats(0.0, 1.0), harder=st.floats(0.0, 1.0), speed=st.floats(0.5, 8.0))
@@ -109,22 +109,22 @@ def test_a_springy_ball_is_met_farther_inside(e: float, harder: float, speed: fl
 
     One that is too fast for fingers that hold when it has passed them may be met sooner.
     """
-    c = HandModel().closing
+    c = HAND.closing
     leads = [
-        lead_of(Fingers(HandModel(), RADIUS, min(x, 1.0)), speed, 0.0) for x in (e, e + harder)
+        lead_of(Fingers(HAND, RADIUS, min(x, 1.0)), speed, 0.0) for x in (e, e + harder)
     ]
-    before = [x - HandModel().closing_time(RADIUS) for x in leads]
+    before = [x - HAND.closing_time(RADIUS) for x in leads]
     hard = c.hardness(min(e + harder, 1.0))
-    early, ring = hard * c.early, HandModel().ring(RADIUS)[0]
+    early, ring = hard * c.early, HAND.ring(RADIUS)[0]
     near = (ring + c.near) / max(1.0 - hard, 1e-9) / speed - c.firm
-    assert before[1] <= max(before[0], early, HandModel().inside(RADIUS) / speed) + 1e-3
+    assert before[1] <= max(before[0], early, HAND.inside(RADIUS) / speed) + 1e-3
     assert before[1] >= min(early, near) - 5e-4
 
 
 @given(times=st.lists(st.floats(0.06, 5.0), min_size=1, max_size=50))
 def test_a_hand_stays_open_while_the_catch_is_far(times: list[float]) -> None:
     """Long before the catch, or with none in sight, the hand is open, however near the ball is."""
-    hand = Fingers(HandModel())
+    hand = Fingers(HAND)
     for k, time in enumerate([*times, np.inf, np.nan]):
         assert hand.step(k * TICK, time, np.zeros((2, 3))) == 0.0
     assert not hand.started
@@ -134,7 +134,7 @@ def test_a_hand_stays_open_while_the_catch_is_far(times: list[float]) -> None:
 @given(times=st.lists(st.floats(-1e3, -PASSED, exclude_max=True), min_size=1, max_size=50))
 def test_a_hand_stays_open_where_the_catch_is_long_over(times: list[float]) -> None:
     """As a rising ball that passed by before: nothing comes any more that it could close around."""
-    for model in (HandModel(), Basket(), None):
+    for model in (HAND, Basket(), None):
         hand = Fingers(model)
         assert all(hand.step(k * TICK, time) == 0.0 for k, time in enumerate(times))
         assert not hand.started
@@ -143,7 +143,7 @@ def test_a_hand_stays_open_where_the_catch_is_long_over(times: list[float]) -> N
 @given(hurry=st.booleans(), ahead=st.floats(-0.02, 0.02), after=st.floats(0.0, 0.2))
 def test_closed_is_told_by_the_clock(hurry: bool, ahead: float, after: float) -> None:
     """Closed is what the closing takes after the start, and not before the catch."""
-    hand, takes = Fingers(HandModel()), HandModel().closing_time(RADIUS)
+    hand, takes = Fingers(HAND), HAND.closing_time(RADIUS)
     hand.step(1.0, ahead, np.zeros((2, 3)))
     after_catch = TOUCH_BEFORE if hurry else FOLLOW_ON
     due = max(takes + min(after_catch, 0.0), ahead + after_catch)
