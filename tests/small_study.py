@@ -14,8 +14,8 @@ from mitt.trials.study_run import Job
 TEXT = """
 name = "small"
 seed = 500
-throws = 4
-chunk = 2
+throws = 2
+chunk = 1
 generators = ["direct", "unoptimised"]
 vision = "points"
 

@@ -394,21 +394,18 @@ def test_a_map_that_cannot_be_written_is_bad_input(call: Call, tmp_path: Path, p
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-def test_a_signal_keeps_what_is_finished(
-    a_map: Path, tmp_path: Path, number: signal.Signals, status: int
-) -> None:
+def test_a_signal_keeps_what_is_finished(a_map: Path, tmp_path: Path) -> None:
     """Two of six throws done: they are printed and written, and the status tells the signal."""
     done = process(
-        ["-c", SIGNALLED, str(int(number)), "catch", "--throws", "6", "--vision", "points",
+        ["-c", SIGNALLED, str(int(signal.SIGINT)), "catch", "--throws", "6", "--vision", "points",
          "--map", a_map, "--record", "none", "--json", "--out", "out"],
         tmp_path,
     )  # fmt: skip
-    assert done.returncode == status, done.stderr
+    assert done.returncode == 130, done.stderr
     result = json.loads((tmp_path / "out" / "result.json").read_text())
     check_contract(result, 2, incomplete=True)
     assert json.loads(done.stdout) == result
-    assert signal.Signals(number).name in done.stderr
+    assert "SIGINT" in done.stderr
     assert "Traceback" not in done.stderr
 
 

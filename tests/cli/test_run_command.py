@@ -292,9 +292,12 @@ STALLED = re.compile(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("takes", ["trajectory", "torque", "position", "velocity"])
+@pytest.mark.parametrize("takes", ["trajectory", "position"])
 def test_two_processes_catch_over_dds(tmp_path: Path, alone: dict[str, str], takes: str) -> None:
-    """They find each other on the loopback; two balls, none dropped for the network's sake."""
+    """They find each other on the loopback; two balls, none dropped for the network's sake.
+
+    With a message of each kind: what the drives take is in tests/cell/test_over_dds.py.
+    """
     pytest.importorskip("cyclonedds")
     name = cell_that_takes(tmp_path, takes)
     # A machine that stalls stops the arm, as it should: then both begin anew.

@@ -110,9 +110,7 @@ def test_a_springy_ball_is_met_farther_inside(e: float, harder: float, speed: fl
     One that is too fast for fingers that hold when it has passed them may be met sooner.
     """
     c = HAND.closing
-    leads = [
-        lead_of(Fingers(HAND, RADIUS, min(x, 1.0)), speed, 0.0) for x in (e, e + harder)
-    ]
+    leads = [lead_of(Fingers(HAND, RADIUS, min(x, 1.0)), speed, 0.0) for x in (e, e + harder)]
     before = [x - HAND.closing_time(RADIUS) for x in leads]
     hard = c.hardness(min(e + harder, 1.0))
     early, ring = hard * c.early, HAND.ring(RADIUS)[0]

@@ -1,21 +1,23 @@
-"""Rows 23 to 36 of the fault table: files, processes, servers, and the real-time loop."""
+"""Rows 23 to 36 of the fault table: files, processes, servers, and the real-time loop.
+
+Row 27, of a study that was killed, and 33 to 35, of two runs in a folder, workers that die and
+signals, are in tests/trials.
+"""
 
 import ast
 import gc
 import json
 import os
 import re
-import shutil
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 import viser
 from faults.conftest import Range
-from small_study import TEXT, Here, quiet, ready, thrown_again, write_study
+from small_study import TEXT, Here, quiet, thrown_again, write_study
 
 import mitt
 from mitt.arm.arm import Arm
@@ -25,10 +27,9 @@ from mitt.catcher.generators import Direct
 from mitt.clock import uncollected
 from mitt.errors import FileError, InputError, MittError
 from mitt.files.maps import read_map, save_map
-from mitt.files.writing import locked, write_text
+from mitt.files.writing import write_text
 from mitt.map.learn import Learned
 from mitt.report.replay_3d import served
-from mitt.trials.result import NAME
 from mitt.trials.runner import TrialRunner
 from mitt.trials.study_results import read_part
 from mitt.trials.study_run import run_study
@@ -121,19 +122,6 @@ def test_row_26_truncated_log(tmp_path: Path, thrown_study: Path) -> None:
         assert len(engine.done) <= 1
 
 
-def test_row_27_killed_study_resumes(tmp_path: Path, thrown_study: Path) -> None:
-    """What a kill leaves, a study without some of its parts, is finished to the same bytes."""
-    study, folder = thrown_again(thrown_study, tmp_path)
-    wanted = folder.trials.read_bytes()
-    for k in (1, 4):
-        folder.part(k).unlink()
-    folder.trials.unlink()
-    engine = Here()
-    assert run_study(study, folder, engine, progress=quiet).status == 0
-    assert sorted(engine.done) == [1, 4]
-    assert folder.trials.read_bytes() == wanted
-
-
 def test_row_28_disk_full(tmp_path: Path) -> None:
     """A file that does not fit is an error of one line; the old one stays, nothing else is left."""
     code = (
@@ -222,42 +210,6 @@ def test_row_32_output_names(tmp_path: Path, name: str) -> None:
     with pytest.raises(MittError) as caught:
         write_study(tmp_path, text)
     assert one_line(caught.value)
-
-
-def test_row_33_two_runs_on_one_folder(tmp_path: Path) -> None:
-    """The second run is refused while the first is at work."""
-    out = tmp_path / "out"
-    with locked(out), pytest.raises(InputError, match="one is running"), locked(out):
-        pass
-
-
-def test_row_34_worker_dies(tmp_path: Path, learned: Learned) -> None:
-    """A chunk that kills its worker is left out and named, the others are thrown, status not 0."""
-    study = write_study(tmp_path, TEXT)
-    folder = ready(tmp_path / "out", study, learned)
-    finished = run_study(study, folder, Here(lambda number, _try: number == 2), progress=quiet)
-    assert finished.status != 0
-    assert not folder.part(2).exists()
-    assert all(folder.part(k).exists() for k in (0, 1, 3, 4, 5))
-    shutil.rmtree(folder.path)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("number", "status"), [(2, 130), (15, 143)])
-def test_row_35_signals(tmp_path: Path, learned: Learned, number: int, status: int) -> None:
-    """Interrupted before or between throws: the status tells the signal, one line, no traceback."""
-    save_map(tmp_path / "map.json", learned, version="0")
-    words = ["catch", "--throws", "100000", "--vision", "points", "--record", "none"]
-    process = subprocess.Popen(
-        [sys.executable, "-m", "mitt", *words, "--map", "map.json", "--out", "out"], cwd=tmp_path,
-        stderr=subprocess.PIPE, stdout=subprocess.DEVNULL,
-    )  # fmt: skip
-    while process.poll() is None and not (tmp_path / "out" / NAME).exists():
-        time.sleep(0.05)  # until it has begun
-    process.send_signal(number)
-    _, said = process.communicate(timeout=120)
-    assert process.returncode == status
-    assert b"Traceback" not in said
 
 
 def test_row_36_no_collection_in_the_loop(place: Range) -> None:

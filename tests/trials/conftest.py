@@ -13,5 +13,5 @@ __all__ = ["direct", "scene", "study", "throw", "unoptimised"]
 
 @pytest.fixture
 def study(tmp_path: Path) -> Study:
-    """A study of 24 throws in twelve chunks."""
+    """A study of twelve throws, each a chunk."""
     return write_study(tmp_path, TEXT)

@@ -119,7 +119,7 @@ def test_kill_9_at_any_moment_loses_no_throw_and_doubles_none(
 
 @pytest.mark.slow
 def test_an_interrupt_keeps_what_is_done_and_says_130(tmp_path: Path, learned: Learned) -> None:
-    study = write_study(tmp_path, TEXT.replace("throws = 4", "throws = 400"))
+    study = write_study(tmp_path, TEXT.replace("throws = 2", "throws = 400"))
     folder = ready(tmp_path / "out", study, learned)
     process = _start(tmp_path / "study.toml", folder.path)
     for _ in range(600):

@@ -15,7 +15,7 @@ from mitt.errors import InputError
 from mitt.verdict.holding import hand_shares
 from mitt.verdict.impact import speed_jump
 
-RADII = np.concatenate([np.linspace(0.005, 0.12, 47), np.linspace(0.13, 0.5, 10)]).tolist()
+RADII = np.concatenate([np.linspace(0.005, 0.12, 24), np.linspace(0.13, 0.5, 4)]).tolist()
 """Of balls [m]."""
 HANDS = (
     HandModel(), HandModel(catch_offset=0.16), HandModel(catch_offset=0.04), HandModel(fingers=2),

@@ -126,7 +126,7 @@ class Finger:
             ball_height: Heights of their centres above the tool plate [m], shape (...).
         """
         first = np.asarray(angle) - self.lean
-        out, up = self.base_radius, self.base_height - np.asarray(ball_height)
+        out, up = np.array(self.base_radius), self.base_height - np.array(ball_height)
         nearest: Array = np.full(np.broadcast_shapes(first.shape, up.shape), inf)
         for length, turned in ((self.proximal, first), (self.distal, first + self.bend)):
             across, along = -length * np.sin(turned), length * np.cos(turned)
