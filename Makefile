@@ -4,7 +4,8 @@
 # make extras   add all extras to .venv
 # make docs     build the documentation site: build/docs/index.html
 # make soak     fuzz envelope, ticks, calls and readers: COMMANDS=N TICKS=N CALLS=N FILES=N PROCESSES=N KILLS=N RUN_KILLS=N RUN_SIGNALS=N STUDY_KILLS=N SEED=S
-# make check    format, lint, types, import contracts, then make test
+# make lint     format, lint, types, import contracts
+# make check    make lint, then make test
 # Each builds .venv with exactly pinned versions first if it is missing; Python >= 3.11 is enough.
 
 PYTHON ?= python3
@@ -23,7 +24,7 @@ RUN_SIGNALS ?= 4
 STUDY_KILLS ?= 2
 SEED ?= 1
 
-.PHONY: catch test bare extras check bench docs soak clean
+.PHONY: catch test bare extras lint check bench docs soak clean
 
 .venv/ready: pyproject.toml constraints.txt
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "mitt needs Python 3.11 or later")'
@@ -53,12 +54,14 @@ bare: .venv/ready
 
 extras: .venv/complete
 
-check: .venv/complete
+lint: .venv/complete
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/bandit --quiet --recursive --severity-level medium src
+
+check: lint
 	$(MAKE) --no-print-directory test
 
 bench: .venv/complete

@@ -25,6 +25,21 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Compile before several processes begin to test, as each would compile the same."""
+    if session.config.getoption("numprocesses", None):
+        from mitt.trials.runs import warming  # noqa: PLC0415 (where one process tests, not needed)
+        from mitt.trials.source import source_of  # noqa: PLC0415
+        from mitt.world.scene import Scene  # noqa: PLC0415
+
+        arm, design = build_arm("wam"), MapDesign()
+        ball = source_of(arm, seed=1, count=1, drag=Scene().ball.drag).ball(0)
+        with warming(arm, design, Scene(), ball, pixels=True, progress=lambda *_: None):
+            rng = np.random.default_rng(11)
+            learn_from(arm, design, [parabola(arm, rng) for _ in range(40)])
+
+
 @pytest.fixture(scope="session")
 def arm() -> Arm:
     """The WAM with the limits that the paper's experiment needs."""

@@ -3,6 +3,7 @@
 import fcntl
 import os
 from collections.abc import Sequence
+from pathlib import Path
 
 import pytest
 
@@ -28,6 +29,12 @@ def silent(name: str, done: int, of: int) -> None:
     """Tell nobody."""
 
 
+def folder_of_all(factory: pytest.TempPathFactory) -> Path:
+    """Return the folder that processes which test side by side share."""
+    base = factory.getbasetemp()
+    return base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+
+
 @pytest.fixture(scope="session")
 def whole() -> Arm:
     return whole_arm("wam", tip=None, limits="wam-80v", hand=HandModel())
@@ -46,9 +53,7 @@ def searched(
 
     Processes that test side by side search once: the second finds the answers of the first.
     """
-    folder, asked = tmp_path_factory.getbasetemp(), list[tuple[str, Job]]()
-    if "PYTEST_XDIST_WORKER" in os.environ:  # each process has a folder of its own in that of all
-        folder = folder.parent
+    folder, asked = folder_of_all(tmp_path_factory), list[tuple[str, Job]]()
     inner = Evaluator._worth
 
     def noted(self: Evaluator, name: str, jobs: Sequence[Job]) -> list[Evaluation]:
@@ -63,6 +68,13 @@ def searched(
         found = design(whole, task, TINY, progress=silent, answers=answers)
         answers.close(done=False)
     return found, asked
+
+
+@pytest.fixture
+def answered(found: Design, tmp_path_factory: pytest.TempPathFactory) -> list[bytes]:
+    """The lines of the file of answers that the search came to; the first is the file's head."""
+    assert found.best is not None
+    return (folder_of_all(tmp_path_factory) / "search.jsonl").read_bytes().splitlines(keepends=True)
 
 
 @pytest.fixture(scope="session")
