@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from mitt.arm.arm import Arm
@@ -59,14 +60,20 @@ def _poses(frames: tuple[Frame, ...], q: Array, hand: float) -> dict[str, Array]
 
 
 def test_the_description_and_the_frames_are_the_arm(any_arm: Arm, tmp_path: Path) -> None:
-    """Read back by mitt, and by its frames: the same catch point, normal of the palm and mass."""
+    """Read by mitt and by Pinocchio, and by its frames: the same catch point, normal and mass."""
     model, rng = any_arm.model, np.random.default_rng(4)
     path = tmp_path / "arm.urdf"
     path.write_text(urdf_of(any_arm))
     back = build_arm(path, tip=CATCH_POINT, joints=model.names)
+    other = pin.buildModelFromUrdf(str(path))
+    data, tip, full = other.createData(), other.getFrameId(CATCH_POINT), np.zeros(other.nq)
+    places = [other.joints[other.getJointId(name)].idx_q for name in model.names]
     for _ in range(10):
         q = rng.uniform(any_arm.q_min, any_arm.q_max)
         poses = _poses(frames_of(any_arm), q, 0.3)
+        full[places] = q
+        pin.framesForwardKinematics(other, data, full)
+        np.testing.assert_allclose(data.oMf[tip].translation, any_arm.position(q), atol=_EXACT_M)
         np.testing.assert_allclose(back.position(q), any_arm.position(q), atol=_EXACT_M)
         np.testing.assert_allclose(poses[CATCH_POINT][:3, 3], any_arm.position(q), atol=_EXACT_M)
         normal = poses[HAND][:3, 2]
