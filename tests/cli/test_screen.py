@@ -3,6 +3,7 @@
 import contextlib
 import html
 import io
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -11,14 +12,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
+from rich.console import Console
 
 from mitt import kernels
+from mitt.cli.catching import table_of
 from mitt.cli.main import main
 from mitt.cli.measuring import _show_study as show_study
 from mitt.cli.screen import checked, progress, show, table, tell_of_kernels, warn
 from mitt.errors import printable
 from mitt.interrupts import tell
 from mitt.report.style import GENERATORS, legend_above, plot
+from mitt.trials.score import Trial
 
 
 class Full:
@@ -30,6 +34,25 @@ class Full:
 
     def flush(self) -> None:
         """Do nothing."""
+
+
+def test_the_table_of_throws_fits_80_columns() -> None:
+    """The longest that each column can hold: nothing is cut, only the last column breaks."""
+    trial = Trial(
+        index=9999, status="unreachable", t_catch_s=1.234, position_error_mm=123.4,
+        velocity_error_m_s=12.34, peak_torque_ratio=[1.0], peak_speed_ratio=[1.0],
+        limit_violations=0, demand_cost=1.0, peak_contact_force_n=1234.0, over_force=True,
+        binding_limit="acceleration:panda_joint2", saturated_ticks=0, range_excess_rad=0.0,
+    )  # fmt: skip
+    console = Console(width=80, file=io.StringIO())
+    with console.capture() as captured:
+        console.print(table_of("a", [trial, replace(trial, binding_limit=None)]))
+    lines = captured.get().splitlines()
+    assert all(len(line) <= 80 for line in lines)
+    text = "".join("".join(lines).split())
+    assert "\u2026" not in text
+    for word in ("unreachable", "1.234", "123.4", "12.34", "1234!", "100", "acceleration:panda"):
+        assert word in text
 
 
 @pytest.mark.parametrize(

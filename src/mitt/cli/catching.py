@@ -1,9 +1,12 @@
 """``mitt catch`` and ``mitt learn``: throw, see, map, catch; learn a map."""
 
+from collections.abc import Sequence
 from dataclasses import asdict, fields, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
+
+from rich.table import Table
 
 import mitt
 from mitt import checks
@@ -188,16 +191,11 @@ def _show(finished: FinishedRun) -> None:
     """Print the table of a run: the first 20 throws, and 40 of the others that failed."""
     head, summary = finished.prepared.head, finished.result["summary"]
     scene = f"scene {head['scene']}" + (", changed" if "scene_changed" in head else "")
-    throws = table(
-        f"{head['arm']}, limits {head['limits']}, {head['generator']}, {head['vision']}, {scene}",
-        ("throw", "status", "catch [s]", "miss [mm]", "rel. [m/s]", "force [N]", "speed [%]",
-         "asks most, stopped by"), left=("status", "asks most, stopped by"),
-        no_wrap=True,
-    )  # fmt: skip
+    title = (
+        f"{head['arm']}, limits {head['limits']}, {head['generator']}, {head['vision']}, {scene}"
+    )
     shown = finished.trials[:20] + [t for t in finished.trials[20:] if t.status != "caught"][:40]
-    for trial in shown:
-        throws.add_row(*_row(trial))
-    show(throws)
+    show(table_of(title, shown))
     if len(shown) < len(finished.trials):
         show(f"{len(finished.trials) - len(shown)} more throws, all in result.json")
     stops = (trial.stopped_by for trial in finished.trials)
@@ -216,6 +214,18 @@ def _show(finished: FinishedRun) -> None:
         *([] if finished.clock is None else [finished.clock.words]),
         f"written: {finished.prepared.out / page}",
     )
+
+
+def table_of(title: str, trials: Sequence[Trial]) -> Table:
+    """Return the table of some throws."""
+    out = table(
+        title,
+        ("throw", "status", "catch [s]", "miss [mm]", "rel. [m/s]", "force [N]", "speed [%]",
+         "asks most, stopped by"), left=("status", "asks most, stopped by"), no_wrap=True,
+    )  # fmt: skip
+    for trial in trials:
+        out.add_row(*_row(trial))
+    return out
 
 
 def _row(trial: Trial) -> tuple[str, ...]:

@@ -167,7 +167,8 @@ def table(
                  pad_edge=False, collapse_padding=True)  # fmt: skip
     for name in columns:
         justify: JustifyMethod = "left" if name in left else "right"
-        out.add_column(_heading(name), justify=justify, no_wrap=no_wrap and name != columns[-1])
+        out.add_column(_heading(name), justify=justify, overflow="fold",
+                       no_wrap=no_wrap and name != columns[-1])  # fmt: skip
     return out
 
 
