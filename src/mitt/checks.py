@@ -46,9 +46,12 @@ def array(
     given = value
     if not (isinstance(given, np.ndarray) and given.dtype == np.float64 and given.flags.carray):
         given = _numbers(name, value)
-    if len(given.shape) != len(shape) or any(
-        wanted is not None and wanted != side
-        for wanted, side in zip(shape, given.shape, strict=True)
+    if given.shape != shape and (
+        len(given.shape) != len(shape)
+        or any(
+            wanted is not None and wanted != side
+            for wanted, side in zip(shape, given.shape, strict=True)
+        )
     ):
         sides = ", ".join("K" if side is None else str(side) for side in shape)
         raise ShapeError(name, f"({sides},)" if len(shape) == 1 else f"({sides})", given.shape)
