@@ -158,6 +158,7 @@ def test_arms_and_scenes_by_keyword_and_what_is_refused() -> None:
     """Other limits and another scene are taken; what is none is one line."""
     env = gymnasium.make("mitt/Catch-v0", limits="wam-48v", scene="rough")
     env.reset(seed=1)
+    assert mitt.gym.Catch(arm="ur5e").arm.limits.name == "ur5e"
     for wrong in ({"action": "dance"}, {"scene": "no.toml"}, {"arm": "no"}, {"ticks": 0}):
         with pytest.raises(InputError):
             mitt.gym.Catch(**wrong)

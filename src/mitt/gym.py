@@ -6,7 +6,7 @@
 | keyword  | what                                                                                |
 |----------|-------------------------------------------------------------------------------------|
 | `arm`    | an arm as of ``mitt.load_arm``, its name or file; it needs a hand                   |
-| `limits` | its limit set                                                                       |
+| `limits` | its limit set; its own if left out, ``paper`` for the WAM                           |
 | `scene`  | the world: a ``Scene``, the name or the file of one                                 |
 | `action` | `torque`: of each joint as a share of its largest, and the closing of the hand;     |
 |          | `residual`: torque on top of what the catcher with the map commands                 |
@@ -87,7 +87,7 @@ class Environment(gymnasium.Env[Observation, Numbers]):
         *,
         render_mode: str | None = None,
         arm: Arm | str | Path = "wam",
-        limits: str = "paper",
+        limits: str | None = None,
         scene: Scene | str | Path | None = None,
         action: Literal["torque", "residual"] = "torque",
         map: DirectMap | Learned | str | Path | None = None,  # noqa: A002 (its name outside)
@@ -102,7 +102,7 @@ class Environment(gymnasium.Env[Observation, Numbers]):
             raise InputError("scene", "a robot that takes torques", self.scene.actuation.takes)
         self.ticks = checks.whole("ticks", ticks, least=1)
         self.metadata = {**self.metadata, "render_fps": max(round(1.0 / (TICK * ticks)), 1)}
-        limits = checks.text("limits", limits)
+        limits = None if limits is None else checks.text("limits", limits)
         self.arm, said = (arm, None) if isinstance(arm, Arm) else arm_with_hand(arm, limits=limits)
         self._design = default_design(self.arm, base=None if said is None else said.map)
         source = source_of(self.arm, seed=0, count=1, drag=self.scene.ball.drag)
