@@ -144,7 +144,58 @@ def test_a_kernel_that_python_and_kernels_call_is_kept_for_both(tmp_path: Path) 
     assert said[1][0] == said[0][0]
     assert int(said[1][1]) >= 2
     names = {path.name.split("-")[0] for path in (tmp_path / "cache").rglob("*.nbc")}
-    assert names == {"both_ways.part", "both_ways.part_inner", "both_ways.whole"}
+    assert names == {"both_ways.part", "both_ways.whole", "both_ways.whole_inner"}
+
+
+TOWER = """
+import sys
+import numpy as np
+from mitt.kernels import big_kernel, kernel
+
+@kernel
+def part(v):
+    if v[0] < 0.0:
+        raise ValueError("negative")
+    return v[0]
+
+@big_kernel
+def storey(v, k=1):
+    return part(v) + v[k]
+
+@kernel
+def again(v):
+    return 0.0 * part(v)
+
+@kernel
+def top(v):
+    return storey(v) + storey(v, 2) + again(v)
+
+@kernel
+def over(v):
+    return top(v)
+
+for name in sys.argv[1:]:
+    asked = globals()[name]
+    print(asked(np.arange(3.0)), sum(asked.stats.cache_misses.values()), end=" ")
+try:
+    asked(-np.ones(3))
+except ValueError as error:
+    print(error)
+"""
+
+
+def test_a_big_kernel_is_compiled_once_and_found_by_its_callers(tmp_path: Path) -> None:
+    """By callers of now, by those from the cache, and by those of a kernel from the cache."""
+    script, said = tmp_path / "tower.py", []
+    script.write_text(TOWER)
+    for asked in (["storey", "top"], ["top"], ["over"], ["over"]):
+        run = subprocess.run(
+            [sys.executable, str(script), *asked], capture_output=True, text=True, check=True,
+            env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")},
+        )  # fmt: skip
+        said.append(run.stdout.strip())
+    assert said == ["1.0 1 3.0 1 negative", "3.0 0 negative", "3.0 1 negative", "3.0 0 negative"]
+    assert len(list((tmp_path / "cache").rglob("*storey_inner*.nbc"))) == 2
 
 
 BEYOND = """

@@ -1,5 +1,12 @@
 """How kernels are compiled and kept, and how they take arrays: views and handles.
 
+**Compiled once.** By itself Numba optimises a kernel and makes machine code of it, links it into
+each kernel that calls it, and optimises both again, up to the top. Here a :func:`kernel` that
+kernels call is typed and written as LLVM's code, no more: it is linked into what Python calls, and
+that is optimised once and made machine code. A :func:`big_kernel`, which takes microseconds, is
+machine code by itself, and others call it by its address: so no part of a tick is compiled twice,
+and two processes can compile different parts.
+
 **Kept.** Numba recompiles a cached kernel when its own file changes, but not when a kernel that it
 calls has changed in another file. Here the folder of a cached kernel is named after a hash of its
 file and of every file of mitt that it imports, directly or not. So the cache is right however mitt
@@ -26,17 +33,21 @@ import sys
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import cache, lru_cache
+from importlib import import_module
 from math import prod
 from pathlib import Path
 from types import FunctionType
 from typing import Any, Final, TypeAlias
 
 import numpy as np
-from llvmlite import ir
+from llvmlite import binding, ir
 from numba import __version__, carray, config, njit, types
 from numba.core.base import BaseContext
-from numba.core.caching import CacheImpl, _CacheLocator
+from numba.core.caching import CacheImpl, CompileResultCacheImpl, FunctionCache, _CacheLocator
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler, CompileResult
 from numba.core.typing import Context, Signature
 from numba.experimental import structref
 from numba.extending import intrinsic, overload
@@ -141,15 +152,6 @@ def is_cold() -> bool:
     )
 
 
-def compiled_count() -> int:
-    """Return how many compiled kernels are kept."""
-    cache, count = cache_folder(), 0
-    for folder in [] if cache is None else cache.glob("*/*"):
-        with suppress(OSError):  # another process deletes old folders
-            count += sum(1 for _ in folder.glob("*.nbc"))
-    return count
-
-
 def _delete_old(folder: Path) -> None:
     """Delete what other versions of a file compiled to, but for those compiled last."""
     others = {}
@@ -198,6 +200,11 @@ class _KernelLocator(_CacheLocator):  # type: ignore[misc]
 CacheImpl._locator_classes.insert(0, _KernelLocator)
 
 _kernels: set[Callable[..., Any]] = set()
+_compiled: dict[Callable[..., Any], Callable[[tuple[types.Type, ...]], CompileResult]] = {}
+_INNER: Final = "_inner"
+#: Kernels, itself and what it calls, up to which a kernel has no file of its own for other kernels:
+#: it compiles about as fast as it is read.
+_FEW: Final = 3
 
 
 def _general(kind: types.Type) -> types.Type:
@@ -213,37 +220,214 @@ def _general(kind: types.Type) -> types.Type:
 
 
 def kernel(function: Callable[..., Any]) -> Any:  # noqa: ANN401
-    """Compile a function when it is first called, and keep the compiled code.
+    """Compile a function when it is first called: typed once, optimised with what calls it.
 
-    What only kernels call is compiled without the wrapper through which Python calls, and for the
-    types of its arguments alone, not for the values of constants: that is ``inner``. A kernel that
-    both call is compiled twice, each time from the same source. A kernel may not call itself. With
-    one dispatcher for both, a cold ``mitt catch --throws 1 --vision points`` takes 203 s of
-    processor time and keeps 428 kernels of 55 MB; so it takes 168 s, and keeps 396 of 45 MB.
+    For other kernels it is compiled for the types of its arguments, not for the values of
+    constants, to code that is linked into the caller's: that is ``inner``. For Python a wrapper is
+    put around the same code, and the whole is optimised and made machine code. A kernel may not
+    call itself.
     """
-    outer = _dispatcher(function)
-    inner = _dispatcher(_renamed(function), no_cpython_wrapper=True)
+    return _kernel(function, _Linking)
+
+
+def big_kernel(function: Callable[..., Any]) -> Any:  # noqa: ANN401
+    """As :func:`kernel`, for what takes microseconds: made machine code once, called by address."""
+    return _kernel(function, _Apart)
+
+
+def _kernel(function: Callable[..., Any], how: type[Compiler]) -> Any:  # noqa: ANN401
+    """Return the dispatcher for Python, which holds that for kernels as ``inner``."""
+    outer = _dispatcher(function, _Wrapping)
+    inner = _dispatcher(_renamed(function), how, no_cpython_wrapper=True)
+    if how is _Linking and cache_folder() is not None:
+        inner._cache = _LinkedCache(inner.py_func)
     template = inner.get_call_template
+
+    def compiled(args: tuple[types.Type, ...]) -> CompileResult:
+        """Return what a kernel is for kernels."""
+        inner.compile(args)
+        made = inner.overloads[args]
+        made.library._reload_init.update(made.reload_init)  # Numba does not, for one from the cache
+        if how is _Apart:
+            name = _Symbol(function.__module__, function.__qualname__, args)
+            made.library._reload_init.add(name)
+            address = made.codegen._engine.get_function_address(made.fndesc.llvm_func_name)
+            binding.add_symbol(str(name), address)
+        return made
 
     def general_template(args: Sequence[types.Type], kws: Mapping[str, types.Type]) -> Any:  # noqa: ANN401
         """Compile for general types before the call is typed."""
         known = {name: _general(kind) for name, kind in kws.items()}
-        return template([_general(kind) for kind in args], known)
+        found = template([_general(kind) for kind in args], known)
+        compiled(tuple(found[2]))
+        return found
 
+    _compiled[function] = compiled
     outer.get_call_template, outer.get_overload = general_template, inner.get_overload
     outer.inner = inner
     return outer
 
 
-def _dispatcher(function: Callable[..., Any], **options: bool) -> Any:  # noqa: ANN401
+def _dispatcher(function: Callable[..., Any], how: type[Compiler], **options: bool) -> Any:  # noqa: ANN401
     """Return what compiles a function when it is called."""
     _kernels.add(function)
-    return njit(cache=cache_folder() is not None, no_cfunc_wrapper=True, **options)(function)
+    kept = cache_folder() is not None
+    return njit(cache=kept, no_cfunc_wrapper=True, pipeline_class=how, **options)(function)
+
+
+@dataclass(frozen=True, slots=True)
+class _Symbol:
+    """By what name the machine code of a big kernel is called, in any process."""
+
+    module: str
+    name: str
+    args: tuple[types.Type, ...]
+
+    def __str__(self) -> str:
+        """Return the name."""
+        kinds = hashlib.sha256(str(self.args).encode()).hexdigest()[:16]
+        return f"{self.module}.{self.name}.{kinds}"
+
+    def __call__(self) -> None:
+        """Load or compile the kernel: Numba calls this before it loads what calls the kernel."""
+        _compiled[vars(import_module(self.module))[self.name].py_func](self.args)
+
+
+class _Linked(JITCodeLibrary):  # type: ignore[misc]
+    """Code of one kernel as Numba wrote it, for what calls it; the machine never gets it."""
+
+    own: binding.ModuleRef
+    _final_module: binding.ModuleRef
+    _shared_module: binding.ModuleRef | None
+    _linking_libraries: list[JITCodeLibrary]
+
+    def finalize(self) -> None:
+        """Keep the code; the machine gets the names of environments, which Numba fills."""
+        self.own = self._final_module
+        names = [v.name for v in self.own.global_variables if v.name.startswith("_ZN08NumbaEnv")]
+        stub = str(self._codegen._create_empty_module(self.name))
+        for name in names:
+            stub += f"\n@{name} = common local_unnamed_addr global i8* null"
+        self._final_module = binding.parse_assembly(stub)
+        for function in self.own.functions:
+            if not function.is_declaration and function.linkage == binding.Linkage.external:
+                function.linkage = "linkonce_odr"
+        for library in self._linking_libraries:
+            self._reload_init.update(library._reload_init)
+        self._finalize_final_module()
+
+    def _get_module_for_linking(self) -> binding.ModuleRef:
+        """Return the code of this kernel and of all that it calls, for the cache."""
+        if self._shared_module is None:
+            self._shared_module = self.own.clone()
+            _link(self._shared_module, self._linking_libraries)
+        return self._shared_module
+
+
+class _Whole(JITCodeLibrary):  # type: ignore[misc]
+    """Machine code of a kernel and of all that is linked into it, optimised once."""
+
+    _final_module: binding.ModuleRef
+    _linking_libraries: list[JITCodeLibrary]
+
+    def finalize(self) -> None:
+        """Link each kernel once, however often it is called, then optimise."""
+        for library in self._linking_libraries:
+            self._reload_init.update(library._reload_init)
+        _link(self._final_module, self._linking_libraries)
+        self._linking_libraries = []
+        super().finalize()
+
+
+def _below(libraries: Sequence[JITCodeLibrary]) -> list[JITCodeLibrary]:
+    """Return libraries, and what they call in turn, each once."""
+    found, todo = [], list(libraries)
+    while todo:
+        library = todo.pop()
+        if library not in found:
+            found.append(library)
+            todo += library._linking_libraries if isinstance(library, _Linked) else []
+    return found
+
+
+def _link(code: binding.ModuleRef, libraries: Sequence[JITCodeLibrary]) -> None:
+    """Link libraries into code, and what they call in turn."""
+    for library in _below(libraries):
+        linked = library.own if isinstance(library, _Linked) else library._get_module_for_linking()
+        code.link_in(linked, preserve=True)
+
+
+def _library(
+    kind: type[JITCodeLibrary], context: BaseContext, function: Callable[..., Any]
+) -> JITCodeLibrary:
+    """Return an empty library of a kind for the code of a function."""
+    library = kind(context.codegen(), function.__qualname__)
+    library.enable_object_caching()
+    return library
+
+
+class _LinkedImpl(CompileResultCacheImpl):  # type: ignore[misc]
+    """Says which kernels are kept for other kernels."""
+
+    def check_cachable(self, cres: CompileResult) -> bool:
+        """Keep what takes longer to compile than to read: what calls some kernels in turn."""
+        kernels = sum(library.name.endswith(_INNER) for library in _below([cres.library]))
+        return kernels > _FEW and bool(super().check_cachable(cres))
+
+
+class _LinkedCache(FunctionCache):  # type: ignore[misc]
+    """Where kernels are kept for other kernels."""
+
+    _impl_class = _LinkedImpl
+
+
+class _Linking(Compiler):  # type: ignore[misc]
+    """Compiles a kernel for other kernels: they link its code."""
+
+    def compile_extra(self, func: Callable[..., Any]) -> CompileResult:
+        """Compile a function into a library that is linked."""
+        self.state.library = _library(_Linked, self.state.targetctx, func)
+        return super().compile_extra(func)
+
+
+class _Apart(Compiler):  # type: ignore[misc]
+    """Compiles a big kernel for other kernels: they link a call of its symbol."""
+
+    def compile_extra(self, func: Callable[..., Any]) -> CompileResult:
+        """Compile a function to machine code, and write the call."""
+        args, context = tuple(self.state.args), self.state.targetctx
+        self.state.library = _library(_Whole, context, func)
+        made = super().compile_extra(func)
+        module, fndesc = ir.Module(), made.fndesc
+        kind = context.call_conv.get_function_type(fndesc.restype, fndesc.argtypes)
+        name = _Symbol(func.__module__, func.__qualname__.removesuffix(_INNER), args)
+        far = ir.Function(module, kind, str(name))
+        near = ir.Function(module, kind, fndesc.llvm_func_name)
+        near.linkage = "linkonce_odr"
+        near.attributes.add("alwaysinline")
+        builder = ir.IRBuilder(near.append_basic_block())
+        builder.ret(builder.call(far, near.args))
+        made.library._shared_module = binding.parse_assembly(str(module))
+        return made
+
+
+class _Wrapping(Compiler):  # type: ignore[misc]
+    """Compiles a kernel for Python: a wrapper around what it is for other kernels."""
+
+    def compile_extra(self, func: Callable[..., Any]) -> CompileResult:
+        """Compile a wrapper and link what it calls."""
+        made, context = _compiled[func](tuple(self.state.args)), self.state.targetctx
+        library = _library(_Whole, context, func)
+        library.add_linking_library(made.library)
+        context.create_cpython_wrapper(library, made.fndesc, made.environment, None)
+        entry = context.get_executable(library, made.fndesc, made.environment)
+        needed = [*library._reload_init]
+        return made._replace(library=library, entry_point=entry, metadata=None, reload_init=needed)
 
 
 def _renamed(function: Callable[..., Any]) -> Callable[..., Any]:
     """Return the same function by another name, so that its compiled code is kept beside."""
-    code, name = function.__code__, f"{function.__qualname__}_inner"
+    code, name = function.__code__, f"{function.__qualname__}{_INNER}"
     other = FunctionType(
         code, function.__globals__, name, function.__defaults__, function.__closure__
     )

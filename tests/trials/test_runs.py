@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable
 from dataclasses import replace
+from multiprocessing import get_context
 from pathlib import Path
 from signal import SIGHUP, SIGTERM
 from typing import Any
@@ -188,16 +189,17 @@ def test_the_types_are_those_of_a_throw(
     arm: Arm, throw: Throw, monkeypatch: pytest.MonkeyPatch, pixels: bool
 ) -> None:
     """Another type, and each kernel would be compiled twice without a word."""
-    spies = {name: Spy() for name in ("perceive", "act", "refer", "undecided", "move")}
+    spies = {name: Spy() for name in ("perceive", "act", "refer", "undecided", "move", "capture")}
     for name, spy in spies.items():
         monkeypatch.setattr(runs, name, spy)
     f = unlearned(arm, default_design(arm))
-    runs._compile_eyes(f, Scene(), throw, pixels)
-    runs._compile_arm(f, Scene(), throw, pixels)
+    begun, done = (get_context("spawn").Value("i") for _ in range(2))
+    runs._compile_parts(f, Scene(), throw, pixels, begun, done)
+    assert done.value == begun.value - 1
     given: dict[str, Any] = {}
 
     def play(plant: Any, sight: Any, parts: Any, kept: Any, *_: Any) -> int:  # noqa: ANN401
-        given.update(sight._asdict(), plant=plant, parts=parts, rows=kept.trace)
+        given.update(sight._asdict(), plant=plant, parts=parts, rows=kept.trace, sight=sight)
         raise StopIteration
 
     monkeypatch.setattr(loop, "play", play)
@@ -217,6 +219,7 @@ def test_the_types_are_those_of_a_throw(
         "refer": (state, result),
         "undecided": (whole, state, result),
         "move": (typeof(given["plant"]), q, number, typeof(given["rows"])),
+        "capture": (typeof(given["plant"]), typeof(given["sight"]), state, whole, typeof(True)),
     }
     assert {name: spy.types for name, spy in spies.items()} == {k: [v] for k, v in wanted.items()}
 
@@ -247,7 +250,7 @@ def test_the_bar_ends(arm: Arm, throw: Throw, monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(runs, "cache_folder", Path)
     monkeypatch.setattr(runs, "is_cold", lambda: True)
     monkeypatch.setattr(runs, "get_context", lambda _: other)
-    monkeypatch.setattr(runs, "_compile_arm", lambda *_: None)
+    monkeypatch.setattr(runs, "_compile_parts", lambda *_: None)
     with runs.warming(
         arm, default_design(arm), Scene(), throw, pixels=True,
         progress=lambda *call: calls.append(call),
@@ -263,6 +266,10 @@ class _Other:
     def __init__(self) -> None:
         """Start without anything done."""
         self.did: list[str] = []
+
+    def Value(self, kind: str) -> Any:  # noqa: N802, ANN401 (its name, and type)
+        """Return a number that processes share."""
+        return get_context("spawn").Value(kind)
 
     def Process(self, **_: object) -> "_Other":  # noqa: N802 (its name)
         """Return the process."""

@@ -55,7 +55,7 @@ from mitt.ball.motion_models import (
 )
 from mitt.errors import InputError
 from mitt.fields import Range, brief, check
-from mitt.kernels import Fields, Record, kernel
+from mitt.kernels import Fields, Record, big_kernel, kernel
 from mitt.signals import GRAVITY, Array, BallState, Sighting
 
 MAX_HORIZON = 2.0
@@ -270,7 +270,7 @@ class BallFilter:
         )  # fmt: skip
 
 
-@kernel
+@big_kernel
 def update(ball: Record, t: float, z: Array, R: Array) -> None:
     """Process a sighting; one that is not finite, absurd, repeated or too old is dropped.
 

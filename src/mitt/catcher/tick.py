@@ -64,7 +64,7 @@ from mitt.control.viability import BLOCKED, safety_filter
 from mitt.eyes.head import aim, bearing, lead
 from mitt.eyes.held import find_held
 from mitt.eyes.localization import guide, localize
-from mitt.kernels import kernel
+from mitt.kernels import big_kernel, kernel
 from mitt.map.mapping import reference
 from mitt.map.prediction import time_to_catch
 from mitt.signals import TICK, Array, Image, Sighting
@@ -107,7 +107,7 @@ def tick(seen: Seen, read: Read, brake: Array, state: CatcherState, result: Resu
     return int(act(brake, state, result))
 
 
-@kernel
+@big_kernel
 def perceive(seen: Seen, read: Read, state: CatcherState, result: Result) -> None:
     """Take encoders and images in and carry the estimate to the time of the command."""
     s, out, (images, backgrounds, apart, t_exposed) = state.scalars[0], result.scalars[0], seen
@@ -288,7 +288,7 @@ def _turn_heads(
     lead(state.eyes, target, t_seen, s.t_exposed, out.t + TICK, result.gaze)
 
 
-@kernel
+@big_kernel
 def refer(state: CatcherState, result: Result) -> None:
     """Evaluate the map at the ball; while the verdict is pending, at its surrogate target."""
     s, out = state.scalars[0], result.scalars[0]
@@ -305,7 +305,7 @@ def refer(state: CatcherState, result: Result) -> None:
         out.time_to_catch = time_to_catch(state.map, rows, target, out.drag, led)
 
 
-@kernel
+@big_kernel
 def act(brake: Array, state: CatcherState, result: Result) -> int:
     """Close the hand and track the desired motion, or that of braking."""
     s, out = state.scalars[0], result.scalars[0]

@@ -27,7 +27,7 @@ from mitt import checks
 from mitt.arm.arm import Arm
 from mitt.errors import InputError, ModelError
 from mitt.fields import brief
-from mitt.kernels import kernel, view
+from mitt.kernels import big_kernel, kernel, view
 from mitt.map.map_design import MapDesign, check_joints, tangent_of
 from mitt.map.polynomial import CatchBasis, bend, jets
 from mitt.map.prediction import time_to_catch
@@ -421,7 +421,7 @@ def virtual(packed: Array, ball: Array, rows: Array, work: Array) -> bool:
     return bool(lift(g, ball, rows, unfold(work, rows.shape[1])))
 
 
-@kernel
+@big_kernel
 def reference(f: MapArrays, ball: Array, rows: Array) -> bool:
     """Write q_d, dq_d, ddq_d, q_o, dq_o, ddq_o (6, n) for r_o, dr_o, ddr_o (3, 3), eq. (1).
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from mitt import checks
 from mitt.ball.flight import STATES, MotionModel, acceleration, advance, advance_uncertain
-from mitt.kernels import kernel, view
+from mitt.kernels import big_kernel, kernel, view
 from mitt.map.tangent import MapArrays, coordinate, invert, lift, to_go, unfold, unpack
 from mitt.signals import GRAVITY, PASSED, Array, BallState
 
@@ -159,7 +159,7 @@ def fly(state: Array, after: Array, path: Array) -> None:
         path[k] = ball
 
 
-@kernel
+@big_kernel
 def catch_time(f: MapArrays, state: Array, q_o: Array, ball: Array) -> float:
     """Return the time until s = q_o,i - q_alpha changes its sign, by halving; infinity without."""
     g = unpack(f.packed)
@@ -283,7 +283,7 @@ def _passes_below(state: Array, reach: float) -> bool:
     return False
 
 
-@kernel
+@big_kernel
 def sigma_at_catch(f: MapArrays, state: Array, drag: float, covariance: Array) -> float:
     """Return the 1-sigma at the catch; see :func:`sharpness`."""
     q_o = f.start.copy()

@@ -33,7 +33,7 @@ from mitt.eyes.camera import CAMERA
 from mitt.eyes.head import HEAD
 from mitt.eyes.held import window_about
 from mitt.eyes.segmentation import WORK, region_of_interest, suffices, whole_image
-from mitt.kernels import Record, kernel
+from mitt.kernels import Record, big_kernel, kernel
 from mitt.signals import TICK, Array, Image
 from mitt.world.capsules import Body, lay_capsules
 from mitt.world.engine import Plant
@@ -188,7 +188,7 @@ def render(sight: Sight, k: int, state: StateHandle, held: bool) -> None:
             return
 
 
-@kernel
+@big_kernel
 def capture(plant: Plant, sight: Sight, state: StateHandle, k: int, held: bool) -> None:
     """Keep what is in view in tick ``k``, and draw the images that arrive in it."""
     shots, points = sight.shots, sight.points
@@ -263,6 +263,25 @@ def play(
     return 0
 
 
+def sight_of(stage: Stage, catcher: Catcher, offset: float = 0.0) -> Sight:
+    """Return what a catcher is given to see in a world at the release; ``offset`` as of a stamp."""
+    imager, latency = stage.imager, stage.scene.sensing.latency
+    film, starts = (_DARK, _NO_STARTS) if imager is None else imager.film
+    shots = Shots(
+        np.zeros((latency + 1, len(stage.body.capsules) + 2, 8)),
+        np.zeros((latency + 1, 2), np.int64),
+        np.empty((2, *((0, 0) if imager is None else imager.shape)), np.uint8),
+    )
+    ahead = LookAhead(
+        np.zeros((2, 4), np.int64), np.zeros(2, np.bool_), np.zeros(1, WORK), np.zeros(3)
+    )
+    points = Points(np.zeros((0, 3)), stage.sensors.covariance, np.zeros((latency + 1, 3)))
+    return Sight(
+        stage.body, film, starts, shots, points, stage.radius, offset, stage.sensors.encoders,
+        NOTHING, catcher.backgrounds, ahead,
+    )  # fmt: skip
+
+
 def play_out(
     stage: Stage, catcher: Catcher, stopwatch: Stopwatch, *, longest: float, held: float,
     offset: float = 0.0,
@@ -284,29 +303,17 @@ def play_out(
     if own != n:
         raise ShapeError("catcher", f"an arm of {n} joints", (own,))
     imager, p, most = stage.imager, stage.plant.state, round((longest + held + WATCHED) / TICK) + 2
-    latency, shape = stage.scene.sensing.latency, (0, 0) if imager is None else imager.shape
-    shots = Shots(
-        np.zeros((latency + 1, len(stage.body.capsules) + 2, 8)),
-        np.zeros((latency + 1, 2), np.int64),
-        np.empty((2, *shape), np.uint8),
-    )
-    ahead = LookAhead(
-        np.zeros((2, 4), np.int64), np.zeros(2, np.bool_), np.zeros(1, WORK), np.zeros(3)
-    )
-    points = Points(np.zeros((0, 3)), stage.sensors.covariance, np.zeros((latency + 1, 3)))
-    log, film, starts = room_for(catcher.result, most), _DARK, _NO_STARTS
+    log, sight = room_for(catcher.result, most), sight_of(stage, catcher, offset)
     trace, times = stage.trace_buffer.reserve(most + 1), np.zeros(most + 2, np.int64)
     kept = Kept(trace, result_handle(log), times)
     while (parts := catcher.parts) is not None and not over(p, longest, held):
         k = int(p["ticks"][0])
         if imager is not None:
             film, starts = imager.film
+            sight = sight._replace(film=film, starts=starts, backgrounds=catcher.backgrounds)
         elif k % BLOCK == 0 and catcher.looking:
-            points = points._replace(noise=stage.sensors.noise(BLOCK))
-        sight = Sight(
-            stage.body, film, starts, shots, points, stage.radius, offset,
-            stage.sensors.encoders, NOTHING, catcher.backgrounds, ahead,
-        )  # fmt: skip
+            noise = stage.sensors.noise(BLOCK)
+            sight = sight._replace(points=sight.points._replace(noise=noise))
         todo = play(stage.plant, sight, parts, kept, (longest, held), BLOCK - k % BLOCK)
         if imager is not None and catcher.looking:
             imager.advance(int(p["ticks"][0]) - k)

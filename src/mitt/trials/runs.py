@@ -8,9 +8,10 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field, replace
 from multiprocessing import get_context
+from multiprocessing.sharedctypes import Synchronized
 from pathlib import Path
 from threading import Event, Thread
-from typing import Any, Literal, final
+from typing import Any, Final, Literal, TypeAlias, final
 
 import numpy as np
 from numba import typeof
@@ -38,14 +39,14 @@ from mitt.eyes.clock_offset import ClockOffset, LearnedClock, caught_offset
 from mitt.files.about import About
 from mitt.files.recordings import write_recording
 from mitt.interrupts import end_with_parent, notice, status_of
-from mitt.kernels import cache_folder, compiled_count, is_cold
+from mitt.kernels import cache_folder, is_cold
 from mitt.map.learn import Learned
 from mitt.map.map_design import MapDesign
 from mitt.map.mapping import DirectMap, unlearned
 from mitt.signals import TICK, ArmState, Senses, Sighting
 from mitt.trials.learning import learn, neighbourhood_of_ball
 from mitt.trials.log import recording_of
-from mitt.trials.play import NOTHING
+from mitt.trials.play import NOTHING, capture, sight_of
 from mitt.trials.registry import make_generator
 from mitt.trials.result import result
 from mitt.trials.runner import LOOKS, TrialRunner
@@ -56,8 +57,8 @@ from mitt.world.motion import move
 from mitt.world.scene import Scene, changed, scene_from
 from mitt.world.throws import Throw
 
-#: Kernels of a default ``mitt catch``, counted on November 23.
-_KERNELS = 331
+Count: TypeAlias = "Synchronized[int]"
+"""A number that processes share."""
 #: What the bar says.
 _COMPILING = "compiling, once"
 
@@ -67,7 +68,7 @@ def warming(
     arm: Arm, design: MapDesign, scene: Scene, ball: Throw | BallPath, *, pixels: bool,
     progress: Progress,
 ) -> Iterator[None]:  # fmt: skip
-    """Compile in a second process what the eyes need, meanwhile here what the arm needs.
+    """Compile what a throw needs, part by part, in a second process and, when it is free, in this.
 
     Does nothing where the kernels have been compiled before, or cannot be kept. What a process
     could not compile is compiled when it is needed. ``ball`` is any throw.
@@ -75,9 +76,11 @@ def warming(
     if cache_folder() is None or not is_cold():
         yield
         return
-    over, job = Event(), (unlearned(arm, design), scene, ball, pixels)
-    other = get_context("spawn").Process(target=_compile_eyes, args=job, daemon=True)
-    watch = Thread(target=_watch, args=(over, progress), daemon=True)
+    context, over = get_context("spawn"), Event()
+    begun, done = context.Value("i"), context.Value("i")
+    job = unlearned(arm, design), scene, ball, pixels, begun, done
+    other = context.Process(target=_compile_beside, args=job, daemon=True)
+    watch = Thread(target=_watch, args=(over, progress, done), daemon=True)
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # for the second process, for good
     try:
         other.start()
@@ -86,54 +89,88 @@ def warming(
     watch.start()
     try:
         yield
-        _compile_arm(*job)
+        _compile_parts(*job)
         other.join()
-        progress(_COMPILING, _KERNELS, _KERNELS)
+        progress(_COMPILING, len(_PARTS), len(_PARTS))
     finally:
         other.terminate()
         over.set()
         watch.join()
 
 
-def _watch(over: Event, progress: Progress) -> None:
-    """Report each second how many kernels are compiled, until it is over."""
-    before = compiled_count()
+def _watch(over: Event, progress: Progress, done: Count) -> None:
+    """Report each second how many parts are compiled, until it is over."""
     while not over.wait(1.0):
-        progress(_COMPILING, min(max(compiled_count() - before, 0), _KERNELS - 1), _KERNELS)
+        progress(_COMPILING, min(done.value, len(_PARTS) - 1), len(_PARTS))
 
 
-def _compile_eyes(f: DirectMap, scene: Scene, ball: Throw | BallPath, pixels: bool) -> None:
-    """Compile what draws images and what finds the ball in them."""
+def _compile_beside(*job: Any) -> None:  # noqa: ANN401
+    """Compile parts in a process that ends with its parent."""
     end_with_parent()
-    runner, catcher = _prepared(f, scene, ball, pixels=pixels)
+    _compile_parts(*job)
+
+
+def _compile_parts(
+    f: DirectMap, scene: Scene, ball: Throw | BallPath, pixels: bool, begun: Count,
+    done: Count,
+) -> None:  # fmt: skip
+    """Compile the next part that nobody has begun, until none is left."""
+    runner = TrialRunner(f.arm, Direct(f), scene, pixels=pixels)
+    runner.world.reset(ball, 0)
+    catcher = runner.catcher()
+    while True:
+        with begun.get_lock():
+            k, begun.value = begun.value, begun.value + 1
+        if k >= len(_PARTS):
+            return
+        _PARTS[k](runner, catcher)
+        with done.get_lock():
+            done.value += 1
+
+
+def _eyes(runner: TrialRunner, catcher: Catcher) -> None:
+    """Compile what draws images, and what finds the ball in them."""
     if views := runner.world.views_before(LOOKS):
         catcher.learn_background(views)
-    _, state, result = catcher.kernel_arguments
-    q = np.zeros(f.arm.n)
+    state, result = catcher.kernel_arguments[1:]
+    q = np.zeros(runner.arm.n)
     seen, read = (NOTHING, catcher.backgrounds, 0, 0.0), (0.0, 0.0, q, q)
     _compile(perceive.inner, seen, read, state, result)
 
 
-def _compile_arm(f: DirectMap, scene: Scene, ball: Throw | BallPath, pixels: bool) -> None:
-    """Compile what moves the arm, in the catcher and in the world."""
-    runner, catcher = _prepared(f, scene, ball, pixels=pixels)
+def _control(_: TrialRunner, catcher: Catcher) -> None:
+    """Compile what moves the arm."""
     brake, state, result = catcher.kernel_arguments
     _compile(act.inner, brake, state, result)
+
+
+def _map(_: TrialRunner, catcher: Catcher) -> None:
+    """Compile what tells where the arm is to be."""
+    state, result = catcher.kernel_arguments[1:]
     _compile(refer.inner, state, result)
+
+
+def _verdict(_: TrialRunner, catcher: Catcher) -> None:
+    """Compile what tells whether there is something to think about."""
+    state, result = catcher.kernel_arguments[1:]
     _compile(undecided.inner, 0, state, result)
-    stage = runner.world.stage
-    if stage is not None:
+
+
+def _plant(runner: TrialRunner, catcher: Catcher) -> None:
+    """Compile what moves the world."""
+    if (stage := runner.world.stage) is not None:
         rows, tau = stage.trace_buffer.reserve(2), catcher.result.command[3]
         _compile(move.inner, stage.plant, tau, 0.0, rows)
 
 
-def _prepared(
-    f: DirectMap, scene: Scene, ball: Throw | BallPath, *, pixels: bool
-) -> tuple[TrialRunner, Catcher]:
-    """Return a runner whose world is ready for a throw, and its catcher."""
-    runner = TrialRunner(f.arm, Direct(f), scene, pixels=pixels)
-    runner.world.reset(ball, 0)
-    return runner, runner.catcher()
+def _pictures(runner: TrialRunner, catcher: Catcher) -> None:
+    """Compile what draws in a trial."""
+    if (stage := runner.world.stage) is not None:
+        state = catcher.kernel_arguments[1]
+        _compile(capture.inner, stage.plant, sight_of(stage, catcher), state, 0, False)
+
+
+_PARTS: Final = (_eyes, _control, _map, _plant, _pictures, _verdict)
 
 
 def _compile(kernel: Any, *args: object) -> None:  # noqa: ANN401

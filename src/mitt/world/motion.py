@@ -12,7 +12,7 @@ A tick in which the ball follows a path or its flight is disturbed is made step 
 import numpy as np
 
 from mitt.ball.flight import advance
-from mitt.kernels import Record, kernel
+from mitt.kernels import Record, big_kernel, kernel
 from mitt.signals import GRAVITY, TICK, Array
 from mitt.world.build import STEP
 from mitt.world.drives import command, finger_torque, follow, hold
@@ -56,7 +56,7 @@ NEAR = 0.25
 REST_SPEED, REST_AFTER = 0.2, 0.08
 
 
-@kernel
+@big_kernel
 def move(plant: Plant, tau: Array, hand: float, trace: Trace) -> None:
     """Let the motors follow a command for one tick, torques [N m] and closing angle [rad]."""
     state = plant.state[0]

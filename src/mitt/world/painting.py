@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitt.eyes.head import aim_one
-from mitt.kernels import Record, kernel, view
+from mitt.kernels import Record, big_kernel, kernel, view
 from mitt.signals import Array, Image
 from mitt.world.capsules import (
     Camera,
@@ -144,7 +144,7 @@ class Exposure(NamedTuple):
     capsules: Array
 
 
-@kernel
+@big_kernel
 def render_images(
     images: tuple[Image, ...],
     film: Film,
