@@ -40,10 +40,15 @@ def triangulated(problem: BoardProblem) -> Array:
 
 
 def bound(problem: BoardProblem, what: Callable[[BoardProblem], Array]) -> float:
-    """Return the least rms error of an unbiased estimate of ``what``, at the true problem."""
+    """Return the least rms error of an unbiased estimate of ``what``, at the true problem.
+
+    ``what`` is of the cameras alone: the poses of the board, last in a step, do not change it.
+    """
     J = problem.jacobian() / NOISE
-    steps = 1e-6 * np.eye(J.shape[1])
-    G = np.column_stack([(what(problem.moved(s)) - what(problem.moved(-s))) / 2e-6 for s in steps])
+    steps = 1e-6 * np.eye(J.shape[1])[: J.shape[1] - 6 * len(problem.T_rig_board)]
+    of_cameras = [(what(problem.moved(s)) - what(problem.moved(-s))) / 2e-6 for s in steps]
+    G = np.zeros((len(of_cameras[0]), J.shape[1]))
+    G[:, : len(steps)] = np.transpose(of_cameras)
     return float(np.sqrt(np.mean(np.diag(G @ np.linalg.solve(J.T @ J, G.T)))))
 
 

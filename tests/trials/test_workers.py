@@ -1,7 +1,6 @@
 """Studies by processes and clusters, and what becomes of workers that die."""
 
 import os
-import random
 import signal
 import subprocess
 import sys
@@ -15,6 +14,7 @@ from small_study import TEXT, quiet, ready, thrown_again, write_study
 
 from mitt.errors import InputError
 from mitt.map.learn import Learned
+from mitt.trials.study_folder import Folder
 from mitt.trials.study_run import run_study
 from mitt.trials.workers import Cluster, Processes, engine_of, run_tasks
 
@@ -80,7 +80,8 @@ def test_what_a_chunk_cannot_be_thrown_for_is_one_line_and_bad_input(
     tmp_path: Path, learned: Learned
 ) -> None:
     """Speeds that no throw has: the worker lives, its reason is told, the status is 2."""
-    text = TEXT.replace('name = "clean"', 'name = "clean"\nthrows = { speed = [90.0, 91.0] }')
+    text = TEXT[: TEXT.index('\n[[conditions]]\nname = "blind"')]
+    text += "throws = { speed = [90.0, 91.0] }\n"
     study = write_study(tmp_path, text)
     folder = ready(tmp_path / "out", study, learned)
     engine = Processes(1)
@@ -99,19 +100,26 @@ def _start(study: Path, out: Path) -> "subprocess.Popen[bytes]":
     )
 
 
+def _until_thrown(folder: Folder, count: int) -> None:
+    """Wait until so many chunks of a study have been thrown."""
+    for _ in range(1200):
+        if len(list((folder.path / "parts").glob("part-*"))) >= count:
+            return
+        time.sleep(0.05)
+    raise AssertionError("nothing is thrown")
+
+
 @pytest.mark.slow
-def test_kill_9_at_any_moment_loses_no_throw_and_doubles_none(
+def test_kill_9_loses_no_throw_and_doubles_none(
     tmp_path: Path, learned: Learned, thrown_study: Path
 ) -> None:
-    """After a few kills a last run finishes, and all is as if there had been no kill."""
+    """After a kill a last run finishes, and all is as if there had been no kill."""
     study = write_study(tmp_path, TEXT)
     folder = ready(tmp_path / "out", study, learned)
-    rng = random.Random(8)  # noqa: S311 (moments, not secrets)
-    for _ in range(2):
-        process = _start(tmp_path / "study.toml", folder.path)
-        time.sleep(rng.uniform(1.0, 9.0))
-        process.kill()
-        process.communicate()
+    process = _start(tmp_path / "study.toml", folder.path)
+    _until_thrown(folder, 3)
+    process.kill()
+    process.communicate()
     last = _start(tmp_path / "study.toml", folder.path)
     assert last.wait(120) == 0
     assert _files(folder.path) == _files(thrown_study)
@@ -122,10 +130,7 @@ def test_an_interrupt_keeps_what_is_done_and_says_130(tmp_path: Path, learned: L
     study = write_study(tmp_path, TEXT.replace("throws = 2", "throws = 400"))
     folder = ready(tmp_path / "out", study, learned)
     process = _start(tmp_path / "study.toml", folder.path)
-    for _ in range(600):
-        if folder.part(0).exists():
-            break
-        time.sleep(0.1)
+    _until_thrown(folder, 1)
     process.send_signal(signal.SIGINT)
     _, said_last = process.communicate(timeout=60)
     assert process.returncode == 130
