@@ -54,7 +54,8 @@ for name, on_points in {
     "lost": seen_first,
 }.items():
     left = 150
-    cell = LocalCell(throws=2 if name == "plain" else 1, seed=3, prepared=prepared)
+    throws = 1 if name in ("aside", "below") else 2
+    cell = LocalCell(throws=throws, seed=3, prepared=prepared)
     begun.clear()
     cell.robot.on_points = on_points
     cell.begin()
