@@ -47,6 +47,8 @@ _REST = 0.02
 _LEAST, _RATIO = 1e-6, 1.01
 #: Number of classes: up to 12 s.
 _CLASSES = 1640
+#: Relative error of a rate by stamps that are times of the day: they are rounded to 2.4e-7 s.
+_STAMPS = 1e-3
 #: Readings whose times are kept to tell the age of the command that answers them.
 _KEPT = 256
 
@@ -373,7 +375,9 @@ class SimulatedCell:
         rows, driven = np.array(self._rows), np.array(self._driven)
         q, dq, given = truth.q[-k - 1 : -1], truth.dq[-k - 1 : -1], truth.tau[-k:]
         drives = drive_loads(arm, q, dq, given)
-        beyond = ticks_beyond(arm, truth, drives, rows, driven=driven, before=self._before)
+        beyond = ticks_beyond(
+            arm, truth, drives, rows, driven=driven, before=self._before, rounded=_STAMPS
+        )
         self.violations += int(np.sum(beyond))
         self._squares += np.sum(drives.torque**2, axis=0)
         self._summed += k

@@ -252,6 +252,7 @@ def ticks_beyond(
     *,
     driven: NDArray[np.bool_],
     before: Array | None = None,
+    rounded: float = 1e-6,
 ) -> NDArray[np.bool_]:
     """Say of each tick whether a limit was exceeded, by a command or by the plant, shape (k,).
 
@@ -265,6 +266,7 @@ def ticks_beyond(
             does not say them.
         driven: Whether each command is carried out: not once the brakes are engaged, shape (k,).
         before: Command of the tick before the first, where that was carried out as well.
+        rounded: Relative error that rounding may bring into a rate.
     """
     k = len(commanded)
     q, dq, given = truth.q[-k - 1 :], truth.dq[-k - 1 :], truth.tau[-k:]
@@ -275,7 +277,7 @@ def ticks_beyond(
     bad[other] |= loads.over(COMMANDED)
     bad |= _beyond(arm, q[1:], dq[1:], MEASURED)
     bad |= _beyond(arm, commanded[:, 0], commanded[:, 1], COMMANDED)
-    bad |= _rates_beyond(arm, commanded, driven, before)
+    bad |= _rates_beyond(arm, commanded, driven, before, rounded)
     bad |= truth.seen[-k:] & (SELF | ARM_FLOOR) != 0
     return bad
 
@@ -302,7 +304,7 @@ def _beyond(arm: Arm, q: Array, dq: Array, slack: float) -> NDArray[np.bool_]:
 
 
 def _rates_beyond(
-    arm: Arm, commanded: Array, driven: NDArray[np.bool_], before: Array | None
+    arm: Arm, commanded: Array, driven: NDArray[np.bool_], before: Array | None, rounded: float
 ) -> NDArray[np.bool_]:
     """Say of each tick whether the command's acceleration, jerk or torque rate exceeds its limit.
 
@@ -310,7 +312,7 @@ def _rates_beyond(
     :func:`ticks_beyond`.
     """
     limits, out = arm.limits, np.zeros(len(commanded), dtype=np.bool_)
-    slack = 1.0 + 1e-3  # stamps that are times of the day are rounded to 2.4e-7 s
+    slack = 1.0 + rounded
     if limits.acceleration is not None:
         most = arm.active(limits.acceleration)
         out |= driven & np.any(np.abs(commanded[:, 2]) > most * slack, axis=1)
