@@ -43,6 +43,15 @@ RUNS: dict[str, tuple[int, str, str]] = {
     "mitt catch --throws 20 --seed 1": (0, "caught 1 of 1", ""),
     "mitt catch --scene rough --limits wam-48v": (0, "limits wam-48v", ""),
     "mitt catch --arm franka-panda": (0, "written: ", ""),
+    "mitt arms": (0, "ur5e", ""),
+    "mitt catch --arm ur5e": (0, "written: ", ""),
+    "mitt catch --arm ur5e --scene ur.toml --vision points": (0, "written: ", ""),
+    "mitt design ur5e --hand basket --aim 0.6,0.2,0.3 --effort quick --out mine.toml": (
+        0, "the input is good", "--check"),
+    "mitt catch --arm mine.toml": (0, "written: ", ""),
+    "mitt sim ur5e-sim --throws 5 --seed 1": (2, "mitt[ros2]", ""),
+    "mitt run ur5e-sim --throws 5 --yes": (2, "mitt[ros2]", ""),
+    "mitt run CELL.toml --check": (2, "driver", ""),
     "mitt catch --flights FLIGHTS.csv": (0, "written: runs/0-direct", ""),
     "mitt catch --generator quintic": (0, "quintic", ""),
     "mitt learn --out MAP.json": (0, "written: MAP.json", ""),
@@ -132,7 +141,12 @@ def prepared(folder: Path) -> None:
     shutil.copy(ROOT / "examples" / "own_arm.urdf", folder / "ARM.urdf")
     arm = (ROOT / TUTORIALS / "arm" / "arm.toml").read_text()
     (folder / "ARM.toml").write_text(arm.replace("../../own_arm.urdf", "ARM.urdf"))
-    flights = (ROOT / "src/mitt/data/flights/tennicam.csv").read_text()
+    data = ROOT / "src/mitt/data"
+    shutil.copy(data / "designs" / "ur5e.toml", folder / "mine.toml")
+    (folder / "ur.toml").write_text('base = "lab"\n[actuation]\ntakes = "velocity"\ndelay = 3\n')
+    sim = (data / "cells" / "ur5e-sim.toml").read_text()
+    (folder / "CELL.toml").write_text(sim.replace('driver = "sim"', 'driver = "ur"'))
+    flights = (data / "flights" / "tennicam.csv").read_text()
     (folder / "FLIGHTS.csv").write_text(flights)
     (folder / "THROWS.csv").write_text("x,y,z,vx,vy,vz\n3.5,0.1,0.2,-6,0,1.5\n")
     rows = [f"{0.002 * k:.3f},{3.0 - 0.01 * k:.3f},0.1,{0.3 + 0.005 * k:.3f}" for k in range(40)]
