@@ -42,7 +42,6 @@ RUNS: dict[str, tuple[int, str, str]] = {
     "mitt catch --throws 100 --seed 1": (0, "caught 1 of 1", ""),
     "mitt catch --throws 20 --seed 1": (0, "caught 1 of 1", ""),
     "mitt catch --scene rough --limits wam-48v": (0, "limits wam-48v", ""),
-    "mitt catch --arm franka-panda": (0, "written: ", ""),
     "mitt arms": (0, "ur5e", ""),
     "mitt catch --arm ur5e": (0, "written: ", ""),
     "mitt catch --arm ur5e --scene ur.toml --vision points": (0, "written: ", ""),
