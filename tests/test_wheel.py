@@ -45,7 +45,18 @@ def test_the_wheel_has_every_file_of_the_package_and_no_other(wheel: ZipFile) ->
     assert packed == files
     assert "mitt/py.typed" in packed
     kinds = {name.split("/")[2] for name in packed if name.startswith("mitt/data/")}
-    assert kinds == {"arms", "cells", "flights", "layouts", "limits", "pages", "scenes", "studies"}
+    folders = {
+        "arms",
+        "cells",
+        "designs",
+        "flights",
+        "layouts",
+        "limits",
+        "pages",
+        "scenes",
+        "studies",
+    }
+    assert kinds == folders | {"arms.toml", "figures.json"}
 
 
 def test_the_metadata_are_those_of_mitt(said: Message) -> None:

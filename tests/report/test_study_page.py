@@ -131,5 +131,5 @@ def test_checking_a_study_does_nothing(tmp_path: Path, capsys: pytest.CaptureFix
     (tmp_path / "study.toml").write_text(TEXT)
     words = ["study", str(tmp_path / "study.toml"), "--out", str(tmp_path / "out"), "--check"]
     assert main(words) == 0
-    assert "24 throws" in capsys.readouterr().err
+    assert "12 throws" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()

@@ -137,7 +137,7 @@ class Cases:
             "open_arm": Case(names.public()["open_arm"], {"path": arms, "limits": "model"}),
             "plan_brake": Case(plan_brake, {"arm": arm, "t": 0.25, "motion": self.still}),
         } | self._methods("Brake", plan_brake(arm, 0.25, self.still),
-                  {"at": {"t": 0.5}, "over": {"t": 0.5}, "rows": {"t": np.array([0.5])},
+                  {"at": {"t": 0.5}, "over": {"t": 0.5},
                    "table": {"tick": 0.001}})  # fmt: skip
 
     def _maps(self) -> dict[str, Case]:

@@ -273,7 +273,7 @@ class Brake:
 
     def at(self, t: float) -> Array:
         """Return q, dq, ddq at time ``t`` [rad ...], shape (3, n); at rest after the end."""
-        row: Array = self.rows(np.array([checks.number("t", t, finite=True)]))[0]
+        row: Array = rows_of(self, np.array([checks.number("t", t, finite=True)]))[0]
         return row
 
     def table(self, tick: float) -> Array:
@@ -283,21 +283,21 @@ class Brake:
         """
         tick = checks.number("tick", tick, least=1e-6, most=10.0)
         ticks = np.arange(ceil(self.duration / tick) + 2, dtype=np.float64)
-        return self.rows(self.t + tick * ticks)
+        return rows_of(self, self.t + tick * ticks)
 
     @property
     def q_end(self) -> Array:
         """Where the arm comes to rest [rad], shape (n,)."""
-        end: Array = self.rows(np.array([np.inf]))[0, 0]
+        end: Array = rows_of(self, np.array([np.inf]))[0, 0]
         return end
 
-    def rows(self, t: Array) -> Array:
-        """Return q, dq, ddq at some times [s], (k,), shape (k, 3, n); see :meth:`at`."""
-        t = checks.numbers("t", checks.array("t", t, (None,)))
-        after = np.minimum(np.maximum(t - self.t, 0.0), self.duration)
-        out = np.empty((len(t), 3, len(self.pieces)))
-        sample(self.pieces, after, out)
-        return out
+
+def rows_of(brake: Brake, t: Array) -> Array:
+    """Return q, dq, ddq of a brake at some times [s], (k,), shape (k, 3, n)."""
+    after = np.minimum(np.maximum(t - brake.t, 0.0), brake.duration)
+    out = np.empty((len(t), 3, len(brake.pieces)))
+    sample(brake.pieces, after, out)
+    return out
 
 
 def plan_brake(arm: Arm, t: float, motion: Array) -> Brake:

@@ -11,7 +11,7 @@ import numpy as np
 from mitt.arm.arm import Arm
 from mitt.arm.catch import LOST, Catch, CaughtBall, Strike
 from mitt.control.closing import fingers_of, lead_of, takes_of
-from mitt.control.stop import Brake
+from mitt.control.stop import Brake, rows_of
 from mitt.signals import GRAVITY, TICK, Array
 
 #: Share of a ball's distance from the axis that counts here. For one off the axis the fingers start
@@ -74,6 +74,6 @@ def force_of(arm: Arm, q: Array, v_rel: Array, ball: CaughtBall) -> float:
 
 def _felt(arm: Arm, brake: Brake, t: Array) -> tuple[Array, Array]:
     """Return what the hand gives a kilogram while the arm brakes [N], and the palm's normal."""
-    (before, palm), (after, _) = (arm.hand_along(brake.rows(x)) for x in (t, t + TICK))
+    (before, palm), (after, _) = (arm.hand_along(rows_of(brake, x)) for x in (t, t + TICK))
     force: Array = (after - before) / TICK + [0.0, 0.0, GRAVITY]
     return force, palm
