@@ -198,6 +198,50 @@ def test_a_big_kernel_is_compiled_once_and_found_by_its_callers(tmp_path: Path) 
     assert len(list((tmp_path / "cache").rglob("*storey_inner*.nbc"))) == 2
 
 
+ARRAYS = """
+import sys
+import numpy as np
+from mitt.kernels import kernel
+
+@kernel
+def one(x):
+    return x + 1.0
+
+@kernel
+def two(x):
+    return one(one(x))
+
+@kernel
+def four(x):
+    return two(two(x))
+
+@kernel
+def made(x):
+    out = np.empty(3)
+    out[:] = four(x)
+    return out
+
+@kernel
+def total(x):
+    return made(x).sum() + two(x)
+
+print(*(globals()[name](2.0) for name in sys.argv[1:]))
+"""
+
+
+def test_an_array_is_returned_whoever_loaded_the_kernel_first(tmp_path: Path) -> None:
+    """Python, or another kernel that calls it, from the cache."""
+    script, said = tmp_path / "arrays.py", []
+    script.write_text(ARRAYS)
+    for asked in (["made"], ["total", "made"], ["made"]):
+        run = subprocess.run(
+            [sys.executable, str(script), *asked], capture_output=True, text=True, check=True,
+            env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")},
+        )  # fmt: skip
+        said.append(run.stdout.strip())
+    assert said == ["[6. 6. 6.]", "22.0 [6. 6. 6.]", "[6. 6. 6.]"]
+
+
 BEYOND = """
 import numpy as np
 from mitt.kernels import kernel

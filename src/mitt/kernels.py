@@ -51,6 +51,7 @@ from numba.core.compiler import Compiler, CompileResult
 from numba.core.typing import Context, Signature
 from numba.experimental import structref
 from numba.extending import intrinsic, overload
+from numba.np.numpy_support import as_dtype
 from numpy.typing import NDArray
 
 PACKAGE: Final = Path(__file__).parent
@@ -381,13 +382,27 @@ class _LinkedCache(FunctionCache):  # type: ignore[misc]
     _impl_class = _LinkedImpl
 
 
+def _with_dtypes(made: CompileResult) -> CompileResult:
+    """Note the types of the arrays that a kernel returns, which Python is to be told.
+
+    They stand with the kernel's constants, which its wrapper shares: the first of both that is
+    read from the cache decides what these are.
+    """
+    answer, constants = made.signature.return_type, made.environment.consts
+    for kind in answer if isinstance(answer, types.BaseTuple) else (answer,):
+        dtype = as_dtype(kind.dtype) if isinstance(kind, types.Array) else None
+        if dtype is not None and not any(x is dtype for x in constants):
+            constants.append(dtype)
+    return made
+
+
 class _Linking(Compiler):  # type: ignore[misc]
     """Compiles a kernel for other kernels: they link its code."""
 
     def compile_extra(self, func: Callable[..., Any]) -> CompileResult:
         """Compile a function into a library that is linked."""
         self.state.library = _library(_Linked, self.state.targetctx, func)
-        return super().compile_extra(func)
+        return _with_dtypes(super().compile_extra(func))
 
 
 class _Apart(Compiler):  # type: ignore[misc]
@@ -397,7 +412,7 @@ class _Apart(Compiler):  # type: ignore[misc]
         """Compile a function to machine code, and write the call."""
         args, context = tuple(self.state.args), self.state.targetctx
         self.state.library = _library(_Whole, context, func)
-        made = super().compile_extra(func)
+        made = _with_dtypes(super().compile_extra(func))
         module, fndesc = ir.Module(), made.fndesc
         kind = context.call_conv.get_function_type(fndesc.restype, fndesc.argtypes)
         name = _Symbol(func.__module__, func.__qualname__.removesuffix(_INNER), args)
