@@ -50,7 +50,7 @@ RUNS: dict[str, tuple[int, str, str]] = {
     "mitt catch --arm mine.toml": (0, "written: ", ""),
     "mitt sim ur5e-sim --throws 5 --seed 1": (2, "mitt[ros2]", ""),
     "mitt run ur5e-sim --throws 5 --yes": (2, "mitt[ros2]", ""),
-    "mitt run CELL.toml --check": (2, "driver", ""),
+    "mitt run CELL.toml --check": (2, "got 'ur'", ""),
     "mitt catch --flights FLIGHTS.csv": (0, "written: runs/0-direct", ""),
     "mitt catch --generator quintic": (0, "quintic", ""),
     "mitt learn --out MAP.json": (0, "written: MAP.json", ""),
@@ -137,14 +137,11 @@ def prepared(folder: Path) -> None:
     from mitt.files.rig import write_rig  # noqa: PLC0415
 
     (folder / "examples").symlink_to(ROOT / "examples")
-    shutil.copy(ROOT / "examples" / "own_arm.urdf", folder / "ARM.urdf")
-    arm = (ROOT / TUTORIALS / "arm" / "arm.toml").read_text()
-    (folder / "ARM.toml").write_text(arm.replace("../../own_arm.urdf", "ARM.urdf"))
     data = ROOT / "src/mitt/data"
     shutil.copy(data / "designs" / "ur5e.toml", folder / "mine.toml")
     (folder / "ur.toml").write_text('base = "lab"\n[actuation]\ntakes = "velocity"\ndelay = 3\n')
     sim = (data / "cells" / "ur5e-sim.toml").read_text()
-    (folder / "CELL.toml").write_text(sim.replace('driver = "sim"', 'driver = "ur"'))
+    (folder / "CELL.toml").write_text(sim.replace('driver = "ros2"', 'driver = "ur"'))
     flights = (data / "flights" / "tennicam.csv").read_text()
     (folder / "FLIGHTS.csv").write_text(flights)
     (folder / "THROWS.csv").write_text("x,y,z,vx,vy,vz\n3.5,0.1,0.2,-6,0,1.5\n")
@@ -152,9 +149,9 @@ def prepared(folder: Path) -> None:
     (folder / "POINTS.csv").write_text("\n".join(["t_s,x_m,y_m,z_m", *rows]))
     head = "x_m,y_m,z_m,u_left_px,v_left_px,u_right_px,v_right_px"
     (folder / "hand.csv").write_text("\n".join([head, *["0.7,0.1,0.3,60,60,64,60"] * 12]))
-    for name in ("L", "R", "left", "right", "l", "r", "STUDY", "runs/cubic"):
+    for name in ("left", "right", "l", "r", "runs/cubic"):
         (folder / name).mkdir(parents=True)
-    for name in ("LEFT", "RIGHT", "left", "right"):
+    for name in ("left", "right"):
         (folder / f"{name}.mkv").write_bytes(b"")
     for name in ("RIG", "cameras"):
         write_rig(folder / f"{name}.toml", calibrated(), version="0")
@@ -164,7 +161,7 @@ def run(line: str, env: dict[str, str]) -> tuple[int, str]:
     """Run a line and return its status and what it says."""
     from mitt.cli.main import main  # noqa: PLC0415 (once extras are out of the way)
 
-    program, *words = shlex.split(f"{line} {RUNS[line][2]}".replace("FRAME", "palm"))
+    program, *words = shlex.split(f"{line} {RUNS[line][2]}")
     if program == "python":
         words = ["1" if word == "60" else word for word in words]
         done = subprocess.run([sys.executable, *words], env=env, capture_output=True, text=True,
