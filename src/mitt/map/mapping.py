@@ -355,11 +355,11 @@ def basis_of(design: MapDesign, centre: Array, scale: Array) -> CatchBasis:
 
 
 def initial_matrix(phi: Array, n: int) -> Array:
-    """Return C of eq. (13), shape (..., 2n, m n), for phi and its rate, shape (..., 2, m)."""
+    """Return C of eq. (13), shape (..., r n, m n), for phi and its rates, shape (..., r, m)."""
     C = np.zeros((*phi.shape[:-1], n, phi.shape[-1], n))
     for k in range(n):
         C[..., k, :, k] = phi
-    return C.reshape(*phi.shape[:-2], 2 * n, -1)
+    return C.reshape(*phi.shape[:-2], phi.shape[-2] * n, -1)
 
 
 def initial_gap(q: Array, dq: Array, virtual: Array) -> Array:

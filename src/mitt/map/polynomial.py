@@ -44,6 +44,7 @@ class CatchBasis:
         scale: Scale of each variable [rad], shape (n,).
         first_order: Whether there are terms of first order in q_i - q_alpha too, linear in the
             other variables, so that b-dot need not vanish at the catch.
+        lowest: Power of q_i - q_alpha that each monomial has: 2, or 3 where accelerations match.
     """
 
     order: int
@@ -51,6 +52,7 @@ class CatchBasis:
     centre: Array
     scale: Array
     first_order: bool = False
+    lowest: int = 2
 
     def __post_init__(self) -> None:
         """Refuse a basis without terms, without its catch joint, or with a void scale."""
@@ -72,11 +74,12 @@ class CatchBasis:
     @cached_property
     def powers(self) -> NDArray[np.int64]:
         """Exponents, shape (m, n), with the extra powers of the catch joint: two, or one."""
-        degrees, i = range(self.order - 1), self.catch_joint
-        rows = [j for j in product(degrees, repeat=len(self.centre)) if sum(j) <= self.order - 2]
+        degrees, i = range(self.order - self.lowest + 1), self.catch_joint
+        most = self.order - self.lowest
+        rows = [j for j in product(degrees, repeat=len(self.centre)) if sum(j) <= most]
         powers = np.array(rows, dtype=np.int64)
         first = powers[(powers.sum(axis=1) <= 1) & (powers[:, i] == 0)]
-        powers[:, i] += 2
+        powers[:, i] += self.lowest
         first[:, i] += 1
         return np.concatenate([powers, first]) if self.first_order else powers
 
