@@ -42,7 +42,9 @@ STILL, FLOOR = -1, -2
 #: Gap that the arm keeps from itself and from what stands around it [m]. A pair that is nearer in
 #: the ready pose is not watched.
 MARGIN = 0.01
-#: Gap that two shapes keep in every pose if they never meet [m].
+#: Gap that two shapes keep in every pose if they never meet [m]. Those of a link and the next that
+#: are nearer in the ready pose are not watched: a wrist's stay about as near in every pose, and an
+#: arm that may come no nearer could not move.
 LEAST_GAP = MARGIN + 0.002
 #: Whether any pose brings a pair together is tried if its gap in the ready pose is smaller [m], if
 #: there are at most so many joints between the two, and with at most so many boxes of poses.
@@ -123,7 +125,8 @@ def shapes_of(arm: Arm, around: Surroundings) -> Shapes:
     for a, b in combinations(range(len(table)), 2):
         if table[a]["link"] != table[b]["link"] and table[b]["link"] >= 0:
             distance = gap(table, ends, a, b)
-            if distance > MARGIN:
+            kindred = table[b]["link"] - table[a]["link"] == 1
+            if distance > (LEAST_GAP if kindred else MARGIN):
                 apart.append((a, b))
             elif first_zone <= a < first_zone + zones:
                 raise InputError(f"zone {a - first_zone}", f"{1e3 * MARGIN:.0f} mm or more from "

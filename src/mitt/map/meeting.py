@@ -35,6 +35,8 @@ from mitt.signals import Array
 
 #: Power of s that each monomial of b has: position, velocity and acceleration match.
 _LOWEST = 3
+#: Share of the trace of a metric that is added to its diagonal.
+_RIDGE = 1e-9
 
 
 @final
@@ -143,7 +145,7 @@ class MeetingMap:
             state: q, dq, ddq of the arm [rad ...], shape (3, n).
             T: Time from start to meeting [s].
         """
-        inside, virtual = self.virtual(target, state[0])
+        inside, virtual = self.virtual(target)
         if not inside:
             return None
         C = initial_matrix(self.jets(virtual, 1.0, T), self.arm.n)
@@ -154,7 +156,7 @@ class MeetingMap:
 
 def unlearned_meeting(
     arm: Arm, free: tuple[int, ...], *, frame: Array | None = None,
-    coupling: Array | None = None, order: int = 6,
+    coupling: Array | None = None, order: int = 7, across: int = 0,
 ) -> MeetingMap:  # fmt: skip
     """Return the map with alpha = 0 and a metric that keeps accelerations small.
 
@@ -164,13 +166,20 @@ def unlearned_meeting(
         frame: Where the tool's axes are to point; as in the ready pose if left out.
         coupling: As in :class:`MeetingMap`.
         order: Degree of b in s and p together.
+        across: Degree of b in p. What b says of p answers to the errors of the estimate, too.
     """
-    centre = np.append(arm.q_ready[list(free)], 0.0)
-    scale = np.ones(len(free) + 1)
-    basis = CatchBasis(order, len(free), centre, scale, lowest=_LOWEST)
-    size = len(basis.powers) * arm.n
+    centre, scale = np.append(arm.q_ready[list(free)], 0.0), np.ones(len(free) + 1)
+    basis = CatchBasis(order, len(free), centre, scale, lowest=_LOWEST, across=across)
+    m, n = len(basis.powers), arm.n
+    bent, still = np.zeros((m, m)), np.zeros((3, len(free) + 1))
+    still[0], still[1, -1] = centre, -1.0
+    for s in np.linspace(0.0, 1.0, 40):  # the square of the second derivative, over the way
+        still[0, -1] = s
+        rate = basis.jets(*still)[2]
+        bent += np.outer(rate, rate) / 40.0
+    metric = np.kron(bent, np.diag(arm.tau_max.max() / arm.tau_max))
     return MeetingMap(
-        arm=arm, free=free, basis=basis, alpha=np.zeros((len(basis.powers), arm.n)),
-        frame=arm.orientation(arm.q_ready) if frame is None else frame, H=np.eye(size),
-        coupling=coupling,
+        arm=arm, free=free, basis=basis, alpha=np.zeros((m, n)), coupling=coupling,
+        frame=arm.orientation(arm.q_ready) if frame is None else frame,
+        H=metric + _RIDGE * np.trace(metric) / (m * n) * np.eye(m * n),
     )  # fmt: skip

@@ -45,6 +45,7 @@ class CatchBasis:
         first_order: Whether there are terms of first order in q_i - q_alpha too, linear in the
             other variables, so that b-dot need not vanish at the catch.
         lowest: Power of q_i - q_alpha that each monomial has: 2, or 3 where accelerations match.
+        across: Highest degree in the other variables together; any if left out.
     """
 
     order: int
@@ -53,6 +54,7 @@ class CatchBasis:
     scale: Array
     first_order: bool = False
     lowest: int = 2
+    across: int | None = None
 
     def __post_init__(self) -> None:
         """Refuse a basis without terms, without its catch joint, or with a void scale."""
@@ -77,6 +79,8 @@ class CatchBasis:
         degrees, i = range(self.order - self.lowest + 1), self.catch_joint
         most = self.order - self.lowest
         rows = [j for j in product(degrees, repeat=len(self.centre)) if sum(j) <= most]
+        if self.across is not None:
+            rows = [j for j in rows if sum(j) - j[i] <= self.across]
         powers = np.array(rows, dtype=np.int64)
         first = powers[(powers.sum(axis=1) <= 1) & (powers[:, i] == 0)]
         powers[:, i] += self.lowest

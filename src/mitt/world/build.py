@@ -19,6 +19,7 @@ from mitt.arm.basket import Basket
 from mitt.arm.description import ArmModel
 from mitt.arm.hands import HandModel
 from mitt.arm.plant import add_arm
+from mitt.arm.tools import Jaw, Suction
 from mitt.errors import ModelError
 from mitt.signals import Array
 from mitt.world.engine import stop_clocks
@@ -32,11 +33,17 @@ from mitt.world.hand_bodies import (
     STIFF,
     add_basket,
     add_hand,
+    add_jaw,
+    add_seal,
+    add_suction,
 )
-from mitt.world.scene import Material, Scene
+from mitt.world.scene import Belt, Material, Scene
 
 #: Simulation step near a contact [s]; two make a control tick.
 STEP = 0.0005
+
+#: Thickness [m] and mass [kg] of a belt: nothing on it changes its speed.
+_BELT_THICK, _BELT_MASS = 0.05, 1e5
 
 _ORANGE = (0.95, 0.45, 0.10, 1.0)
 _WHITE = (0.93, 0.94, 0.95, 1.0)
@@ -139,7 +146,15 @@ def describe(scene: Scene, arm: ArmModel) -> tuple[mujoco.MjSpec, int]:
         add_basket(plate, arm.hand)
     elif isinstance(arm.hand, HandModel):
         fingers = add_hand(spec, plate, arm.hand)
+    elif isinstance(arm.hand, Suction):
+        fingers = add_suction(spec, plate, arm.hand)
+    elif isinstance(arm.hand, Jaw):
+        fingers = add_jaw(spec, plate, arm.hand)
     _add_ball(spec, scene)
+    if scene.belt is not None:
+        _add_belt(spec, scene.belt)
+    if isinstance(arm.hand, Suction):
+        add_seal(spec, arm.hand)
     _let_neighbours_meet(spec, arm)
     return spec, len(fingers)
 
@@ -187,17 +202,30 @@ def _add_ball(spec: mujoco.MjSpec, scene: Scene) -> None:
     """Add the ball; its contact settings go before those of what it touches."""
     body = spec.worldbody.add_body(name="ball")
     body.add_freejoint(name="ball")
-    geom = body.add_geom(
-        name="ball",
-        type=mujoco.mjtGeom.mjGEOM_SPHERE,
-        size=[scene.ball.radius, 0.0, 0.0],
-        mass=scene.ball.mass,
-        rgba=_ORANGE,
-    )
+    sides = scene.ball.sides
+    kind = mujoco.mjtGeom.mjGEOM_SPHERE if sides is None else mujoco.mjtGeom.mjGEOM_BOX
+    size = [scene.ball.radius, 0.0, 0.0] if sides is None else [0.5 * x for x in sides]
+    geom = body.add_geom(name="ball", type=kind, size=size, mass=scene.ball.mass, rgba=_ORANGE)
     geom.contype, geom.conaffinity = BALL, HAND | ARM | FLOOR
     geom.condim, geom.priority = 4, 1
     geom.friction = (friction_of(scene), *FRICTION[1:])
     geom.solref = contact_of(scene)
+
+
+def _add_belt(spec: mujoco.MjSpec, belt: Belt) -> None:
+    """Add a belt: a slab so heavy that nothing slows it, whose surface is set to a speed.
+
+    It stays where it is: the world sets its place back in each tick, and what lies on it feels the
+    speed of its surface alone.
+    """
+    place = [belt.middle[0], belt.middle[1], belt.height - 0.5 * _BELT_THICK]
+    body = spec.worldbody.add_body(name="belt", pos=place)
+    body.quat = [np.cos(0.5 * belt.direction), 0.0, 0.0, np.sin(0.5 * belt.direction)]
+    body.add_joint(name="belt", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[1.0, 0.0, 0.0])
+    size = [0.5 * belt.length, 0.5 * belt.width, 0.5 * _BELT_THICK]
+    geom = body.add_geom(name="belt", type=mujoco.mjtGeom.mjGEOM_BOX, size=size, mass=_BELT_MASS,
+                         rgba=_WHITE)  # fmt: skip
+    geom.contype, geom.conaffinity = FLOOR, BALL | ARM | HAND
 
 
 def _let_neighbours_meet(spec: mujoco.MjSpec, arm: ArmModel) -> None:

@@ -77,7 +77,7 @@ class Plant(NamedTuple):
         step: Length of a step [s], shape (1,).
         qpos: Positions, shape (nq,).
         qvel: Velocities, shape (nv,).
-        ctrl: Motor torques [N m], shape (nu,).
+        ctrl: Motor torques of arm and fingers [N m], shape (n + f,).
         passive: Friction and drag [N m, N], MuJoCo's ``qfrc_applied``, shape (nv,).
         qacc: Accelerations, shape (nv,).
         constraint: Forces and torques of contacts and stops, shape (nv,).
@@ -159,6 +159,7 @@ def plant_of(model: mujoco.MjModel, data: mujoco.MjData, site: int, joints: int)
     one = ctypes.sizeof(_mirror("mjContact", "efc_address"))
     geoms = _view(owner, int(table[0]) + _offset("mjContact", "geom"), "<i4", (MOST, 2), (one, 4))
     slides = model.jnt_type[:joints] == mujoco.mjtJoint.mjJNT_SLIDE
+    joint = mujoco.mjtTrn.mjTRN_JOINT
     show = partial(owned, owner)
     return Plant(
         address=np.array([model._address, at]),
@@ -167,7 +168,7 @@ def plant_of(model: mujoco.MjModel, data: mujoco.MjData, site: int, joints: int)
         step=step,
         qpos=show(data.qpos),
         qvel=show(data.qvel),
-        ctrl=show(data.ctrl),
+        ctrl=show(data.ctrl[: int(np.sum(model.actuator_trntype == joint))]),
         passive=show(data.qfrc_applied),
         qacc=show(data.qacc),
         constraint=show(data.qfrc_constraint),

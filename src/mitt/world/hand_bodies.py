@@ -15,6 +15,7 @@ import numpy as np
 from mitt.arm.basket import Basket
 from mitt.arm.description import checked_inertia, rotation, steiner
 from mitt.arm.hands import Finger, HandModel
+from mitt.arm.tools import Jaw, Suction
 from mitt.errors import ModelError
 from mitt.signals import Array
 
@@ -173,11 +174,12 @@ def _geom(
 
 def _disc(
     body: mujoco.MjsBody, name: str, radius: float, *, thickness: float, middle: float
-) -> None:
+) -> mujoco.MjsGeom:
     """Add a cylinder about z, its middle so high."""
     kind = mujoco.mjtGeom.mjGEOM_CYLINDER
     geom = _geom(body, name, kind, [radius, thickness / 2, 0.0], _PALM)
     geom.pos = [0.0, 0.0, middle]
+    return geom
 
 
 def add_basket(plate: mujoco.MjsBody, basket: Basket) -> None:
@@ -234,6 +236,73 @@ def _add_net(body: mujoco.MjsBody, b: Basket) -> None:
     for k, ends in enumerate(sides + across):
         cord = _rod(body, f"cord{k}", b.cord, ends, rgba=_CORD)
         cord.priority, cord.solref, cord.friction = 2, NET, NET_FRICTION
+
+
+def add_suction(spec: mujoco.MjSpec, plate: mujoco.MjsBody, cup: Suction) -> tuple[str, ...]:
+    """Add a suction cup to the tool plate: a tube, and a lip on bellows that pulls what it touches.
+
+    The pull is MuJoCo's adhesion: a force along the normals of the contacts that there are.
+
+    Returns:
+        The name of the bellows' joint, which is that of its motor too.
+    """
+    body, lip = plate.add_body(name="suction"), 0.03
+    moving = 0.03
+    set_inertial(body, cup.mass - moving, np.array([0.0, 0.0, cup.com]), cup.inertia)
+    _disc(body, "flange", 0.03, thickness=0.02, middle=0.01)
+    tube = cup.length - lip - cup.bellows
+    _rod(body, "tube", 0.012, [0.0, 0.0, 0.0, 0.0, 0.0, tube])
+    end = body.add_body(name="finger0", pos=[0.0, 0.0, cup.length - lip])
+    set_inertial(end, moving, np.array([0.0, 0.0, 0.5 * lip]), _small(moving, cup.radius))
+    joint = end.add_joint(name="finger0", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0.0, 0.0, -1.0])
+    joint.limited, joint.range, joint.solref_limit = True, [0.0, cup.bellows], STIFF
+    spec.add_actuator(name="finger0", target="finger0",
+                      trntype=mujoco.mjtTrn.mjTRN_JOINT).set_to_motor()  # fmt: skip
+    pad = _disc(end, "finger0/lip", cup.radius, thickness=lip, middle=0.5 * lip)
+    pad.conaffinity, pad.friction = BALL, (cup.friction, 0.02, 1e-4)
+    pad.priority = 2
+    return ("finger0",)
+
+
+def add_seal(spec: mujoco.MjSpec, cup: Suction) -> None:
+    """Add what pulls at the lip's contacts: the last motor of all, 0 to 1."""
+    seal = spec.add_actuator(name="seal", target="finger0", trntype=mujoco.mjtTrn.mjTRN_BODY)
+    seal.set_to_adhesion(cup.pull)
+    seal.ctrllimited, seal.ctrlrange = True, [0.0, 1.0]
+
+
+def add_jaw(spec: mujoco.MjSpec, plate: mujoco.MjsBody, jaw: Jaw) -> tuple[str, ...]:
+    """Add a jaw to the tool plate: a body, and two fingers that slide towards each other.
+
+    Returns:
+        Names of the fingers' joints, which are those of their motors too.
+    """
+    body, names = plate.add_body(name="jaw"), ("finger0", "finger1")
+    moving = 0.05
+    set_inertial(body, jaw.mass - 2.0 * moving, np.array([0.0, 0.0, jaw.com]), jaw.inertia)
+    high = jaw.length - jaw.finger
+    _disc(body, "flange", 0.045, thickness=high - 0.01, middle=0.5 * high - 0.005)
+    for side, name in zip((1.0, -1.0), names, strict=True):
+        thick = 0.25 * jaw.width
+        finger = body.add_body(name=name, pos=[side * (0.5 * jaw.opening + thick), 0.0, high])
+        set_inertial(finger, moving, np.array([0.0, 0.0, 0.5 * jaw.finger]), _small(moving, 0.03))
+        axis = [-side, 0.0, 0.0]
+        joint = finger.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
+        joint.limited, joint.range = True, [0.0, 0.5 * jaw.opening]
+        joint.solref_limit, joint.armature = STIFF, 0.2
+        spec.add_actuator(name=name, target=name,
+                          trntype=mujoco.mjtTrn.mjTRN_JOINT).set_to_motor()  # fmt: skip
+        size = [thick, 0.5 * jaw.width, 0.5 * jaw.finger]
+        geom = _geom(finger, f"{name}/pad", mujoco.mjtGeom.mjGEOM_BOX, size, _METAL)
+        geom.pos, geom.friction = [0.0, 0.0, 0.5 * jaw.finger], (jaw.friction, 0.02, 1e-4)
+        geom.priority = 2
+    spec.add_exclude(bodyname1=names[0], bodyname2=names[1])
+    return names
+
+
+def _small(mass: float, size: float) -> Array:
+    """Return the inertia of a small block [kg m^2], shape (3, 3)."""
+    return np.asarray(mass * size**2 / 6.0 * np.eye(3))
 
 
 def _rod(

@@ -18,6 +18,7 @@ from mitt.world.faults import FaultPlan
 
 NotNegative = Annotated[float, Field(ge=0.0)]
 Share = Annotated[float, Field(ge=0.0, lt=0.5)]
+Side = Annotated[float, Field(ge=0.005, le=0.5)]
 Bend = Annotated[float, Field(ge=-0.5, le=0.5)]
 SceneName = Literal["ideal", "lab", "rough"]
 Material = Literal["foam", "tennis", "table-tennis", "rubber"]
@@ -42,6 +43,7 @@ class Ball(Settings):
         brightness: Brightness above the background of 24 [grey levels]; both fit into 8 bits.
         material: What it is made of, which gives friction and restitution of its contact; see
             :mod:`mitt.world.build`.
+        sides: Length, width and height of a part in the shape of a box [m]; a ball if left out.
     """
 
     radius: Annotated[float, Field(ge=0.005, le=0.06)] = 0.04
@@ -49,6 +51,7 @@ class Ball(Settings):
     drag: Annotated[float, Field(ge=0.0, le=1.0)] = 0.04
     brightness: Annotated[float, Field(gt=0.0, le=231.0)] = 160.0
     material: Material | None = None
+    sides: Annotated[tuple[Side, Side, Side], Field(strict=False)] | None = None
 
 
 class Mismatch(Settings):
@@ -174,6 +177,24 @@ class Contact(Settings):
     settle: Annotated[float, Field(ge=0.002, le=0.02)] = 0.004
 
 
+class Belt(Settings):
+    """A conveyor belt, level and straight.
+
+    Attributes:
+        middle: Its middle, seen from above [m].
+        direction: Where it leads, from +x towards +y [rad].
+        height: Of its surface [m].
+        length: Of the straight part [m].
+        width: Across [m].
+    """
+
+    middle: Annotated[tuple[float, float], Field(strict=False)] = (0.6, 0.0)
+    direction: Annotated[float, Field(ge=-7.0, le=7.0)] = 1.5707963267948966
+    height: Annotated[float, Field(ge=-5.0, le=5.0)] = -0.1
+    length: Annotated[float, Field(gt=0.1, le=100.0)] = 6.0
+    width: Annotated[float, Field(gt=0.02, le=10.0)] = 0.3
+
+
 class Scene(Settings):
     """The world around the catcher; without arguments the scene ``ideal``.
 
@@ -185,6 +206,7 @@ class Scene(Settings):
         actuation: How commands become torques.
         contact: Contact of ball and hand.
         floor: Height of the floor, or of the table that the arm stands on, in the base frame [m].
+        belt: A belt that carries what is met; none if left out.
         faults: What goes wrong in every trial, in the order in which it acts.
     """
 
@@ -195,6 +217,7 @@ class Scene(Settings):
     actuation: Actuation = Actuation()
     contact: Contact = Contact()
     floor: Annotated[float, Field(ge=-10.0, le=0.0)] = -1.0
+    belt: Belt | None = None
     faults: FaultPlan = ()
 
 

@@ -1,5 +1,6 @@
 """The simulated world: one plant, thrown at again and again, a tick at a time."""
 
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NoReturn, final
@@ -11,6 +12,7 @@ from mitt import checks
 from mitt.arm.description import ArmModel
 from mitt.arm.hands import FingerDrive, HandModel
 from mitt.arm.limits import Limits
+from mitt.arm.tools import Jaw, Suction
 from mitt.errors import InputError
 from mitt.signals import TICK, Array, Command, Frame, Senses
 from mitt.world.build import Drawn, PlantDraw, build_scene
@@ -24,6 +26,7 @@ from mitt.world.imaging import Imager
 from mitt.world.motion import move_led, note, note_stop, over
 from mitt.world.scene import Scene
 from mitt.world.sensors import CameraMaker, Sensors, encoder_steps
+from mitt.world.targets import Ride
 from mitt.world.throws import Throw, fly
 from mitt.world.truth import FirstContact, Trace, TraceBuffer, Truth, truth_of
 
@@ -94,8 +97,14 @@ class World:
         self._joint_servo = servo_of(scene, arm, limits)
         self._draw = PlantDraw(scene, self._built)
         self._n, self._f = self._built.joints, self._built.fingers
-        drive = arm.hand.drive if isinstance(arm.hand, HandModel) else FingerDrive()
+        hand = arm.hand
+        drive = hand.drive if isinstance(hand, HandModel | Jaw | Suction) else FingerDrive()
         self._fingers = finger_servo(drive)
+        self._delay = round(hand.delay / TICK) if isinstance(hand, Jaw | Suction) else 0
+        self._pulls = isinstance(hand, Suction)
+        self._waiting: deque[float] = deque()
+        self._ride: Ride | None = None
+        self._belt = None if scene.belt is None else self.model.joint("belt").id
         d, n, ball = self.data, self._n, self._n + self._f
         self._plant = plant_of(self.model, d, self._built.site, n)
         self._names = hand_names(self.model)
@@ -159,17 +168,22 @@ class World:
         """Whether the physics broke down in this trial, or a command was not finite."""
         return bool(self._plant.state["broken"][0])
 
-    def reset(self, ball: Throw | BallPath, seed: int, *, stay: bool = False) -> None:
+    def reset(self, ball: Throw | BallPath | Ride, seed: int, *, stay: bool = False) -> None:
         """Start a trial.
 
         Args:
-            ball: A throw, which flies freely, or a path, which leads the ball until it is touched.
+            ball: A throw, which flies freely, a path, which leads the ball until it is touched, or
+                a ride on the scene's belt.
             seed: Seed of the plant mismatch and of all noise in this trial.
             stay: Whether arm and fingers go on from where they are, not from the ready pose.
         """
         seed = checks.whole("seed", seed, least=0)
-        if not isinstance(ball, Throw | BallPath):
-            raise InputError("ball", "a Throw or a BallPath", checks.shown(ball))
+        self._ride = ball if isinstance(ball, Ride) else None
+        if self._ride is not None and self._belt is None:
+            raise InputError("ball", "a scene with a belt, for a ride on it", "one without")
+        if not isinstance(ball, Throw | BallPath | Ride):
+            raise InputError("ball", "a Throw, a BallPath or a Ride", checks.shown(ball))
+        self._waiting.clear()
         size = self._n + self._f
         kept = self.data.qpos[:size].copy(), self.data.qvel[:size].copy()
         plant, noise, own = (
@@ -192,6 +206,11 @@ class World:
             self.data.qpos[:size], self.data.qvel[:size] = kept
         if isinstance(ball, Throw):
             self._ball[0][:], self._ball[1][:] = ball.r, ball.dr
+            self._start(None, drawn)
+        elif isinstance(ball, Ride):
+            self._ball[0][:], self._ball[1][:] = ball.at(0.0)
+            at = self._n + self._f + 3
+            self.data.qpos[at : at + 4] = np.cos(0.5 * ball.yaw), 0.0, 0.0, np.sin(0.5 * ball.yaw)
             self._start(None, drawn)
         else:
             self._ball[0][:], self._ball[1][:] = ball.at(0.0)
@@ -226,7 +245,8 @@ class World:
         and where not every tick has its frame.
         """
         sensors, turns = self._sensors, self._scene.sensing.cameras == "active"
-        if self._faults is not None or self._path is not None or turns or self._joint_servo:
+        special = self._ride is not None or self._delay > 0 or self._pulls
+        if self._faults is not None or self._path is not None or turns or self._joint_servo or special:
             return None
         if not isinstance(sensors, Sensors) or self._scene.sensing.frame_rate < 1.0 / TICK:
             return None
@@ -244,10 +264,24 @@ class World:
             command = self._faults.command(self.t, command)
         if self._joint_servo is not None:
             command = self._joint_servo.torques(command, *self._senses[:2])
+        command = command._replace(hand=self._worked(command.hand))
+        if self._ride is not None and self._belt is not None:
+            joint = self.model.jnt_qposadr[self._belt], self.model.jnt_dofadr[self._belt]
+            self.data.qpos[joint[0]], self.data.qvel[joint[1]] = 0.0, self._ride.speed(self.t)
         note_stop(self._plant.state, command.brakes, False)
         asked = command.tau, command.hand, self._trace.reserve(self._ticks + 2)
         self._path = move_led(self._plant, *asked, path=self._path, faults=self._faults)
         self._sensors.turn(command.gaze, TICK)
+
+    def _worked(self, hand: float) -> float:
+        """Return what reaches the fingers now of what was commanded a delay ago; a cup pulls."""
+        if self._delay:
+            self._waiting.append(hand)
+            hand = self._waiting.popleft() if len(self._waiting) > self._delay else 0.0
+        if self._pulls:
+            self.data.ctrl[-1] = float(hand > 0.0)
+            return 0.0
+        return hand
 
     def _checked(self, command: Command) -> Command:
         """Return a command as compiled code takes it; refuse another shape."""

@@ -1,0 +1,205 @@
+"""Tools that grasp what rests or moves slowly: a parallel jaw, a suction cup.
+
+Sizes are those of common tools: the jaw opens 85 mm, closes at 75 mm/s a finger and weighs 0.9 kg
+(Robotiq 2F-85, instruction manual: 85 mm, 20 to 150 mm/s, 20 to 235 N, 0.925 kg); the cup of 40 mm
+pulls with 75 N at 60 kPa below the air's pressure. ``delay``, from the command until the tool
+begins to act, is what users of grippers tell of: 20 ms to 1 s. What else is said here are choices
+of this project.
+
+The z axis of the tool leads to the part; the catch point is the part's middle when it is grasped,
+``half`` of its height beyond the cup's lip, or between the tips of the jaw.
+"""
+
+from dataclasses import dataclass
+from math import inf
+from typing import Annotated, ClassVar, Final
+
+import numpy as np
+
+from mitt.arm.catch import LOST, Catch, CaughtBall, ClosingPlan, Strike, reduced
+from mitt.arm.description import Capsule, Hand
+from mitt.arm.hands import FingerDrive, rate
+from mitt.fields import Range, brief, check
+from mitt.signals import Array
+
+#: Acceleration with which a commanded jaw comes to its speed [m/s^2].
+_JERKY = 50.0
+
+
+def _block(mass: float, width: float, length: float) -> Array:
+    """Return the inertia of a square block along z [kg m^2], shape (3, 3)."""
+    across = mass * (width**2 + length**2) / 12.0
+    return np.diag([across, across, mass * width**2 / 6.0])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Suction(Hand):
+    """A suction cup on a tube; its bellows give way along the tube.
+
+    Attributes:
+        mass: Mass [kg].
+        length: Of flange, tube and cup, from the plate to the lip [m].
+        radius: Of the cup [m].
+        bellows: How far they give way [m].
+        pull: With which the cup holds a part that seals it [N].
+        press: With which the bellows press on the part at most [N].
+        friction: Of the lip on the part.
+        half: Half of the part's height [m].
+        delay: From the command until the cup pulls [s].
+        force: Largest force of a contact that it takes [N].
+    """
+
+    mass: Annotated[float, Range(1e-3, 50.0)] = 0.5
+    length: Annotated[float, Range(0.02, 1.0)] = 0.15
+    radius: Annotated[float, Range(0.002, 0.2)] = 0.02
+    bellows: Annotated[float, Range(0.001, 0.1)] = 0.012
+    pull: Annotated[float, Range(0.1, 1e4)] = 75.0
+    press: Annotated[float, Range(0.1, 1e3)] = 6.0
+    friction: Annotated[float, Range(0.0, 10.0)] = 0.8
+    half: Annotated[float, Range(0.001, 0.5)] = 0.02
+    delay: Annotated[float, Range(0.0, 5.0)] = 0.05
+    force: Annotated[float, Range(1e-3, inf)] = 150.0
+    closes: ClassVar[bool] = True
+
+    __repr__ = brief
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be; InputError names the field."""
+        check(self)
+
+    @property
+    def com(self) -> float:
+        """Height of the centre of mass above the plate [m]."""
+        return 0.4 * self.length
+
+    @property
+    def inertia(self) -> Array:
+        """Inertia about it [kg m^2], shape (3, 3)."""
+        return _block(self.mass, 0.06, self.length)
+
+    @property
+    def catch_offset(self) -> float:
+        """Distance of the grasped part's middle beyond the plate [m]: the bellows half given."""
+        return self.length - 0.5 * self.bellows + self.half
+
+    @property
+    def drive(self) -> FingerDrive:
+        """The bellows: a servo that holds them out, no harder than they press."""
+        return FingerDrive(tau_max=self.press, braking=50.0, settling=0.01, gain=40.0)
+
+    def capsules(self) -> tuple[Capsule, ...]:
+        """Return a capsule that holds all but the cup, which is meant to touch."""
+        end = self.length - self.bellows - 0.03
+        return (Capsule(start=(0.0, 0.0, 0.0), end=(0.0, 0.0, max(end, 0.01)), radius=0.03),)
+
+    def closing_on(self, radius: float, restitution: float, aside: Array) -> ClosingPlan:  # noqa: ARG002
+        """Return how it grasps: it pulls ``delay`` after the command."""
+        profile = np.array([1e6, 1e3, 1e3, 0.0, 1.0])
+        return ClosingPlan(profile, 0.0, 0.0, 0.0, inf, 0.0, np.full(len(aside), self.delay))
+
+    def shares(self, catch: Catch) -> dict[str, float]:
+        """Return ``seal``: what the part asks of the cup's pull while the arm brakes, as share.
+
+        Across the lip friction holds, of the pull that is left.
+        """
+        most = 0.0
+        for t in np.linspace(0.0, catch.duration, 8).tolist():
+            felt, normal = catch.felt(t)
+            along = float(felt @ normal)  # what presses the part on the cup is negative
+            across = float(np.linalg.norm(felt - along * normal))
+            most = max(most, max(-along, 0.0) + across / max(self.friction, 1e-6))
+        return {"seal": min(catch.ball.heaviest * most / self.pull, LOST)}
+
+    def contact_force(self, ball: CaughtBall, strike: Strike) -> float:
+        """Return the force of the lip on the part [N]: the bellows', and what a strike adds."""
+        return self.press + rate(ball.restitution) * reduced(0.1 * self.mass, ball.mass) * (
+            strike.into
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Jaw(Hand):
+    """A jaw of two fingers that move along the plate's x axis, one towards the other.
+
+    Attributes:
+        mass: Mass, fingers included [kg].
+        length: From the plate to the fingers' tips [m].
+        finger: Length of the fingers [m].
+        opening: Between the open fingers [m].
+        width: Width of a finger [m]; its thickness is half of that.
+        speed: Of each finger [m/s].
+        grip: With which each finger presses on the part [N].
+        friction: Of fingers and part.
+        deep: How far beyond the part's middle the tips reach [m].
+        delay: From the command until it begins to close [s].
+        force: Largest force of a contact that it takes [N].
+    """
+
+    mass: Annotated[float, Range(1e-2, 50.0)] = 0.9
+    length: Annotated[float, Range(0.05, 1.0)] = 0.16
+    finger: Annotated[float, Range(0.01, 0.5)] = 0.06
+    opening: Annotated[float, Range(0.005, 0.5)] = 0.085
+    width: Annotated[float, Range(0.004, 0.2)] = 0.022
+    speed: Annotated[float, Range(1e-3, 10.0)] = 0.075
+    grip: Annotated[float, Range(0.1, 1e4)] = 40.0
+    friction: Annotated[float, Range(0.0, 10.0)] = 0.8
+    deep: Annotated[float, Range(0.0, 0.2)] = 0.012
+    delay: Annotated[float, Range(0.0, 5.0)] = 0.05
+    force: Annotated[float, Range(1e-3, inf)] = 235.0
+    closes: ClassVar[bool] = True
+
+    __repr__ = brief
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be; InputError names the field."""
+        check(self)
+
+    @property
+    def com(self) -> float:
+        """Height of the centre of mass above the plate [m]."""
+        return 0.4 * self.length
+
+    @property
+    def inertia(self) -> Array:
+        """Inertia about it [kg m^2], shape (3, 3)."""
+        return _block(self.mass, 0.1, self.length)
+
+    @property
+    def catch_offset(self) -> float:
+        """Distance of the grasped part's middle beyond the plate [m]."""
+        return self.length - self.deep
+
+    @property
+    def drive(self) -> FingerDrive:
+        """The servo of each finger."""
+        return FingerDrive(tau_max=self.grip, braking=10.0, settling=0.01, gain=400.0)
+
+    def capsules(self) -> tuple[Capsule, ...]:
+        """Return a capsule that holds the jaw's body; the fingers are meant to touch."""
+        end = max(self.length - self.finger - 0.02, 0.01)
+        return (Capsule(start=(0.0, 0.0, 0.0), end=(0.0, 0.0, end), radius=0.05),)
+
+    def closing_on(self, radius: float, restitution: float, aside: Array) -> ClosingPlan:  # noqa: ARG002
+        """Return how it grasps a part whose half width is ``radius``: by its delay and speed."""
+        profile = np.array([_JERKY, self.speed, self.speed, 0.0, 0.5 * self.opening])
+        takes = self.delay + max(0.5 * self.opening - radius, 0.0) / self.speed + 0.03
+        return ClosingPlan(profile, 0.0, 0.0, 0.0, inf, 0.0, np.full(len(aside), takes))
+
+    def shares(self, catch: Catch) -> dict[str, float]:
+        """Return ``grip``: what the part asks of the fingers' friction while the arm brakes."""
+        held = 2.0 * self.friction * self.grip
+        most = max(
+            float(np.linalg.norm(catch.felt(t)[0]))
+            for t in np.linspace(0.0, catch.duration, 8).tolist()
+        )
+        return {"grip": min(catch.ball.heaviest * most / max(held, 1e-9), LOST)}
+
+    def contact_force(self, ball: CaughtBall, strike: Strike) -> float:
+        """Return the harder of grip and strike [N]."""
+        return max(self.grip, rate(ball.restitution) * reduced(ball.mass, strike.behind) * (
+            strike.whole
+        ))  # fmt: skip
+
+
+TOOLS: Final[dict[str, Suction | Jaw]] = {"suction": Suction(), "jaw": Jaw()}
+"""Tools by name."""
