@@ -228,9 +228,9 @@ def note(plant: Plant, trace: Trace) -> None:
     state, ball, n = plant.state[0], len(plant.ctrl), len(plant.slides)
     k, t = state.ticks, state.ticks * TICK
     trace.t[k], trace.force[k], trace.seen[k] = t, state.force, state.seen
-    for i in range(len(plant.qpos)):
+    for i in range(trace.qpos.shape[1]):
         trace.qpos[k, i] = plant.qpos[i]
-    for i in range(len(plant.qvel)):
+    for i in range(trace.qvel.shape[1]):
         trace.qvel[k, i] = plant.qvel[i]
     for i in range(n):
         trace.tau[k, i] = plant.drives.mean[i]

@@ -104,7 +104,7 @@ class Sensing(Settings):
     """
 
     point_noise: Annotated[float, Field(ge=0.0, le=10.0)] = 0.001
-    latency: Annotated[int, Field(ge=0, le=20)] = 1
+    latency: Annotated[int, Field(ge=0, le=200)] = 1
     frame_rate: Annotated[float, Field(ge=1.0, le=1000.0)] = 1000.0
     encoder_step: NotNegative | Literal["arm"] = 0.0
     cameras: Literal["fixed", "active"] = "fixed"

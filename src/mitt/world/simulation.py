@@ -112,7 +112,7 @@ class World:
         self._senses = qpos[:n], qvel[:n], qpos[ball : ball + 3], qvel[ball : ball + 3]
         self._body, self._steps = body_of(self.model, d), encoder_steps(scene, arm)
         self._ball = self._senses[2:]
-        self._trace = TraceBuffer(self.model.nq, self.model.nv, n)
+        self._trace = TraceBuffer(ball + 7, ball + 6, n)
         self._path: BallPath | None = None
         self._start(None, self._draw.nominal)
 

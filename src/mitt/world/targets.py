@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mitt.signals import Array
+from mitt.world.scene import Belt
 
 #: Frequencies of a hand's tremor [Hz].
 _TREMOR = (8.0, 12.0)
@@ -109,3 +110,28 @@ class Ride:
         way = self.change * (low**3 - 0.5 * low**4 + over)
         gone = float(self.speeds[0] * t + way @ np.diff(self.speeds))
         return self.start + gone * self.along, self.speed(t) * self.along
+
+
+def drawn_ride(
+    rng: np.random.Generator, belt: Belt, *, speed: float, height: float, varies: float = 0.3,
+    ahead: float = 1.6,
+) -> Ride:  # fmt: skip
+    """Return a ride on a belt whose speed changes on the way.
+
+    Args:
+        rng: Source of the draw.
+        belt: The belt.
+        speed: Its mean speed [m/s].
+        height: Of the part's middle [m].
+        varies: Half-width of the relative changes of speed.
+        ahead: About how long before it comes by the middle the part appears [s].
+    """
+    along = np.array([np.cos(belt.direction), np.sin(belt.direction), 0.0])
+    across = np.array([-along[1], along[0], 0.0])
+    speeds = speed * (1.0 + varies * rng.uniform(-1.0, 1.0, 5))
+    middle = np.array([*belt.middle, height])
+    off = rng.uniform(-0.03, 0.03)
+    start = middle + off * across - (0.25 + ahead * speed) * along
+    begin = np.sort(rng.uniform(0.3, 3.0, 4))
+    return Ride(start=start, along=along, begin=begin, speeds=speeds, change=0.2,
+                yaw=rng.uniform(-0.05, 0.05))  # fmt: skip

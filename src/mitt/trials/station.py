@@ -1,0 +1,233 @@
+"""Where an arm meets what moves: a belt before it, or a person who hands it something.
+
+The place scales with the arm: half of its reach before its shoulder, and a belt a little below it.
+The pose in which it waits is looked for: the tool above the place, its axis as wanted, from where
+it comes down on all of the work area clear of itself.
+"""
+
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import Final, Literal
+
+import numpy as np
+
+from mitt.arm.arm import Arm
+from mitt.arm.kinematics import motion_of, sweep
+from mitt.arm.shapes import Surroundings, clearance, shapes_of
+from mitt.arm.tools import Jaw, Suction
+from mitt.ball.filter import FilterConfig
+from mitt.catcher.meeting import MeetingSettings
+from mitt.catcher.settings import CatcherSettings
+from mitt.errors import ModelError
+from mitt.files.arm_file import load_arm
+from mitt.map.meeting import MeetingMap, unlearned_meeting
+from mitt.map.reach import Reach, ReachScratch, reach_of, reach_scratch, reach_target
+from mitt.signals import Array
+from mitt.trials.catcher_settings import catcher_settings
+from mitt.world.scene import Ball, Belt, Scene
+
+Target = Literal["belt", "hand"]
+TARGETS: Final[tuple[Target, ...]] = ("belt", "hand")
+"""What moves the thing that is met."""
+
+CARRIED: Final = FilterConfig(
+    other_motion=0.998, watchful=True, min_sightings=4, driven_sigma=1.5, driven_time=0.3
+)
+"""What the filter assumes of a thing that is carried: it does not fly, and speeds up by 1.5 m/s^2.
+"""
+
+PART: Final = Ball(sides=(0.05, 0.06, 0.04), mass=0.1, drag=0.0)
+"""The part that is met where the scene says nothing: a small box."""
+
+#: How far above its place the tool waits, and where its way down begins [m].
+_WAITS, _ABOVE = 0.15, 0.06
+#: Poses from which the one to wait in is looked for, and their seed.
+_POSES, _SEED = 400, 5
+#: Gap that it keeps from itself [m]; more than the catcher's margin.
+_GAP = 0.013
+#: How the tool points: down on a belt, away from the arm to a person.
+_FRAMES = {
+    "belt": np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]]),
+    "hand": np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]),
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Station:
+    """An arm where it meets things.
+
+    Attributes:
+        arm: The arm, in the pose in which it waits.
+        map: Its meeting map.
+        settings: Where and how things are met.
+        scene: The world.
+        place: Middle of the work area, where the middle of a part comes by [m], shape (3,).
+        target: What moves the part.
+    """
+
+    arm: Arm
+    map: MeetingMap
+    settings: MeetingSettings
+    scene: Scene
+    place: Array
+    target: Target
+
+    @property
+    def catcher(self) -> CatcherSettings:
+        """Settings of its catcher."""
+        known = catcher_settings(self.arm, self.scene)
+        sides = np.array(self.scene.ball.sides or (2.0 * self.scene.ball.radius,) * 3)
+        return replace(known, flight=CARRIED, sigma_ready=0.05, ball_radius=0.5 * float(sides[0]))
+
+
+def station(
+    name: str, tool: Suction | Jaw, target: Target, scene: Scene, *, limits: str | None = None,
+    speed: float = np.inf,
+) -> Station:  # fmt: skip
+    """Return the station of an arm.
+
+    Args:
+        name: Name or file of an arm.
+        tool: What it carries.
+        target: What moves the part.
+        scene: The world; what it does not say of part and belt is filled in.
+        limits: Limit set; that of the arm if left out.
+        speed: Largest speed of the tool [m/s].
+
+    Raises:
+        ModelError: No pose brings the tool over the work area.
+    """
+    if scene.ball.sides is None:
+        scene = scene.model_copy(update={"ball": PART})
+    half = 0.5 * (scene.ball.sides or (0.04,) * 3)[2]
+    raw, free = _raw(name, replace(tool, half=half) if isinstance(tool, Suction) else tool, limits)
+    shoulder, reach = _shoulder(raw)
+    place = shoulder + (0.5 * reach, 0.0, -0.12 if target == "belt" else 0.05)
+    if scene.belt is None and target == "belt":
+        belt = Belt(middle=(float(place[0]), float(place[1])), height=float(place[2]) - half)
+        scene = scene.model_copy(update={"belt": belt})
+    elif scene.belt is not None:
+        place = np.array([*scene.belt.middle, scene.belt.height + half])
+    wide = 0.32 * reach
+    room = np.array([0.06, wide, 0.05 if target == "belt" else 0.5 * wide])
+    frame = _FRAMES[target]
+    q = waiting_pose(raw, free, frame, place, room, scene.floor)
+    if q is None:
+        raise ModelError(f"arm {name}", f"one that reaches over the {target}", "no pose that does")
+    arm = Arm(replace(raw.model, q_ready=q), raw.limits)
+    low, high = place - room - 0.02, place + room + 0.02
+    takes = tool.delay if isinstance(tool, Suction) else _takes(tool, scene)
+    settings = MeetingSettings(
+        low=tuple(low.tolist()), high=tuple(high.tolist()), above=_ABOVE, settle=0.05,
+        closing=takes, speed=speed,
+    )  # fmt: skip
+    return Station(
+        arm=arm, map=unlearned_meeting(arm, free, frame=frame), settings=settings, scene=scene,
+        place=place, target=target,
+    )  # fmt: skip
+
+
+def _takes(jaw: Jaw, scene: Scene) -> float:
+    """Return the time that a jaw takes to close on the scene's part [s]."""
+    sides = scene.ball.sides or (0.05,) * 3
+    return float(jaw.closing_on(0.5 * sides[0], 0.0, np.zeros(1)).takes[0])
+
+
+def _raw(name: str, tool: Suction | Jaw, limits: str | None) -> tuple[Arm, tuple[int, ...]]:
+    """Return an arm with a tool, and the joints that bring it to a target.
+
+    Of seven joints the third is held, where it is straight.
+    """
+    whole = load_arm(name, hand=tool, limits=limits)
+    names = whole.names
+    if len(names) == 7:
+        names = (*names[:2], *names[3:])
+        whole = load_arm(name, hand=tool, limits=limits, joints=names)
+    free = tuple(range(len(names)))
+    if len(free) not in (3, 5, 6):
+        raise ModelError(f"arm {name}", "3, 5, 6 or 7 joints", f"{len(free)}")
+    return whole, free
+
+
+def _shoulder(arm: Arm) -> tuple[Array, float]:
+    """Return where the second joint is in the ready pose [m], (3,), and how far the arm reaches."""
+    m = motion_of(arm.n)
+    sweep(arm.chain, arm.q_ready, np.zeros(arm.n), m)
+    at = m.origin[0, 1].copy()
+    rng, low, high = np.random.default_rng(_SEED), arm.q_min, arm.q_max
+    tips = [arm.position(rng.uniform(low, high)) for _ in range(400)]
+    return at, float(max(np.linalg.norm(tip - at) for tip in tips))
+
+
+def waiting_pose(
+    arm: Arm, free: tuple[int, ...], frame: Array, place: Array, room: Array, floor: float
+) -> Array | None:
+    """Return the pose in which an arm waits for what comes to a place [rad], (n,).
+
+    Of many that have the tool above the place, the one that is farthest from singular poses all
+    over the work area; None where none reaches all of it.
+
+    Args:
+        arm: The arm.
+        free: Its joints that bring the tool to a target.
+        frame: Columns: where the tool's axes are to point, shape (3, 3).
+        place: Middle of the work area [m], shape (3,).
+        room: Half of its sizes [m], shape (3,).
+        floor: Height of the floor [m].
+    """
+    inverse = reach_of(arm, free)
+    w = reach_scratch(inverse)
+    w.frame[:] = frame
+    rng, above = np.random.default_rng(_SEED), place - _WAITS * frame[:, 2]
+    corners = [place + room * x for x in product((-1.0, 1.0), repeat=3)]
+    corners += [x - _ABOVE * frame[:, 2] for x in corners]
+    best: tuple[float, Array] | None = None
+    for _ in range(_POSES):
+        start = rng.uniform(np.maximum(arm.q_min, -2.6), np.minimum(arm.q_max, 2.6))
+        q = _brought(inverse, w, above, start)
+        if q is None or not _is_sound(arm, q, frame, len(free)):
+            continue
+        worth = _ease(arm, inverse, w, corners, q)
+        if (best is None or worth > best[0]) and worth > 0.0 and _is_clear(arm, q, floor):
+            best = worth, q
+    return None if best is None else best[1]
+
+
+def _brought(inverse: Reach, w: ReachScratch, to: Array, start: Array) -> Array | None:
+    """Return the pose that brings the tool to a place, from a start; None where there is none."""
+    rows = np.zeros((3, len(start)))
+    rows[0] = start
+    target = np.array([to, np.zeros(3), np.zeros(3)])
+    return rows[0].copy() if reach_target(inverse, target, rows, w) else None
+
+
+def _is_sound(arm: Arm, q: Array, frame: Array, rows: int) -> bool:
+    """Say whether a pose is in the joints' ranges, its tool pointing as wanted, not opposite."""
+    room = 0.03 * (arm.q_max - arm.q_min)
+    inside = bool(np.all((q > arm.q_min + room) & (q < arm.q_max - room)))
+    turned = arm.orientation(q)
+    along = np.sum(turned * frame, axis=0)  # cosines of the tool's axes with those wanted
+    told = {3: along[:0], 5: along[2:], 6: along}[rows]
+    return inside and bool(np.all(told > 0.9))
+
+
+def _ease(
+    arm: Arm, inverse: Reach, w: ReachScratch, corners: list[Array], q: Array
+) -> float:
+    """Return the smallest singular value of the tool's motion over all corners; 0 out of reach."""
+    least = np.inf
+    for corner in corners:
+        at = _brought(inverse, w, corner, q)
+        if at is None or np.any((at < arm.q_min) | (at > arm.q_max)):
+            return 0.0
+        least = min(least, float(np.linalg.svd(arm.jacobian(at), compute_uv=False)[-1]))
+    middle, half = 0.5 * (arm.q_max + arm.q_min), 0.5 * (arm.q_max - arm.q_min)
+    return least * (1.2 - float(np.abs((q - middle) / half).max()))
+
+
+def _is_clear(arm: Arm, q: Array, floor: float) -> bool:
+    """Say whether an arm that waits in a pose is clear of itself and of the floor."""
+    there = Arm(replace(arm.model, q_ready=q), arm.limits)
+    shapes = shapes_of(there, Surroundings(floor=floor))
+    gap = clearance(there.bodies, q, shapes.table, shapes.pairs, shapes.ends)
+    return bool(gap > _GAP)
