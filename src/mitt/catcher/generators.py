@@ -114,6 +114,15 @@ class Underway(Generator, Protocol):
         ...
 
 
+@runtime_checkable
+class Farsighted(Generator, Protocol):
+    """A generator whose verdict looks as far ahead as a motion may begin, on a ball however far."""
+
+    def horizon(self) -> float:
+        """Return how far ahead it looks [s]."""
+        ...
+
+
 @final
 @dataclass(frozen=True, slots=True)
 class Direct:

@@ -112,7 +112,9 @@ class Meeting(Generator):
 
     map: MeetingMap
     settings: MeetingSettings = field(default_factory=MeetingSettings)
-    tolerance: Tolerance = field(default_factory=Tolerance)
+    tolerance: Tolerance = field(
+        default_factory=lambda: Tolerance(torque=0.8, speed=0.9, acceleration=0.7)
+    )
     start: float = inf
     after: float = inf
     glide: Glide = field(default_factory=lambda: Glide(30.0))
@@ -138,9 +140,9 @@ class Meeting(Generator):
                            t_catch=self.start + self.after, sigma=spread(ball, 0.0))  # fmt: skip
         return self._planned(ball, q, np.zeros(len(q)))[0]
 
-    def is_far(self, ball: BallState, hand: Array) -> bool:  # noqa: ARG002
-        """Never: the verdict itself looks far ahead."""
-        return False
+    def horizon(self) -> float:
+        """Return the longest time to a meeting [s]."""
+        return self.settings.longest
 
     def _planned(self, ball: BallState, q: Array, dq: Array) -> tuple[Verdict, float]:
         """Return the verdict for an arm in ``q`` that moves at ``dq``, and the time to meet."""
@@ -179,13 +181,13 @@ class Meeting(Generator):
         """
         times = np.linspace(0.0, T, _INSTANTS)
         path = flown(ball, times)
-        targets = [self._placed(target, T - t) for target, t in zip(path, times, strict=True)]
-        f = self.map.adapt(targets[0], state, self._approach(T))
+        targets = [self.placed(target, T - t) for target, t in zip(path, times, strict=True)]
+        f = self.map.adapt(targets[0], state, self.approach(T))
         if f is None:
             return None
         motion = []
         for target, t in zip(targets, times, strict=True):
-            rows = f.motion(target, self._clock(t, T), self._approach(T))
+            rows = f.motion(target, self._clock(t, T), self.approach(T))
             if rows is None:
                 return None
             motion.append(rows[:3])
@@ -196,15 +198,15 @@ class Meeting(Generator):
         arm = self.map.arm
         return max(float(np.linalg.norm(arm.jacobian(q) @ dq)) for q, dq, _ in motion)
 
-    def _approach(self, T: float) -> float:
+    def approach(self, T: float) -> float:
         """Return the time from the start until the tool is above the target [s]."""
         return T - self.settings.down if self.settings.above > 0.0 else T
 
     def _clock(self, since: float, T: float) -> float:
         """Return s, the share of the time to go, so long after the start."""
-        return max(1.0 - since / self._approach(T), 0.0)
+        return max(1.0 - since / self.approach(T), 0.0)
 
-    def _placed(self, target: Array, left: float) -> Array:
+    def placed(self, target: Array, left: float) -> Array:
         """Return the target with the tool's way down before it, so long before the meeting.
 
         Along the tool's axis, by a polynomial whose speed and acceleration vanish at both ends.
@@ -230,15 +232,15 @@ class Meeting(Generator):
         least = 0.1 + (self.settings.down if self.settings.above > 0.0 else 0.0)
         if not np.isfinite(after) or after < least:
             return self
-        target = self._placed(self.glide.to(ball), after)
-        f = self.map.adapt(target, np.array([q, dq, 0.0 * q]), self._approach(after))
+        target = self.placed(self.glide.to(ball), after)
+        f = self.map.adapt(target, np.array([q, dq, 0.0 * q]), self.approach(after))
         return self if f is None else replace(self, map=f, start=ball.t, after=after)
 
     def reference(self, ball: BallState) -> JointReference:
         """Evaluate the map at the target as it is, and at the time to go."""
         since = ball.t - self.start
-        target = self._placed(self.glide.to(ball), self.after - since)
-        rows = self.map.motion(target, self._clock(since, self.after), self._approach(self.after))
+        target = self.placed(self.glide.to(ball), self.after - since)
+        rows = self.map.motion(target, self._clock(since, self.after), self.approach(self.after))
         inside = rows is not None
         if rows is None:
             rows = np.zeros((6, self.map.arm.n))

@@ -7,7 +7,7 @@ from typing import Any, final
 import numpy as np
 
 from mitt.arm.arm import Arm
-from mitt.catcher.generators import Generator, Underway, Unoptimised
+from mitt.catcher.generators import Farsighted, Generator, Underway, Unoptimised
 from mitt.catcher.settings import (
     BRAKE,
     DECIDE,
@@ -226,7 +226,7 @@ class Planner:
             # What the verdict says besides is computed when ``verdict`` is read.
             self._deferred = ball, self._state.estimated[0].copy()
             return
-        if self._is_out_of_sight() or is_far(ball, self._arm.position(self._state.estimated[0])):
+        if self._is_out_of_sight() or self._is_far(ball):
             self._deferred = ball, self._state.estimated[0].copy()
             self._scalars["t_look"] = ball.t + _LOOK_AGAIN
             return
@@ -237,6 +237,12 @@ class Planner:
         self._verdict, self._deferred = verdict, None
         if verdict.outcome is Outcome.UNREACHABLE and ball.t - ball.t_first >= of.watch:
             self._enter(REFUSED)
+
+    def _is_far(self, ball: BallState) -> bool:
+        """Say whether there is time for a verdict; one that looks far ahead itself is for now."""
+        if isinstance(self.generator, Farsighted):
+            return False
+        return is_far(ball, self._arm.position(self._state.estimated[0]))
 
     def _judged(self, ball: BallState) -> Verdict:
         """Return the verdict on a ball for the arm as it is and moves, up to its rest afterwards.

@@ -147,6 +147,57 @@ class CatchOptions(ArmOptions):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class MeetOptions(Options):
+    """Meet what moves on a belt or in a hand, and take it; print a table and write DIR.
+
+    Attributes:
+        arm: The arm: a name, as ur5e, or a file.
+        limits: Limit set, as of mitt catch.
+        tool: What the arm takes it with.
+        target: What moves it: a belt, or the hand of a person.
+        speed: Mean speed of the belt, or largest speed of the hand [m/s]; 0.3 and 0.8 if left out.
+        gripper_delay: Time from the command until the tool acts [s].
+        tool_speed: Largest speed of the tool on its way [m/s]; 0.25 near a person, else any, if
+            left out.
+        generator: What moves the arm: direct, the map, or a quintic that is planned anew.
+        plan_rate: How often that one is planned [Hz].
+        trials: Number of trials.
+        seed: Seed of the trials.
+        scene: The world: a name or a TOML file; if left out, lab with a camera of 60 Hz, 30 ms late
+            and with 2 mm of noise.
+        out: Folder to write; a new runs/meet-<seed>-<target> if left out.
+        overwrite: Use a folder that has files in it.
+    """
+
+    module = "meeting"
+    examples = (
+        "mitt meet --arm ur5e --target belt --speed 0.5",
+        "mitt meet --arm franka-panda --tool jaw --target hand --trials 20",
+    )
+
+    arm: ArmName = "ur5e"
+    limits: Limits = None
+    tool: Literal["suction", "jaw"] = "suction"
+    target: Literal["belt", "hand"] = "belt"
+    speed: Annotated[float | None, Arg("M/S", range=(0.01, 5.0), wanted="a number in 0.01..5")] = (
+        None
+    )
+    gripper_delay: Annotated[float, Arg("S", range=(0.0, 2.0), wanted="a number in 0..2")] = 0.05
+    tool_speed: Annotated[
+        float | None, Arg("M/S", range=(0.01, 20.0), wanted="a number in 0.01..20")
+    ] = None
+    generator: Literal["direct", "quintic"] = "direct"
+    plan_rate: Annotated[float, Arg("HZ", range=(1.0, 1000.0), wanted="a number in 1..1000")] = (
+        100.0
+    )
+    trials: Annotated[int, Arg("N", range=(1, 100_000), wanted="a number in 1..100000")] = 10
+    seed: Seed = 0
+    scene: Scene = None
+    out: Folder = None
+    overwrite: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LearnOptions(ArmOptions):
     """Learn a map; print the cost at each step (fig. 7) and write MAP.json.
 
@@ -511,6 +562,7 @@ class CalibrateOptions(Options):
 COMMANDS: dict[str, type[Options]] = {
     "catch": CatchOptions,
     "arms": ArmsOptions,
+    "meet": MeetOptions,
     "learn": LearnOptions,
     "design": DesignOptions,
     "run": RunOptions,

@@ -9,13 +9,13 @@ rows: three bring the tool to the target; with five its z axis is that of a give
 with six so is its x axis. Any further joint follows the free ones, q_o = q_rest + A (p - p_rest), p
 their angles: a wrist whose row of A is minus the sum of parallel joints keeps the tool's pitch.
 
-| here          | meaning                                                  | unit        | shape  |
-|---------------|----------------------------------------------------------|-------------|--------|
-| ``target``    | r_o, dr_o, ddr_o                                         | m, m/s, m/s^2 | (3, 3) |
-| ``frame``     | columns: where the tool's x, y and z axis are to point   | 1           | (3, 3) |
-| ``virtual``   | q_o = l^-1(r_o) and two derivatives                      | rad, rad/s .. | (3, n) |
-| ``p``         | angles of the free joints                                | rad         | (k,)   |
-| ``rows``      | residual of the k rows and their slope in p              | m, 1        | (k, k + 1) |
+| here        | meaning                                                | unit   | shape      |
+|-------------|--------------------------------------------------------|--------|------------|
+| ``target``  | r_o, dr_o, ddr_o                                       | m ..   | (3, 3)     |
+| ``frame``   | columns: where the tool's x, y and z axis are to point | 1      | (3, 3)     |
+| ``virtual`` | q_o = l^-1(r_o) and two derivatives                    | rad .. | (3, n)     |
+| ``p``       | angles of the free joints                              | rad    | (k,)       |
+| ``rows``    | slope of the k rows in p, and what is left of them     | m, 1   | (k, k + 1) |
 
 The rows of direction are the components of the tool's axes that should be nought: z along the
 frame's x and y, and x along the frame's y. They say the same of an axis and of its opposite; the
@@ -135,7 +135,7 @@ def _set(reach: Reach, q: Array, w: ReachScratch) -> None:
 
 
 @kernel
-def _aim(w: ReachScratch, a: int) -> tuple[int, int]:
+def _aim(a: int) -> tuple[int, int]:
     """Return which of the tool's axes, and which column of the frame, row 3 + a is about."""
     return (0, a) if a < 2 else (1, 1)
 
@@ -147,7 +147,7 @@ def _expand(reach: Reach, target: Vec, w: ReachScratch) -> float:
     miss = minus(target, row(w.motion.tip, 0))
     worst = 0.0
     for r in range(k):
-        axis, column = _aim(w, r - 3)
+        axis, column = _aim(r - 3)
         way: Vec = (w.frame[0, column], w.frame[1, column], w.frame[2, column])
         for a in range(k):
             slope = 0.0
@@ -179,7 +179,7 @@ def _curve(reach: Reach, q: Array, dq: Array, w: ReachScratch) -> None:
         if r < 3:
             w.curved[r] = m.tip[2, r]
         else:
-            axis, column = _aim(w, r - 3)
+            axis, column = _aim(r - 3)
             way: Vec = (w.frame[0, column], w.frame[1, column], w.frame[2, column])
             u = row(w.axes, axis)
             w.curved[r] = dot(way, plus(cross(domega, u), cross(omega, cross(omega, u))))
@@ -237,7 +237,7 @@ def _newton(reach: Reach, share: float, q: Array, w: ReachScratch) -> float:
     for _ in range(_STEPS):
         _set(reach, q, w)
         worst = _expand(reach, target, w)
-        sign = _solve(w.rows, w.p)
+        sign = float(_solve(w.rows, w.p))
         if worst < _RESIDUAL or sign == 0.0:
             return sign
         largest = 0.0

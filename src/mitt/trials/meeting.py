@@ -5,6 +5,7 @@ it. All that is scored is taken from the true states of the world.
 """
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, final
 
@@ -102,7 +103,9 @@ class MeetRunner:
     def trial(self, index: int) -> MeetTrial:
         """Run one trial; run again, it gives the same."""
         world, s = self.world, self._station
-        world.reset(self.target(index), int(np.random.default_rng([self._seed, index]).integers(2**31)))
+        world.reset(
+            self.target(index), int(np.random.default_rng([self._seed, index]).integers(2**31))
+        )
         catcher = Catcher(s.arm, self._generator, settings=s.catcher)
         results, closed = [], None
         for _ in self._ticks(catcher, _LONGEST):
@@ -131,8 +134,8 @@ class MeetRunner:
     def _go_back(self, catcher: Catcher, results: list[Any]) -> None:
         """Go back along the tool's axis with the part, as far as limits let it, and hold it."""
         f, last = self._station.map, catcher.result.command[0].copy()
-        ticks = round(_TIME_BACK / TICK)
-        x = np.arange(1, ticks + 1) / ticks
+        count = round(_TIME_BACK / TICK)
+        x = np.arange(1, count + 1) / count
         way = np.stack([
             x**3 * (10.0 - 15.0 * x + 6.0 * x * x), 30.0 * (x * (1.0 - x)) ** 2 / _TIME_BACK,
             60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / _TIME_BACK**2,
@@ -145,14 +148,12 @@ class MeetRunner:
             if not inside:
                 break
             rows.append(virtual)
-        if len(rows) == ticks + 1:
+        if len(rows) == count + 1:
             rows[-1][1:] = 0.0
-            try:
+            with suppress(InputError):  # a limit forbids it: the part is held where it is
                 catcher.move(np.array(rows))
-            except InputError:
-                pass  # a limit forbids it: the part is held where it is
-        for _ in self._ticks(catcher, _TIME_BACK + _HELD):
-            results.append(copied(catcher.result))
+        ticks = self._ticks(catcher, _TIME_BACK + _HELD)
+        results.extend(copied(catcher.result) for _ in ticks)
 
     def _scored(
         self, index: int, catcher: Catcher, results: list[Any], closed: float | None

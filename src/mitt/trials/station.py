@@ -100,9 +100,10 @@ def station(
     if scene.ball.sides is None:
         scene = scene.model_copy(update={"ball": PART})
     half = 0.5 * (scene.ball.sides or (0.04,) * 3)[2]
-    raw, free = _raw(name, replace(tool, half=half) if isinstance(tool, Suction) else tool, limits)
+    tool = replace(tool, half=half) if isinstance(tool, Suction) else tool
+    raw, free = _raw(name, tool, limits)
     shoulder, reach = _shoulder(raw)
-    place = shoulder + (0.5 * reach, 0.0, -0.12 if target == "belt" else 0.05)
+    place = shoulder + np.array([0.5 * reach, 0.0, -0.12 if target == "belt" else 0.05])
     if scene.belt is None and target == "belt":
         belt = Belt(middle=(float(place[0]), float(place[1])), height=float(place[2]) - half)
         scene = scene.model_copy(update={"belt": belt})
@@ -211,9 +212,7 @@ def _is_sound(arm: Arm, q: Array, frame: Array, rows: int) -> bool:
     return inside and bool(np.all(told > 0.9))
 
 
-def _ease(
-    arm: Arm, inverse: Reach, w: ReachScratch, corners: list[Array], q: Array
-) -> float:
+def _ease(arm: Arm, inverse: Reach, w: ReachScratch, corners: list[Array], q: Array) -> float:
     """Return the smallest singular value of the tool's motion over all corners; 0 out of reach."""
     least = np.inf
     for corner in corners:

@@ -246,7 +246,13 @@ class World:
         """
         sensors, turns = self._sensors, self._scene.sensing.cameras == "active"
         special = self._ride is not None or self._delay > 0 or self._pulls
-        if self._faults is not None or self._path is not None or turns or self._joint_servo or special:
+        if (
+            self._faults is not None
+            or self._path is not None
+            or turns
+            or self._joint_servo
+            or special
+        ):
             return None
         if not isinstance(sensors, Sensors) or self._scene.sensing.frame_rate < 1.0 / TICK:
             return None

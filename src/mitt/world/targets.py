@@ -104,7 +104,7 @@ class Ride:
         return float(self.speeds[0] + (x * x * (3.0 - 2.0 * x)) @ np.diff(self.speeds))
 
     def at(self, t: float) -> tuple[Array, Array]:
-        """Position [m], shape (3,), and velocity [m/s], shape (3,), of a part that does not slip."""
+        """Position [m] and velocity [m/s], shape (3,) each, of a part that does not slip."""
         x = np.clip((t - self.begin) / self.change, 0.0, None)
         low, over = np.minimum(x, 1.0), np.maximum(x - 1.0, 0.0)
         way = self.change * (low**3 - 0.5 * low**4 + over)
