@@ -16,10 +16,11 @@ from mitt.arm.kinematics import motion_of, sweep
 from mitt.arm.shapes import Surroundings, clearance, shapes_of
 from mitt.arm.tools import Jaw, Suction
 from mitt.ball.filter import FilterConfig
-from mitt.catcher.meeting import MeetingSettings
+from mitt.catcher.meeting import Meeting, MeetingSettings
 from mitt.catcher.settings import CatcherSettings
 from mitt.errors import ModelError
 from mitt.files.arm_file import load_arm
+from mitt.map.demand import Tolerance, shares_of
 from mitt.map.meeting import MeetingMap, unlearned_meeting
 from mitt.map.reach import Reach, ReachScratch, reach_of, reach_scratch, reach_target
 from mitt.signals import Array
@@ -41,14 +42,20 @@ PART: Final = Ball(sides=(0.05, 0.06, 0.04), mass=0.1, drag=0.0)
 
 #: How far above its place the tool waits, and where its way down begins [m].
 _WAITS, _ABOVE = 0.15, 0.06
+#: Time from the meeting until the tool begins to close [s].
+_SETTLE = 0.12
+#: Times of the way down that are tried [s], and the share of each limit that it may take.
+_DOWN = (0.2, 0.25, 0.3, 0.4, 0.5, 0.7, 1.0)
+_HALF = Tolerance(torque=0.8, speed=0.5, acceleration=0.4)
 #: Poses from which the one to wait in is looked for, and their seed.
 _POSES, _SEED = 400, 5
 #: Gap that it keeps from itself [m]; more than the catcher's margin.
-_GAP = 0.013
-#: How the tool points: down on a belt, away from the arm to a person.
+_GAP = 0.0105
+_SIN, _COS = float(np.sin(np.deg2rad(40.0))), float(np.cos(np.deg2rad(40.0)))
+#: How the tool points: down on a belt, away from the arm and 40 degrees down to a person.
 _FRAMES = {
     "belt": np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]]),
-    "hand": np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]),
+    "hand": np.array([[0.0, _SIN, _COS], [1.0, 0.0, 0.0], [0.0, _COS, -_SIN]]),
 }
 
 
@@ -109,8 +116,8 @@ def station(
         scene = scene.model_copy(update={"belt": belt})
     elif scene.belt is not None:
         place = np.array([*scene.belt.middle, scene.belt.height + half])
-    wide = 0.32 * reach
-    room = np.array([0.06, wide, 0.05 if target == "belt" else 0.5 * wide])
+    wide = (0.32 if target == "belt" else 0.2) * reach
+    room = np.array([0.06, wide, 0.05 if target == "belt" else 0.1])
     frame = _FRAMES[target]
     q = waiting_pose(raw, free, frame, place, room, scene.floor)
     if q is None:
@@ -118,14 +125,27 @@ def station(
     arm = Arm(replace(raw.model, q_ready=q), raw.limits)
     low, high = place - room - 0.02, place + room + 0.02
     takes = tool.delay if isinstance(tool, Suction) else _takes(tool, scene)
+    f = unlearned_meeting(arm, free, frame=frame)
     settings = MeetingSettings(
-        low=tuple(low.tolist()), high=tuple(high.tolist()), above=_ABOVE, settle=0.05,
+        low=tuple(low.tolist()), high=tuple(high.tolist()), above=_ABOVE, settle=_SETTLE,
         closing=takes, speed=speed,
     )  # fmt: skip
-    return Station(
-        arm=arm, map=unlearned_meeting(arm, free, frame=frame), settings=settings, scene=scene,
-        place=place, target=target,
-    )  # fmt: skip
+    settings = replace(settings, down=_time_down(f, settings, place))
+    return Station(arm=arm, map=f, settings=settings, scene=scene, place=place, target=target)
+
+
+def _time_down(f: MeetingMap, settings: MeetingSettings, place: Array) -> float:
+    """Return the time of the way down on a part that rests [s]: the shortest within half of all
+    limits, so that the other half is left for a part that moves.
+    """
+    part = np.array([place, np.zeros(3), np.zeros(3)])
+    for down in _DOWN:
+        way = Meeting(f, replace(settings, down=down))
+        rows = [f.motion(way.placed(part, left), 0.0, 1.0) for left in np.linspace(down, 0.0, 40)]
+        motion = np.array([x[:3] for x in rows if x is not None])
+        if len(motion) and max(shares_of(f.arm, motion, _HALF).values()) <= 1.0:
+            return down
+    return _DOWN[-1]
 
 
 def _takes(jaw: Jaw, scene: Scene) -> float:
