@@ -183,7 +183,8 @@ def scene_keys(model: BaseModel, prefix: str = "") -> dict[str, tuple[str, str]]
             out |= scene_keys(field.default, f"{prefix}{name}.")
             continue
         spans = {"second": "x, y, z, radius", "second_velocity": "x, y, z",
-                 "distortion": "[-0.5, 0.5] each"}  # fmt: skip
+                 "distortion": "[-0.5, 0.5] each", "sides": "[0.005, 0.5] each",
+                 "belt": "table"}  # fmt: skip
         if name in spans:
             out[prefix + name] = (str(field.default), spans[name])
             continue

@@ -135,8 +135,9 @@ def station(
 
 
 def _time_down(f: MeetingMap, settings: MeetingSettings, place: Array) -> float:
-    """Return the time of the way down on a part that rests [s]: the shortest within half of all
-    limits, so that the other half is left for a part that moves.
+    """Return the time of the way down on a part that rests [s].
+
+    It is the shortest within half of all limits: the other half is left for a part that moves.
     """
     part = np.array([place, np.zeros(3), np.zeros(3)])
     for down in _DOWN:
