@@ -102,12 +102,10 @@ class Suction(Hand):
 
         Across the lip friction holds, of the pull that is left.
         """
-        most = 0.0
-        for t in np.linspace(0.0, catch.duration, 8).tolist():
-            felt, normal = catch.felt(t)
-            along = float(felt @ normal)  # what presses the part on the cup is negative
-            across = float(np.linalg.norm(felt - along * normal))
-            most = max(most, max(-along, 0.0) + across / max(self.friction, 1e-6))
+        felt, normal = catch.felt(np.linspace(0.0, catch.duration, 8))
+        along = np.sum(felt * normal, axis=1)  # what presses the part on the cup is negative
+        across = np.linalg.norm(felt - along[:, None] * normal, axis=1)
+        most = float(np.max(np.maximum(-along, 0.0) + across / max(self.friction, 1e-6)))
         return {"seal": min(catch.ball.heaviest * most / self.pull, LOST)}
 
     def contact_force(self, ball: CaughtBall, strike: Strike) -> float:
@@ -188,10 +186,8 @@ class Jaw(Hand):
     def shares(self, catch: Catch) -> dict[str, float]:
         """Return ``grip``: what the part asks of the fingers' friction while the arm brakes."""
         held = 2.0 * self.friction * self.grip
-        most = max(
-            float(np.linalg.norm(catch.felt(t)[0]))
-            for t in np.linspace(0.0, catch.duration, 8).tolist()
-        )
+        felt = catch.felt(np.linspace(0.0, catch.duration, 8))[0]
+        most = float(np.linalg.norm(felt, axis=1).max())
         return {"grip": min(catch.ball.heaviest * most / max(held, 1e-9), LOST)}
 
     def contact_force(self, ball: CaughtBall, strike: Strike) -> float:
