@@ -55,7 +55,9 @@ def test_every_block_is_of_a_kind_that_is_checked() -> None:
     """A block in another language would be checked by nobody."""
     for path in PAGES:
         for language, _ in BLOCK.findall(path.read_text(encoding="utf-8")):
-            assert language.strip().split(" ")[0] in {*KNOWN, "{command-options}"}, name_of(path)
+            assert language.strip().split(" ")[0] in {*KNOWN, "{command-options}", "{settings}"}, (
+                name_of(path)
+            )
 
 
 @pytest.mark.parametrize("path", PAGES, ids=name_of)

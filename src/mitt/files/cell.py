@@ -34,7 +34,14 @@ _Positive = Annotated[float, Field(gt=0.0, le=1e4)]
 
 
 class ArmPart(Part):
-    """The arm: a name or a file, as in ``mitt catch``."""
+    """The arm, as ``mitt catch`` takes it.
+
+    Attributes:
+        file: Its name, or its file.
+        tip: Frame at which the hand is mounted.
+        joints: The active joints.
+        limits: Limit set, by name or file.
+    """
 
     file: Name = "wam"
     tip: Name | None = None
@@ -43,7 +50,16 @@ class ArmPart(Part):
 
 
 class BallPart(Part):
-    """What is thrown: radius [m], mass [kg], drag [1/m], restitution and friction on the palm."""
+    """What is thrown.
+
+    Attributes:
+        radius: Radius [m].
+        mass: Mass [kg].
+        drag: Quadratic drag coefficient [1/m].
+        drag_spread: How wrong that may be, as share.
+        restitution: Share of its speed that the ball keeps on the palm.
+        friction: Friction on the palm.
+    """
 
     radius: Annotated[float, Field(ge=0.005, le=0.06)] = 0.04
     mass: Annotated[float, Field(ge=0.001, le=2.0)] = 0.07
@@ -87,12 +103,15 @@ class RobotPart(Part):
     """How the robot is reached.
 
     Attributes:
-        driver: ``ros2``, or a name of the entry points ``mitt.robots``.
-        takes: What its drives are commanded.
-        rate: Readings and commands a second: 1000, 500 or 250 [Hz].
+        driver: ``ros2``, ``sim`` (in the same process, without real time), or a name of the entry
+            points ``mitt.robots``.
+        takes: What its drives are commanded; positions and velocities are setpoints that lead the
+            desired motion by delay and lag.
+        rate: Readings and commands a second: 1000, without torques also 500 or 250 [Hz].
         watchdog: Time without a command after which it brakes by itself [s].
         delay: Time from reading the joints until the command made then ceases to act [s].
-        servo: Bandwidth of its own joint control, where it takes no torques [Hz].
+        servo: Bandwidth of its own joint control, where it takes no torques [Hz]: measure it, by a
+            step of a joint.
         joints: Names of the active joints at the robot, in the arm's order; the arm's if left out.
         options: Options of the driver.
     """
@@ -113,7 +132,13 @@ class RobotPart(Part):
 
 
 class ZonePart(Part):
-    """A capsule that no part of the arm may enter, in the arm's base frame [m]."""
+    """A capsule that no part of the arm may enter, in the arm's base frame.
+
+    Attributes:
+        start: One end of its axis [m].
+        end: The other end [m].
+        radius: Radius [m].
+    """
 
     start: _Point
     end: _Point
@@ -124,7 +149,7 @@ class MotionPart(Part):
     """How fast the arm moves.
 
     Attributes:
-        speed_scale: Share of the speed limits that is used at all, catches included.
+        speed_scale: Share of the speed limits that is used at all, for which the map is learned.
         ready_speed: Share of those that motions to the ready pose use.
     """
 
@@ -133,7 +158,21 @@ class MotionPart(Part):
 
 
 class Cell(Part):
-    """All that a cell file says."""
+    """All that a cell file says.
+
+    Attributes:
+        schema_name: Schema of the file.
+        name: Letters, digits, spaces and ``_ . + -``; its recordings are called so.
+        arm: The arm.
+        map: MAP.json of ``mitt learn``; learned if left out, and kept for the next start.
+        ball: What is thrown.
+        source: Where the ball is seen.
+        robot: How the robot is reached.
+        zones: Tables ``[[zones]]``: what no part of the arm may enter.
+        floor: Height of the floor [m].
+        motion: How fast the arm moves.
+        throws: Number of throws where ``--throws`` says none; until stopped if left out.
+    """
 
     schema_name: Literal["mitt.cell/1"] = Field(alias="schema")
     name: _FileName

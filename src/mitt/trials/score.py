@@ -109,35 +109,41 @@ LYING = 100
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trial:
-    """One trial, field by field as in ``result.json``.
+    """One trial, field by field as in ``result.json``; what is not known there is null.
 
     Attributes:
-        index: Number of the throw.
-        status: ``caught``, ``dropped``, ``missed``, ``unreachable``, ``stopped`` or ``aborted``.
+        index: Number of the throw, from 0.
+        status: ``caught``; ``dropped``: touched, not caught; ``missed``: never touched;
+            ``unreachable``: refused before the arm moved; ``stopped``: a controlled stop for a
+            fault; ``aborted``: the physics diverged.
         t_catch_s: From release to q_o,i = q_alpha [s].
         position_error_mm: Distance of ball and catch point at first contact [mm].
         velocity_error_m_s: Difference of their velocities then [m/s].
-        peak_torque_ratio: Largest share of each active joint's torque limit.
+        peak_torque_ratio: Largest share of each active joint's torque limit; of a drive with a
+            torque-speed line tau / tau_stall + omega / omega_0.
         peak_speed_ratio: Largest share of each active joint's speed limit.
-        limit_violations: Ticks with a limit exceeded, commanded or true, or with the arm
-            touching itself or the floor; and one for each drive beyond its continuous torque.
-            Acceleration, jerk and torque rate are those commanded, where the limit set has them.
-        demand_cost: Mean cost (22) of the reference before saturation.
+        limit_violations: Ticks with a command beyond a limit by more than 1e-9, or the true plant
+            by more than 1 %, or with the arm touching itself or the floor; and one for each drive
+            whose rms torque exceeds its continuous torque. Acceleration, jerk and torque rate are
+            those commanded, where the limit set has them.
+        demand_cost: Mean cost (22) of the reference, before any limit.
         peak_contact_force_n: Largest single contact force on the ball [N].
         binding_limit: The limit that the verdict found most used, or what ended the trial.
         saturated_ticks: Ticks in which a torque limit was met.
         range_excess_rad: Largest reference angle beyond a joint's range [rad].
         rms_torque_ratio: Share of each drive's continuous torque, as root mean square over the
             trial; 0 where the limit set has none.
-        certificate: The verdict before moving: outcome, binding limit, margin and probability.
-        certificate_last: The same of the map as it was refined last; None where it was not.
-        stopped_by: Why the catcher stopped: state, reason, joint, time, and what it estimated, read
-            and commanded then; None where it did not.
+        certificate: The verdict before moving: ``outcome``, ``binding_limit``, ``margin``, and
+            ``probability`` of a catch where it is computed.
+        certificate_last: With ``--adapt refine`` that of the map as it was refined last.
+        stopped_by: Why the catcher stopped: ``state``, ``reason``, ``joint`` (whose encoder
+            failed), ``t_s``, ``brakes``, and at that tick ``q``, ``dq`` as estimated, ``q_read``,
+            ``dq_read`` as read, ``command_q``, ``command_dq``, ``command_ddq``, ``command_tau``.
         over_force: Whether the largest contact force is more than hand and arm take; None without
             a contact, or where nothing is known of what they take.
-        clock: Where the eyes' clock is learned: what stamps were corrected by in this throw
+        clock: With ``--learn-clock``: what stamps were corrected by in this throw
             (``offset_s``), what it says of the whole offset (``found_s``, ``sigma_s``), or why
-            nothing (``unknown``). None, and left out of results, where it is not.
+            nothing (``unknown``). Left out of results where it is not learned.
     """
 
     index: int

@@ -203,7 +203,7 @@ class Gust(_Air):
 
 
 class Kick(Push):
-    """A sudden change of the ball's velocity (row 20) in a random direction; magnitude: [m/s].
+    """A sudden change of the ball's velocity in a random direction; magnitude: [m/s].
 
     Attributes:
         share: When, as a share of the time until the undisturbed ball is nearest to the catch
@@ -235,7 +235,7 @@ class Kick(Push):
 
 
 class Bounce(Push):
-    """A smooth plate in the ball's way (row 20), tilted about a random side; magnitude: angle.
+    """A smooth plate in the ball's way, tilted about a random side; magnitude: angle.
 
     The plate touches the ball alone and does not hide it. Magnitude is the angle between plate
     and flight [rad]; the ball leaves with its speed along the normal times the restitution.
@@ -317,6 +317,9 @@ class Carried(Replacement):
 
     It starts at rest in the middle of the throw's way, gathers speed smoothly, wanders sideways
     by ``wander`` [m] and reaches the point of the throw nearest to the waiting hand at that speed.
+
+    Attributes:
+        wander: How far it wanders [m].
     """
 
     kind: Literal["carried"] = "carried"

@@ -87,7 +87,11 @@ class Noise(SensorFault):
 
 
 class Outlier(SensorFault):
-    """A share ``chance`` of exposures shows the ball elsewhere (row 6); magnitude: how far [m]."""
+    """Some exposures show the ball elsewhere; magnitude: how far [m].
+
+    Attributes:
+        chance: Share of them.
+    """
 
     kind: Literal["outlier"] = "outlier"
     magnitude: Annotated[float, Field(ge=0.0, le=5.0)] = 0.3
@@ -101,7 +105,7 @@ class Outlier(SensorFault):
 
 
 class Dropout(SensorFault):
-    """Lost frames or points (rows 1, 8); magnitude: share lost.
+    """Lost frames or points; magnitude: share lost.
 
     Attributes:
         camera: The one camera that loses them, each by itself; all lose the same if left out.
@@ -123,7 +127,7 @@ class Dropout(SensorFault):
 
 
 class Frozen(SensorFault):
-    """A camera shows what it saw last (row 5); magnitude: share of trials it happens in.
+    """A camera shows what it saw last; magnitude: share of trials it happens in.
 
     Attributes:
         camera: Which camera; all if left out.
@@ -199,7 +203,7 @@ class _Delayed(SensorFault):
 
 
 class Latency(_Delayed):
-    """Frames and points that come late, all alike (row 2); magnitude: delay [s].
+    """Frames and points that come late, all alike; magnitude: delay [s].
 
     Attributes:
         stamped: Whether they carry the time of their exposure, or that of their arrival.
@@ -216,7 +220,7 @@ class Latency(_Delayed):
 
 
 class Late(_Delayed):
-    """Some frames or points come later than those behind them (rows 2, 3); magnitude: delay [s].
+    """Some frames or points come later than those behind them; magnitude: delay [s].
 
     Attributes:
         chance: Share of them; a delay of two ticks swaps neighbours.
@@ -231,7 +235,7 @@ class Late(_Delayed):
 
 
 class Duplicate(SensorFault):
-    """Frames or points that come twice (row 4); magnitude: share of them.
+    """Frames or points that come twice; magnitude: share of them.
 
     A frame's copy takes the place of the next frame, a point's copy comes beside the next point.
     """
@@ -305,7 +309,7 @@ class Calibration(SensorFault):
 
 
 class NotNumber(SensorFault):
-    """NaN where a number should be (row 9); magnitude: share of the ticks.
+    """NaN where a number should be; magnitude: share of the ticks.
 
     Attributes:
         where: In the positions of ``points``, the ``stamps`` of frames and points, or the
@@ -331,7 +335,7 @@ class NotNumber(SensorFault):
 
 
 class Clock(SensorFault):
-    """A clock that is set forward or back (row 10); magnitude: jump [s].
+    """A clock that is set forward or back; magnitude: jump [s].
 
     Attributes:
         clock: That of the ``tick``, with all that it stamps, or that of the ``camera`` alone.
@@ -355,7 +359,7 @@ class Clock(SensorFault):
 
 
 class Encoder(SensorFault):
-    """Wrong encoder readings (row 19); magnitude: of a ``jump`` or a ``step`` [rad].
+    """Wrong encoder readings; magnitude: of a ``jump`` or a ``step`` [rad].
 
     Attributes:
         fault: ``stuck`` at the last reading, a ``jump`` to another, ``dropout`` (no number),
@@ -451,7 +455,7 @@ class CommandFault(ChannelFault):
 
 
 class Torque(ChannelFault):
-    """Motors weaker than their limit set says (row 18); magnitude: share that is left."""
+    """Motors weaker than their limit set says; magnitude: share that is left."""
 
     kind: Literal["torque"] = "torque"
     magnitude: Annotated[float, Field(ge=0.01, le=1.0)] = 0.5
@@ -474,7 +478,7 @@ class Torque(ChannelFault):
 
 
 class Payload(Fault):
-    """Mass at the hand that no model knows (row 18), all the trial; magnitude: [kg]."""
+    """Mass at the hand that no model knows, all the trial; magnitude: [kg]."""
 
     kind: Literal["payload"] = "payload"
     magnitude: Annotated[float, Field(ge=0.0, le=20.0)]
