@@ -148,6 +148,7 @@ def test_every_figure_of_an_experiment_has_its_place() -> None:
 TABLES = {
     "scenes": ("mitt.world.scene.Scene", ("sensing.frame_rate", "1000", "[1, 1000]")),
     "cell": ("mitt.files.cell.Cell", ("robot.takes", "torque", "torque, velocity, position")),
+    "rig": ("mitt.files.rig.RigFile", ("camera.K", "needed", "3 x 3 x number")),
     "studies": ("mitt.world.faults.AnyFault", ("bounce", "`share`, `restitution`, `size`",
                                                "(0, 1.5]")),
 }  # fmt: skip

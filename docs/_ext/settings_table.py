@@ -34,7 +34,7 @@ def span_of(annotation: object, bounds: list[Any]) -> str:
     if get_origin(annotation) is list or ... in args:
         return "list"
     if get_origin(annotation) is tuple:
-        each = [span_of(x, []) for x in args]
+        each = [span_of(x, []).replace("[-1e+06, 1e+06]", "number") for x in args]
         return f"{len(each)} x {each[0]}" if len(set(each)) == 1 else ", ".join(each)
     if args and get_origin(annotation) is not dict:
         inner = [x for part in args if isinstance(part, FieldInfo) for x in part.metadata]
@@ -59,6 +59,9 @@ def rows_of(model: type[BaseModel], prefix: str = "") -> Iterator[tuple[str, str
         kinds = [field.annotation, *get_args(field.annotation)]
         inner = [x for x in kinds if isinstance(x, type) and issubclass(x, BaseModel)]
         if len(inner) == 1:
+            if not isinstance(field.default, BaseModel):  # a table that may be left out, or a list
+                left_out = "needed" if field.is_required() else ""
+                yield key, left_out, span_of(field.annotation, []), words.get(name, "")
             yield from rows_of(inner[0], f"{key}.")
             continue
         value = "needed" if field.is_required() else field.get_default(call_default_factory=True)

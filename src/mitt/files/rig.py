@@ -119,6 +119,15 @@ class CalibratedRig:
 
 
 class _Head(Part):
+    """Axes of a head, in the world.
+
+    Attributes:
+        pan_axis: Direction of the axis that carries the tilt axis.
+        pan_point: A point on it [m].
+        tilt_axis: Direction of the tilt axis, at pan zero.
+        tilt_point: A point on it [m].
+    """
+
     pan_axis: Three
     pan_point: Three
     tilt_axis: Three
@@ -126,6 +135,19 @@ class _Head(Part):
 
 
 class _Camera(Part):
+    """A camera as calibrated.
+
+    Attributes:
+        name: ``left`` or ``right``.
+        width: Columns [px].
+        height: Rows [px].
+        K: ``[[fu, 0, cu], [0, fv, cv], [0, 0, 1]]`` [px].
+        distortion: k1, k2, p1, p2, k3 (Brown-Conrady, ``mitt.eyes.lens``).
+        T_world_cam: Pose, p_world = T_world_cam p_cam [m]; of a head, at both encoders' zero.
+        rms_px: Reprojection error that calibration left [px].
+        head: Of a camera on a head: its axes.
+    """
+
     name: str = Field(pattern=r"^[A-Za-z0-9_-]{1,40}$")
     width: int = Field(ge=8, le=100_000)
     height: int = Field(ge=8, le=100_000)
@@ -147,11 +169,29 @@ class _Camera(Part):
 
 
 class _Clock(Part):
+    """The clocks of arm and cameras.
+
+    Attributes:
+        offset_s: Arm's clock minus cameras' clock [s].
+        sigma_s: Its standard deviation [s].
+    """
+
     offset_s: Time
     sigma_s: float = Field(ge=0.0, le=1e3)
 
 
-class _RigFile(Part):
+class RigFile(Part):
+    """All that a rig's file says.
+
+    Attributes:
+        schema_name: Schema of the file.
+        version: Version of mitt that wrote it.
+        frame: What the poses refer to: ``camera`` (the left one), ``board`` (level, z up) or
+            ``robot`` (world frame).
+        clock: The clocks; left out where they are not known.
+        camera: A table ``[[camera]]`` for each.
+    """
+
     schema_name: Literal["mitt.rig/1"] = Field(alias="schema")
     version: str
     frame: Place
@@ -167,7 +207,7 @@ def read_rig(path: Path) -> CalibratedRig:
     """
     raw = read_toml(path, wanted="TOML as mitt calibrate writes it")
     content = parsed(
-        _RigFile, raw, place=str(path), wanted=f"a rig of schema {SCHEMA}", do="see docs/rig.md"
+        RigFile, raw, place=str(path), wanted=f"a rig of schema {SCHEMA}", do="see docs/rig.md"
     )
     try:
         return _checked(content)
@@ -175,7 +215,7 @@ def read_rig(path: Path) -> CalibratedRig:
         raise FileError(str(path), "a rig that can be", error) from error
 
 
-def _checked(content: _RigFile) -> CalibratedRig:
+def _checked(content: RigFile) -> CalibratedRig:
     """Build the rig; refuse poses that are none and eyes in one place."""
     cameras = tuple(_camera(c) for c in content.camera)
     names = [c.name for c in cameras]
