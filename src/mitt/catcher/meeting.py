@@ -19,15 +19,27 @@ import numpy as np
 
 from mitt.arm.arm import Arm
 from mitt.catcher.generators import Generator
+from mitt.control.envelope import bounds_of
 from mitt.fields import Range, brief, check
+from mitt.kernels import kernel
 from mitt.map.demand import Tolerance, shares_of
 from mitt.map.meeting import MeetingMap
 from mitt.map.prediction import flown, spread
 from mitt.signals import TICK, Array, BallState, JointReference, MapStatus
 from mitt.verdict.feasibility import Approach, Outcome, Verdict
 
-#: Instants at which a motion is held against its limits.
-_INSTANTS = 20
+#: Times that are tried, and instants at which a motion is held against its limits.
+_TIMES, _INSTANTS = 24, 24
+#: Halvings of the times between the longest and the shortest.
+_HALVINGS = 2
+#: Ticks from one verdict to the next while there is nothing to meet.
+_EVERY = 8
+#: Least time from the start until the way down begins [s].
+_LEAST = 0.1
+#: Rates at which the followed target closes up to the estimate, along a belt and across it [1/s].
+_ALONG, _ACROSS = 40.0, 8.0
+#: Estimate and followed target are in step if no farther apart [m, m/s].
+_NEAR, _SLOW = 0.003, 0.035
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,6 +58,7 @@ class MeetingSettings:
         shortest: Shortest time from start to meeting [s].
         longest: Longest time that is tried [s].
         speed: Largest speed of the tool on its way, relative to the base [m/s]; infinite for none.
+        along: Direction of the belt that carries targets, a unit vector; None without one.
     """
 
     low: tuple[float, float, float] = (-2.0, -2.0, -2.0)
@@ -57,6 +70,7 @@ class MeetingSettings:
     shortest: Annotated[float, Range(0.05, 10.0)] = 0.3
     longest: Annotated[float, Range(0.05, 10.0)] = 3.0
     speed: Annotated[float, Range(1e-3, inf)] = inf
+    along: tuple[float, float, float] | None = None
 
     __repr__ = brief
 
@@ -69,31 +83,66 @@ class MeetingSettings:
         """How long the tool stays with the target [s]."""
         return self.settle + self.closing
 
+    @property
+    def descent(self) -> float:
+        """How long before the meeting the tool is above the target [s]."""
+        return self.down if self.above > 0.0 else 0.0
+
+
+@kernel
+def _glide(given: Array, across: Array, dt: float, motion: Array) -> None:
+    """Let a followed motion go on for one tick towards what is given some time ``dt`` later."""
+    moves, rests = np.zeros(3), np.zeros(3)
+    for i in range(3):
+        r, dr, ddr = given[0, i] - motion[0, i], motion[1, i], motion[2, i]
+        closing = r - dt * given[1, i], given[1, i] - dr, given[2, i] - ddr
+        moves[i] = _ALONG * (3.0 * closing[2] + _ALONG * (3.0 * closing[1] + _ALONG * closing[0]))
+        rests[i] = _ACROSS * (-3.0 * ddr + _ACROSS * (-3.0 * dr + _ACROSS * r))
+    for i in range(3):
+        jerk = moves[i]
+        for j in range(3):
+            jerk += across[i, j] * (rests[j] - moves[j])
+        motion[0, i] += TICK * (motion[1, i] + 0.5 * TICK * motion[2, i])
+        motion[1, i] += TICK * (motion[2, i] + 0.5 * TICK * jerk)
+        motion[2, i] += TICK * jerk
+
 
 @final
 class Glide:
     """The target as the tool follows it: an estimate jumps with each sighting, a tool cannot.
 
-    What an estimate has jumped by is closed as by a critically damped spring; a motion that is
-    estimated rightly is followed without a lag.
+    What an estimate has jumped by is closed as by a critically damped system of third order, so
+    that accelerations do not jump either; a motion that is estimated rightly is followed without a
+    lag. Across a belt a part rests, so that there a mean over a longer time tells where it is.
+
+    Attributes:
+        calm: Since when estimate and followed target have been in step [s].
+        pose: Where the inverse of the next tick starts [rad], shape (n,); None before the first.
     """
 
-    def __init__(self, rate: float) -> None:
-        """Begin nowhere; ``rate`` is the spring's angular frequency [rad/s]."""
-        self._rate, self._t, self._motion = rate, inf, np.zeros((3, 3))
+    def __init__(self) -> None:
+        """Begin nowhere."""
+        self._t, self._motion = inf, np.zeros((3, 3))
+        self.calm = inf
+        self.pose: Array | None = None
 
-    def to(self, ball: BallState) -> Array:
-        """Return r_o, dr_o, ddr_o of the followed target at the time of an estimate, (3, 3)."""
-        given, w = np.array([ball.r_o, ball.dr_o, ball.ddr_o]), self._rate
-        if not 0.0 <= ball.t - self._t < 0.1:
-            self._t, self._motion = ball.t, given
-        while ball.t - self._t > 0.5 * TICK:
-            r, dr, ddr = self._motion
-            at = given[0] - (ball.t - self._t) * given[1]
-            ddr = given[2] + 2.0 * w * (given[1] - dr) + w * w * (at - r)
-            self._motion = np.array([r + TICK * dr + 0.5 * TICK**2 * ddr, dr + TICK * ddr, ddr])
+    def to(self, t: float, given: Array, across: Array) -> Array:
+        """Return r_o, dr_o, ddr_o of the followed target at a time, (3, 3).
+
+        Args:
+            t: Time [s].
+            given: The estimate then [m ...], shape (3, 3).
+            across: Projection on the directions in which nothing moves, shape (3, 3).
+        """
+        if not 0.0 <= t - self._t < 0.1:
+            self._t, self._motion, self.calm = t, given.copy(), t
+        while t - self._t > 0.5 * TICK:
+            _glide(given, across, t - self._t - TICK, self._motion)
             self._t += TICK
-        return self._motion
+        off = given - self._motion
+        if np.linalg.norm(off[0]) > _NEAR or np.linalg.norm(off[1]) > _SLOW:
+            self.calm = t
+        return self._motion.copy()
 
 
 @final
@@ -117,7 +166,7 @@ class Meeting(Generator):
     )
     start: float = inf
     after: float = inf
-    glide: Glide = field(default_factory=lambda: Glide(30.0))
+    glide: Glide = field(default_factory=Glide)
 
     __repr__ = brief
 
@@ -130,6 +179,10 @@ class Meeting(Generator):
         """Return the 1-sigma of the target's position now: nothing rests on a forecast [m]."""
         return spread(ball, 0.0)
 
+    def unsettled(self, ball: BallState, q: Array) -> bool:  # noqa: ARG002
+        """Say that it is not the time for a verdict: one is given every few ticks."""
+        return self.start == inf and round(ball.t / TICK) % _EVERY != 0
+
     def verdict(self, ball: BallState, q: Array) -> Verdict:
         """Return the verdict: the shortest time within the work area and all limits.
 
@@ -138,60 +191,103 @@ class Meeting(Generator):
         if self.start < inf:
             return Verdict(outcome=Outcome.FEASIBLE, binding_limit="", share=0.0,
                            t_catch=self.start + self.after, sigma=spread(ball, 0.0))  # fmt: skip
-        return self._planned(ball, q, np.zeros(len(q)))[0]
+        return self._planned(ball, q)[0]
 
     def horizon(self) -> float:
         """Return the longest time to a meeting [s]."""
         return self.settings.longest
 
-    def _planned(self, ball: BallState, q: Array, dq: Array) -> tuple[Verdict, float]:
-        """Return the verdict for an arm in ``q`` that moves at ``dq``, and the time to meet."""
-        s, best, why = self.settings, np.inf, "domain"
-        said = Verdict(outcome=Outcome.UNSETTLED, binding_limit="domain", share=np.inf,
-                       t_catch=np.inf, sigma=np.inf)  # fmt: skip
-        for T in np.geomspace(s.shortest, s.longest, 12).tolist():
-            ends = flown(ball, np.array([T, T + s.window]))[:, 0]
-            if not np.all((ends >= s.low) & (ends <= s.high)):
-                why = "area"
-                continue
-            tried = self._tried(ball, np.array([q, dq, 0.0 * q]), T)
-            if tried is None:
-                continue
-            motion, dr_o = tried
-            shares = shares_of(self.map.arm, motion, self.tolerance)
-            if np.isfinite(s.speed):
-                shares["tool"] = self._tool_speed(motion) / s.speed
-            binding = max(shares, key=lambda name: shares[name])
-            if shares[binding] < best:
-                best, why = shares[binding], binding
-                ok = best <= 1.0
-                said = Verdict(
-                    outcome=Outcome.FEASIBLE if ok else Outcome.UNSETTLED, binding_limit=why,
-                    share=best, t_catch=ball.t + T, sigma=spread(ball, 0.0),
-                    approach=Approach(motion=motion, step=T / (_INSTANTS - 1), dr_o=dr_o),
-                )  # fmt: skip
-                if ok:
-                    return said, T
-        return (said if np.isfinite(best) else replace(said, binding_limit=why)), inf
+    @property
+    def _across(self) -> Array:
+        """Projection on the directions in which nothing moves: those across a belt."""
+        along = self.settings.along
+        return np.zeros((3, 3)) if along is None else np.eye(3) - np.outer(along, along)
 
-    def _tried(self, ball: BallState, state: Array, T: float) -> tuple[Array, Array] | None:
-        """Return the motion to a meeting after a time, and the target's velocity then.
+    def _known(self, ball: BallState) -> Array:
+        """Return r_o, dr_o, ddr_o of an estimate, as far as it can move, shape (3, 3)."""
+        moves = np.eye(3) - self._across
+        return np.array([ball.r_o, moves @ ball.dr_o, moves @ ball.ddr_o])
 
-        None where the target, or the tool on its way, leaves the domain.
+    def _times(self, ball: BallState) -> tuple[Array, str]:
+        """Return the times within the work area from the meeting to the end of the window [s].
+
+        Where there are none, the text says why: the target is not met in the ``area``, or leaves
+        it before the ``window`` is over.
         """
-        times = np.linspace(0.0, T, _INSTANTS)
-        path = flown(ball, times)
-        targets = [self.placed(target, T - t) for target, t in zip(path, times, strict=True)]
-        f = self.map.adapt(targets[0], state, self.approach(T))
-        if f is None:
-            return None
-        motion = []
-        for target, t in zip(targets, times, strict=True):
-            rows = f.motion(target, self._clock(t, T), self.approach(T))
-            if rows is None:
-                return None
-            motion.append(rows[:3])
-        return np.array(motion), path[-1, 1]
+        s, least = self.settings, _LEAST + self.settings.descent
+        times = np.geomspace(max(s.shortest, least), max(s.longest, least), _TIMES)
+        ends = flown(ball, np.concatenate([times, times + s.window]))[:, 0]
+        within = np.all((ends >= s.low) & (ends <= s.high), axis=1)
+        met, kept = within[:_TIMES], within[_TIMES:]
+        return times[met & kept], "window" if met.any() else "area"
+
+    def _planned(self, ball: BallState, q: Array) -> tuple[Verdict, float]:
+        """Return the verdict for an arm that rests in ``q``, and the time to the meeting.
+
+        The shortest time is tried at first, then the longest, then times in between: the longer it
+        takes, the less is asked of the arm.
+        """
+        r_o, dr_o, ddr_o = self._known(ball)
+        target = replace(ball, r_o=r_o, dr_o=dr_o, ddr_o=ddr_o)
+        times, why = self._times(target)
+        tried = [(self._judged(target, q, T), T) for T in times[:1].tolist()]
+        if not tried:
+            return self._refused(ball, why), inf
+        if tried[0][0].share > 1.0 and len(times) > 1:
+            tried.append((self._judged(target, q, float(times[-1])), float(times[-1])))
+            low, high = 0, len(times) - 1
+            for _ in range(_HALVINGS if tried[-1][0].share <= 1.0 else 0):
+                k = (low + high) // 2
+                tried.append((self._judged(target, q, float(times[k])), float(times[k])))
+                low, high = (low, k) if tried[-1][0].share <= 1.0 else (k, high)
+        within = [x for x in tried if x[0].share <= 1.0]
+        best, T = (
+            min(within, key=lambda x: x[1]) if within else min(tried, key=lambda x: x[0].share)
+        )
+        return best, T if within else inf
+
+    def _refused(self, ball: BallState, why: str) -> Verdict:
+        """Return the verdict on a target that no motion was found for."""
+        return Verdict(outcome=Outcome.UNSETTLED, binding_limit=why, share=inf, t_catch=inf,
+                       sigma=spread(ball, 0.0))  # fmt: skip
+
+    def _judged(self, ball: BallState, q: Array, T: float) -> Verdict:
+        """Return the verdict on a meeting after a time [s], by all limits up to the grasp."""
+        times = np.linspace(0.0, T + self.settings.window, _INSTANTS)
+        path, step = flown(ball, times), float(times[1])
+        targets = self._placed(path, T - times)
+        f = self.map.adapt(targets[0], np.array([q, 0.0 * q, 0.0 * q]), self.approach(T))
+        rows = None if f is None else f.motion_along(targets, *self._clock(times, T))
+        if rows is None:
+            return self._refused(ball, "domain")
+        motion = rows[:, :3].copy()
+        shares = self.shares(motion, step)
+        if np.isfinite(self.settings.speed):
+            shares["tool"] = self._tool_speed(motion) / self.settings.speed
+        binding = max(shares, key=lambda name: shares[name])
+        return Verdict(
+            outcome=Outcome.FEASIBLE if shares[binding] <= 1.0 else Outcome.UNSETTLED,
+            binding_limit=binding, share=shares[binding], t_catch=ball.t + T,
+            sigma=spread(ball, 0.0),
+            approach=Approach(motion=motion, step=step, dr_o=path[-1, 1]),
+        )  # fmt: skip
+
+    def shares(self, motion: Array, step: float) -> dict[str, float]:
+        """Return the shares of all limits of the arm that a motion asks for, in tolerances.
+
+        Those of :func:`mitt.map.demand.shares_of`, and where the limit set bounds jerks or torque
+        rates ``jerk:NAME`` of what the catcher's commands keep, by differences.
+
+        Args:
+            motion: q, dq, ddq at K instants, shape (K, 3, n).
+            step: Time from one to the next [s].
+        """
+        arm = self.map.arm
+        found, most = shares_of(arm, motion, self.tolerance), bounds_of(arm)["jerk"]
+        jerk = np.abs(np.diff(motion[:, 2], axis=0)).max(axis=0) / step
+        kept = jerk / (most * self.tolerance.acceleration)
+        shares = zip(arm.names, kept.tolist(), most.tolist(), strict=True)
+        return found | {f"jerk:{name}": x for name, x, limit in shares if limit < inf}
 
     def _tool_speed(self, motion: Array) -> float:
         """Return the largest speed of the tool along a motion [m/s]."""
@@ -200,54 +296,80 @@ class Meeting(Generator):
 
     def approach(self, T: float) -> float:
         """Return the time from the start until the tool is above the target [s]."""
-        return T - self.settings.down if self.settings.above > 0.0 else T
+        return T - self.settings.descent
 
-    def _clock(self, since: float, T: float) -> float:
-        """Return s, the share of the time to go, so long after the start."""
-        return max(1.0 - since / self.approach(T), 0.0)
+    def _clock(self, since: Array, T: float) -> tuple[Array, float]:
+        """Return s, the share of the time to go, so long after the start, and that time [s]."""
+        whole = self.approach(T)
+        return np.maximum(1.0 - since / whole, 0.0), whole
 
     def placed(self, target: Array, left: float) -> Array:
         """Return the target with the tool's way down before it, so long before the meeting.
 
         Along the tool's axis, by a polynomial whose speed and acceleration vanish at both ends.
         """
+        out: Array = self._placed(target[None], np.array([left]))[0]
+        return out
+
+    def _placed(self, path: Array, left: Array) -> Array:
+        """Return the same of K instants, shape (K, 3, 3)."""
         s = self.settings
-        if s.above == 0.0 or left <= 0.0:
-            return target
-        x = min(left / s.down, 1.0)
-        inside = 0.0 < x < 1.0
+        if s.above == 0.0:
+            return path
+        x = np.clip(left / s.down, 0.0, 1.0)
         height = x**3 * (10.0 - 15.0 * x + 6.0 * x * x)
-        rate = -30.0 * (x * (1.0 - x)) ** 2 / s.down if inside else 0.0
-        bend = 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / s.down**2 if inside else 0.0
+        rate = -30.0 * (x * (1.0 - x)) ** 2 / s.down
+        bend = 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / s.down**2
         back = -s.above * self.map.frame[:, 2]
-        return target + np.outer((height, rate, bend), back)
+        moved: Array = path + np.stack([height, rate, bend], axis=1)[:, :, None] * back
+        return moved
 
-    def adapt(self, ball: BallState, q: Array, dq: Array) -> "Meeting":
-        """Start from where the arm is, eq. (12), to meet the target as soon as limits allow.
+    def adapt(self, ball: BallState, q: Array, dq: Array) -> "Meeting":  # noqa: ARG002
+        """Start from where the arm rests, eq. (12), to meet the target as soon as limits allow.
 
-        Once under way the time of the meeting stays; shortly before it nothing changes any more.
+        What the encoders say of the speed of an arm at rest is noise. Under way nothing changes.
         """
-        fresh = self.start == inf
-        after = self._planned(ball, q, dq)[1] if fresh else self.start + self.after - ball.t
-        least = 0.1 + (self.settings.down if self.settings.above > 0.0 else 0.0)
-        if not np.isfinite(after) or after < least:
+        if self.start < inf:
             return self
-        target = self.placed(self.glide.to(ball), after)
-        f = self.map.adapt(target, np.array([q, dq, 0.0 * q]), self.approach(after))
-        return self if f is None else replace(self, map=f, start=ball.t, after=after)
+        after = self._planned(ball, q)[1]
+        if after == inf:
+            return self
+        glide = Glide()
+        target = self.placed(glide.to(ball.t, self._known(ball), self._across), after)
+        f = self.map.adapt(target, np.array([q, 0.0 * q, 0.0 * q]), self.approach(after))
+        if f is None:
+            return self
+        return replace(self, map=f, start=ball.t, after=after, glide=glide)
 
     def reference(self, ball: BallState) -> JointReference:
         """Evaluate the map at the target as it is, and at the time to go."""
-        since = ball.t - self.start
-        target = self.placed(self.glide.to(ball), self.after - since)
-        rows = self.map.motion(target, self._clock(since, self.after), self.approach(self.after))
-        inside = rows is not None
-        if rows is None:
+        since, glide = ball.t - self.start, self.glide
+        followed = glide.to(ball.t, self._known(ball), self._across)
+        target = self.placed(followed, self.after - since)
+        clock, whole = self._clock(np.array([since]), self.after)
+        found = self.map.motion_along(target[None], clock, whole, glide.pose)
+        inside = found is not None
+        if found is None:
             rows = np.zeros((6, self.map.arm.n))
             rows[0] = rows[3] = self.map.arm.q_ready
-        left = self.after - since + self.settings.window
+        else:
+            rows = found[0]
+            glide.pose = rows[3] + TICK * rows[4]
         return JointReference(
             t=ball.t, status=MapStatus.INSIDE if inside else MapStatus.DOMAIN, q_d=rows[0],
             dq_d=rows[1], ddq_d=rows[2], q_o=rows[3], dq_o=rows[4],
-            time_to_catch=left if inside else inf,
+            time_to_catch=self._left(ball, target) if inside else inf,
         )  # fmt: skip
+
+    def _left(self, ball: BallState, target: Array) -> float:
+        """Return the time until the tool has closed [s].
+
+        It begins to close once the tool has been in step with the target for ``settle``, and at
+        the latest where the target would otherwise leave the work area.
+        """
+        s, met = self.settings, self.start + self.after
+        begin = max(met, self.glide.calm) + s.settle
+        ahead = target[0] + np.outer([s.closing, s.closing + 0.01], target[1])
+        if ball.t >= met + s.settle and not np.all((ahead >= s.low) & (ahead <= s.high)):
+            begin = min(begin, ball.t)
+        return begin + s.closing - ball.t

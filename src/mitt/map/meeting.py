@@ -20,16 +20,18 @@ position, velocity and acceleration: the nearest to the learned ones in the metr
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import final
+from typing import NamedTuple, final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mitt import checks
 from mitt.arm.arm import Arm
 from mitt.errors import ModelError
 from mitt.fields import brief
+from mitt.kernels import kernel
 from mitt.map.mapping import answer_to_gap, initial_matrix
-from mitt.map.polynomial import CatchBasis, bend
+from mitt.map.polynomial import CatchBasis, bend, jets
 from mitt.map.reach import Reach, ReachScratch, reach_of, reach_scratch, reach_target
 from mitt.signals import Array
 
@@ -37,6 +39,58 @@ from mitt.signals import Array
 _LOWEST = 3
 #: Share of the trace of a metric that is added to its diagonal.
 _RIDGE = 1e-9
+
+
+class MeetingArrays(NamedTuple):
+    """A meeting map as arrays, but for its coefficients, and the buffers of its kernels."""
+
+    reach: Reach
+    powers: NDArray[np.int64]  # (m, k + 1) of the monomials
+    centre: Array  # (k + 1,)
+    scale: Array  # (k + 1,)
+    p: Array  # (3, k + 1) the free joints' angles and s, and two derivatives
+    phi: Array  # (3, m)
+    scratch: ReachScratch
+
+
+@kernel
+def meet(f: MeetingArrays, alpha: Array, target: Array, clock: Array, rows: Array) -> bool:
+    """Write q_d, q_o and their derivatives of a target's motion.
+
+    Args:
+        f: The map, whose buffers are overwritten.
+        alpha: Its coefficients [rad], shape (m, n).
+        target: Motion of the target [m ...], shape (3, 3).
+        clock: s and its rate, shape (2,).
+        rows: Result [rad ...], shape (6, n); row 3 is the pose from which the inverse starts.
+
+    Returns:
+        False outside the domain.
+    """
+    virtual, k = rows[3:], len(f.reach.free)
+    if not reach_target(f.reach, target, virtual, f.scratch):
+        return False
+    for d in range(3):
+        for a in range(k):
+            f.p[d, a] = virtual[d, f.reach.free[a]]
+    f.p[0, k], f.p[1, k], f.p[2, k] = clock[0], clock[1], 0.0
+    jets(f.powers, f.centre, f.scale, f.p[0], f.p[1], f.p[2], f.phi)
+    bend(f.phi, alpha, virtual, rows)
+    return True
+
+
+@kernel
+def meet_along(f: MeetingArrays, alpha: Array, path: Array, clock: Array, rows: Array) -> int:
+    """Write the same for K instants in their order, shape (K, 6, n); return how many are inside.
+
+    The inverse goes on from each instant to the next, and from ``rows[0, 3]`` at first.
+    """
+    for t in range(len(path)):
+        if t > 0:
+            rows[t, 3] = rows[t - 1, 3]
+        if not meet(f, alpha, path[t], clock[t], rows[t]):
+            return t
+    return len(path)
 
 
 @final
@@ -84,11 +138,16 @@ class MeetingMap:
         return reach_of(self.arm, self.free, self.coupling)
 
     @cached_property
-    def _work(self) -> ReachScratch:
-        """Buffers of the kernels."""
-        work = reach_scratch(self.reach)
-        work.frame[:] = self.frame
-        return work
+    def arrays(self) -> MeetingArrays:
+        """The map as its kernels take it."""
+        m, k = self.basis.powers.shape
+        scratch = reach_scratch(self.reach)
+        scratch.frame[:] = self.frame
+        basis = self.basis
+        return MeetingArrays(
+            self.reach, basis.powers, basis.centre, basis.scale, np.zeros((3, k)),
+            np.zeros((3, m)), scratch,
+        )  # fmt: skip
 
     @cached_property
     def H_inverse(self) -> Array:  # noqa: N802 (the paper has no letter; ours is H)
@@ -105,7 +164,7 @@ class MeetingMap:
         out = np.zeros((3, self.arm.n))
         out[0] = self.arm.q_ready if start is None else start
         target = checks.array("target", target, (3, 3))
-        return bool(reach_target(self.reach, target, out, self._work)), out
+        return bool(reach_target(self.reach, target, out, self.arrays.scratch)), out
 
     def jets(self, virtual: Array, s: float, T: float) -> Array:
         """Return phi and two derivatives in time, shape (3, m), of virtual joints, (3, n).
@@ -129,13 +188,26 @@ class MeetingMap:
             T: Time from start to meeting [s].
             start: As of :meth:`virtual`.
         """
-        inside, virtual = self.virtual(target, start)
-        if not inside:
-            return None
-        rows = np.zeros((6, self.arm.n))
-        rows[3:] = virtual
-        bend(self.jets(virtual, s, T), self.alpha, virtual, rows)
-        return rows
+        target = checks.array("target", target, (3, 3))
+        found = self.motion_along(target[None], np.array([s]), T, start)
+        return None if found is None else found[0]
+
+    def motion_along(
+        self, path: Array, s: Array, T: float, start: Array | None = None
+    ) -> Array | None:
+        """Return the same at K instants of one motion, shape (K, 6, n); None outside the domain.
+
+        Args:
+            path: Motion of the target at each [m ...], shape (K, 3, 3).
+            s: Share of the time to go at each, shape (K,).
+            T: Time from start to meeting [s].
+            start: As of :meth:`virtual`.
+        """
+        rows = np.zeros((len(path), 6, self.arm.n))
+        rows[0, 3] = self.arm.q_ready if start is None else start
+        clock = np.stack([np.maximum(s, 0.0), np.where(s > 0.0, -1.0 / T, 0.0)], axis=1)
+        inside = meet_along(self.arrays, self.alpha, path, clock, rows)
+        return rows if inside == len(path) else None
 
     def adapt(self, target: Array, state: Array, T: float) -> "MeetingMap | None":
         """Return the map that starts where the arm is; None where the target is out of reach.
@@ -151,7 +223,10 @@ class MeetingMap:
         C = initial_matrix(self.jets(virtual, 1.0, T), self.arm.n)
         gap = (state - virtual).ravel() - C @ self.alpha.ravel()
         step = answer_to_gap(C, self.H_inverse) @ gap
-        return replace(self, alpha=self.alpha + step.reshape(self.alpha.shape))
+        other = replace(self, alpha=self.alpha + step.reshape(self.alpha.shape))
+        kept = ("reach", "arrays", "H_inverse")  # nothing of it rests on alpha
+        other.__dict__.update({name: getattr(self, name) for name in kept})
+        return other
 
 
 def unlearned_meeting(

@@ -20,7 +20,7 @@ from mitt.catcher.meeting import Meeting, MeetingSettings
 from mitt.catcher.settings import CatcherSettings
 from mitt.errors import ModelError
 from mitt.files.arm_file import load_arm
-from mitt.map.demand import Tolerance, shares_of
+from mitt.map.demand import Tolerance
 from mitt.map.meeting import MeetingMap, unlearned_meeting
 from mitt.map.reach import Reach, ReachScratch, reach_of, reach_scratch, reach_target
 from mitt.signals import Array
@@ -32,8 +32,9 @@ TARGETS: Final[tuple[Target, ...]] = ("belt", "hand")
 """What moves the thing that is met."""
 
 CARRIED: Final = FilterConfig(
-    other_motion=0.998, watchful=True, min_sightings=4, driven_sigma=1.5, driven_time=0.3
-)
+    other_motion=0.998, watchful=True, min_sightings=4, driven_sigma=1.5, driven_time=0.3,
+    steady_density=5e-4,
+)  # fmt: skip
 """What the filter assumes of a thing that is carried: it does not fly, and speeds up by 1.5 m/s^2.
 """
 
@@ -43,12 +44,19 @@ PART: Final = Ball(sides=(0.05, 0.06, 0.04), mass=0.1, drag=0.0)
 #: How far above its place the tool waits, and where its way down begins [m].
 _WAITS, _ABOVE = 0.15, 0.06
 #: Time from the meeting until the tool begins to close [s].
-_SETTLE = 0.12
+_SETTLE = 0.15
 #: Times of the way down that are tried [s], and the share of each limit that it may take.
 _DOWN = (0.2, 0.25, 0.3, 0.4, 0.5, 0.7, 1.0)
 _HALF = Tolerance(torque=0.8, speed=0.5, acceleration=0.4)
+#: Places that are tried, in lengths of the arm before its shoulder.
+_SHARES = (0.5, 0.6, 0.7)
+#: Turns of the tool about its axis that are tried.
+_QUARTERS = [
+    np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    for c, s in ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
+]
 #: Poses from which the one to wait in is looked for, and their seed.
-_POSES, _SEED = 400, 5
+_POSES, _SEED = 600, 5
 #: Gap that it keeps from itself [m]; more than the catcher's margin.
 _GAP = 0.0105
 _SIN, _COS = float(np.sin(np.deg2rad(40.0))), float(np.cos(np.deg2rad(40.0)))
@@ -84,7 +92,10 @@ class Station:
         """Settings of its catcher."""
         known = catcher_settings(self.arm, self.scene)
         sides = np.array(self.scene.ball.sides or (2.0 * self.scene.ball.radius,) * 3)
-        return replace(known, flight=CARRIED, sigma_ready=0.05, ball_radius=0.5 * float(sides[0]))
+        return replace(
+            known, flight=CARRIED, sigma_ready=0.05, ball_radius=0.5 * float(sides[0]),
+            adapt_q=np.inf, adapt_dq=np.inf,
+        )  # fmt: skip
 
 
 def station(
@@ -110,25 +121,30 @@ def station(
     tool = replace(tool, half=half) if isinstance(tool, Suction) else tool
     raw, free = _raw(name, tool, limits)
     shoulder, reach = _shoulder(raw)
-    place = shoulder + np.array([0.5 * reach, 0.0, -0.12 if target == "belt" else 0.05])
+    higher = -0.12 if target == "belt" else 0.05
+    places = [shoulder + np.array([share * reach, 0.0, higher]) for share in _SHARES]
+    if scene.belt is not None:
+        places = [np.array([*scene.belt.middle, scene.belt.height + half])]
+    wide = (0.32 if target == "belt" else 0.2) * reach
+    room = np.array([0.06, wide, 0.05 if target == "belt" else 0.1])
+    found = None
+    for place in places:
+        found = found or waiting_pose(raw, free, _FRAMES[target], place, room, scene.floor)
+        if found is not None:
+            break
+    if found is None:
+        raise ModelError(f"arm {name}", f"one that reaches over the {target}", "no pose that does")
+    q, frame = found
     if scene.belt is None and target == "belt":
         belt = Belt(middle=(float(place[0]), float(place[1])), height=float(place[2]) - half)
         scene = scene.model_copy(update={"belt": belt})
-    elif scene.belt is not None:
-        place = np.array([*scene.belt.middle, scene.belt.height + half])
-    wide = (0.32 if target == "belt" else 0.2) * reach
-    room = np.array([0.06, wide, 0.05 if target == "belt" else 0.1])
-    frame = _FRAMES[target]
-    q = waiting_pose(raw, free, frame, place, room, scene.floor)
-    if q is None:
-        raise ModelError(f"arm {name}", f"one that reaches over the {target}", "no pose that does")
     arm = Arm(replace(raw.model, q_ready=q), raw.limits)
     low, high = place - room - 0.02, place + room + 0.02
     takes = tool.delay if isinstance(tool, Suction) else _takes(tool, scene)
     f = unlearned_meeting(arm, free, frame=frame)
     settings = MeetingSettings(
         low=tuple(low.tolist()), high=tuple(high.tolist()), above=_ABOVE, settle=_SETTLE,
-        closing=takes, speed=speed,
+        closing=takes, speed=speed, along=_along(scene) if target == "belt" else None,
     )  # fmt: skip
     settings = replace(settings, down=_time_down(f, settings, place))
     return Station(arm=arm, map=f, settings=settings, scene=scene, place=place, target=target)
@@ -141,12 +157,19 @@ def _time_down(f: MeetingMap, settings: MeetingSettings, place: Array) -> float:
     """
     part = np.array([place, np.zeros(3), np.zeros(3)])
     for down in _DOWN:
-        way = Meeting(f, replace(settings, down=down))
-        rows = [f.motion(way.placed(part, left), 0.0, 1.0) for left in np.linspace(down, 0.0, 40)]
-        motion = np.array([x[:3] for x in rows if x is not None])
-        if len(motion) and max(shares_of(f.arm, motion, _HALF).values()) <= 1.0:
+        way = Meeting(f, replace(settings, down=down), _HALF)
+        left = np.linspace(down, 0.0, 40)
+        path = np.array([way.placed(part, x) for x in left])
+        rows = f.motion_along(path, np.zeros(len(path)), 1.0)
+        if rows is not None and max(way.shares(rows[:, :3], left[0] - left[1]).values()) <= 1.0:
             return down
     return _DOWN[-1]
+
+
+def _along(scene: Scene) -> tuple[float, float, float]:
+    """Return the direction of the scene's belt, a unit vector."""
+    turned = 0.0 if scene.belt is None else scene.belt.direction
+    return float(np.cos(turned)), float(np.sin(turned)), 0.0
 
 
 def _takes(jaw: Jaw, scene: Scene) -> float:
@@ -183,36 +206,37 @@ def _shoulder(arm: Arm) -> tuple[Array, float]:
 
 def waiting_pose(
     arm: Arm, free: tuple[int, ...], frame: Array, place: Array, room: Array, floor: float
-) -> Array | None:
-    """Return the pose in which an arm waits for what comes to a place [rad], (n,).
+) -> tuple[Array, Array] | None:
+    """Return the pose in which an arm waits for what comes to a place [rad], (n,), and its frame.
 
-    Of many that have the tool above the place, the one that is farthest from singular poses all
-    over the work area; None where none reaches all of it.
+    Of many that have the tool above the place, turned about its axis by quarters, the one that is
+    farthest from singular poses all over the work area; None where none reaches all of it.
 
     Args:
         arm: The arm.
         free: Its joints that bring the tool to a target.
-        frame: Columns: where the tool's axes are to point, shape (3, 3).
+        frame: Columns: where the tool's axes are to point, but for such a turn, shape (3, 3).
         place: Middle of the work area [m], shape (3,).
         room: Half of its sizes [m], shape (3,).
         floor: Height of the floor [m].
     """
     inverse = reach_of(arm, free)
     w = reach_scratch(inverse)
-    w.frame[:] = frame
     rng, above = np.random.default_rng(_SEED), place - _WAITS * frame[:, 2]
     corners = [place + room * x for x in product((-1.0, 1.0), repeat=3)]
     corners += [x - _ABOVE * frame[:, 2] for x in corners]
-    best: tuple[float, Array] | None = None
-    for _ in range(_POSES):
+    turns = [frame @ x for x in _QUARTERS]
+    best: tuple[float, Array, Array] | None = None
+    for k in range(_POSES):
+        w.frame[:] = turned = turns[k % len(turns)]
         start = rng.uniform(np.maximum(arm.q_min, -2.6), np.minimum(arm.q_max, 2.6))
         q = _brought(inverse, w, above, start)
-        if q is None or not _is_sound(arm, q, frame, len(free)):
+        if q is None or not _is_sound(arm, q, turned, len(free)):
             continue
         worth = _ease(arm, inverse, w, corners, q)
         if (best is None or worth > best[0]) and worth > 0.0 and _is_clear(arm, q, floor):
-            best = worth, q
-    return None if best is None else best[1]
+            best = worth, q, turned
+    return None if best is None else best[1:]
 
 
 def _brought(inverse: Reach, w: ReachScratch, to: Array, start: Array) -> Array | None:
