@@ -1,4 +1,4 @@
-"""Tools that grasp what rests or moves slowly: a parallel jaw, a suction cup.
+"""Tools that grasp what rests or moves slowly (a parallel jaw, a suction cup), and a paddle.
 
 Sizes are those of common tools: the jaw opens 85 mm, closes at 75 mm/s a finger and weighs 0.9 kg
 (Robotiq 2F-85, instruction manual: 85 mm, 20 to 150 mm/s, 20 to 235 N, 0.925 kg); the cup of 40 mm
@@ -7,7 +7,8 @@ begins to act, is what users of grippers tell of: 20 ms to 1 s. What else is sai
 of this project.
 
 The z axis of the tool leads to the part; the catch point is the part's middle when it is grasped,
-``half`` of its height beyond the cup's lip, or between the tips of the jaw.
+``half`` of its height beyond the cup's lip, or between the tips of the jaw. That of a paddle, which
+hits a ball back, is the ball's centre when it touches the face.
 """
 
 from dataclasses import dataclass
@@ -195,6 +196,89 @@ class Jaw(Hand):
         return max(self.grip, rate(ball.restitution) * reduced(ball.mass, strike.behind) * (
             strike.whole
         ))  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Paddle(Hand):
+    """A round bat on a handle; the z axis leads out of its face.
+
+    A bat of table tennis weighs 0.15 to 0.2 kg, and its blade is 0.15 m wide; this one is larger,
+    for larger balls. All numbers are choices of this project.
+
+    Attributes:
+        mass: Mass [kg].
+        radius: Of the face [m].
+        thickness: Of the blade, its rubber included [m].
+        length: From the plate to the face [m].
+        restitution: Share of its speed with which a hard ball springs back from the rubber.
+        friction: Of ball and rubber, so much that a ball does not slide.
+        touch: How long a ball and the face touch [s].
+        half: Radius of the ball [m].
+        force: Largest force of a contact that it takes [N].
+    """
+
+    mass: Annotated[float, Range(1e-2, 50.0)] = 0.25
+    radius: Annotated[float, Range(0.02, 0.5)] = 0.09
+    thickness: Annotated[float, Range(0.004, 0.1)] = 0.012
+    length: Annotated[float, Range(0.02, 1.0)] = 0.12
+    restitution: Annotated[float, Range(0.1, 0.95)] = 0.8
+    friction: Annotated[float, Range(0.0, 10.0)] = 3.0
+    touch: Annotated[float, Range(5e-4, 0.02)] = 0.005
+    half: Annotated[float, Range(0.001, 0.5)] = 0.04
+    force: Annotated[float, Range(1e-3, inf)] = inf
+    enters: ClassVar[float] = 0.01
+
+    __repr__ = brief
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be; InputError names the field."""
+        check(self)
+
+    @property
+    def com(self) -> float:
+        """Height of the centre of mass above the plate [m]: two thirds of it are the blade."""
+        return self.length * 5.0 / 6.0
+
+    @property
+    def inertia(self) -> Array:
+        """Inertia about it [kg m^2], shape (3, 3): a disc, and a rod from the plate to it."""
+        m, apart = self.mass, self.length**2
+        across = m * (self.radius**2 / 6.0 + apart / 36.0 + apart / 18.0)
+        return np.diag([across, across, m * self.radius**2 / 3.0])
+
+    @property
+    def catch_offset(self) -> float:
+        """Distance beyond the plate of the centre of a ball that touches the face [m]."""
+        return self.length + self.half
+
+    def capsules(self) -> tuple[Capsule, ...]:
+        """Return capsules that hold the handle, and three side by side that hold the blade."""
+        wide, high = self.radius / 3.0, self.length - 0.5 * self.thickness
+        blade = (
+            Capsule(start=(x, -y, high), end=(x, y, high), radius=wide)
+            for x, y in ((0.0, self.radius), (-2.0 * wide, 2.8 * wide), (2.0 * wide, 2.8 * wide))
+        )
+        return (Capsule(start=(0.0, 0.0, 0.0), end=(0.0, 0.0, high), radius=0.02), *blade)
+
+    def loss(self, speed: float) -> float:
+        """Return the share of its velocity across the face that a ball without spin loses.
+
+        A solid ball that ends rolling loses 2/7. The more it is compressed, the shorter is its
+        lever, and the more it loses: measured by ``tests/world/test_paddle.py``.
+
+        Args:
+            speed: With which it strikes, along the face's normal [m/s].
+        """
+        lever = max(1.0 - 0.078 * speed * self.touch / self.half, 0.0)
+        return 0.982 / (1.0 + 2.5 * lever**2)
+
+    def shares(self, catch: Catch) -> dict[str, float]:  # noqa: ARG002
+        """Return nothing: it holds no ball."""
+        return {}
+
+    def contact_force(self, ball: CaughtBall, strike: Strike) -> float:
+        """Return the largest force of a ball on the face [N]: that of a spring, half a swing."""
+        return reduced(ball.mass, strike.behind) * strike.into * np.pi / self.touch
 
 
 TOOLS: Final[dict[str, Suction | Jaw]] = {"suction": Suction(), "jaw": Jaw()}

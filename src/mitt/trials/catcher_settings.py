@@ -8,13 +8,14 @@ import numpy as np
 from mitt.arm.arm import Arm
 from mitt.arm.basket import Basket
 from mitt.arm.shapes import Surroundings
+from mitt.arm.tools import Paddle
 from mitt.ball.filter import FilterConfig
 from mitt.catcher.settings import CatcherSettings
 from mitt.control.encoders import Encoders
 from mitt.eyes.eyes import EyesConfig
 from mitt.eyes.triangulation import TriangulatorConfig
 from mitt.signals import TICK
-from mitt.world.build import friction_of, restitution_of
+from mitt.world.build import friction_of, restitution_of, restitution_on
 from mitt.world.scene import Actuation, Scene
 from mitt.world.sensors import encoder_steps
 
@@ -33,7 +34,7 @@ def catcher_settings(arm: Arm, scene: Scene) -> CatcherSettings:
     return CatcherSettings(
         ball_mass=ball.mass,
         ball_radius=ball.radius,
-        ball_restitution=rebound(arm, restitution_of(scene) or _SOFT),
+        ball_restitution=_rebound_of(arm, scene),
         ball_friction=friction_of(scene),
         flight=filter_settings(ball.drag, ball.mass, spread=scene.mismatch.drag),
         around=Surroundings(floor=scene.floor),
@@ -101,6 +102,13 @@ def filter_settings(drag: float, mass: float, *, spread: float = 0.0) -> FilterC
         accel_density=1e-4 * lightness,
         push_sigma=0.04 * lightness,
     )
+
+
+def _rebound_of(arm: Arm, scene: Scene) -> float:
+    """Return what share of its speed the scene's ball keeps in a hand."""
+    if isinstance(arm.model.hand, Paddle):
+        return restitution_on(scene, arm.model.hand)
+    return rebound(arm, restitution_of(scene) or _SOFT)
 
 
 def rebound(arm: Arm, palm: float) -> float:

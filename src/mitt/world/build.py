@@ -6,6 +6,11 @@ gives back its own share of the energy, and what is given back of both is
     e^2 = (e_ball^2 + e_pad^2) / 2
 
 where both are compressed alike: a choice of this project, as is the friction of all materials.
+
+On a paddle the contact is a spring and a damper along the normal, in MuJoCo's direct form: what
+follows is the relative motion of ball and face, whatever their masses, and both are pushed as the
+arm's inertia lets them. How much damping gives a restitution is known in closed form
+(:func:`restitution_of_damped`). Across the normal the contact damps as well, until the ball rolls.
 """
 
 from dataclasses import dataclass
@@ -19,9 +24,9 @@ from mitt.arm.basket import Basket
 from mitt.arm.description import ArmModel
 from mitt.arm.hands import HandModel
 from mitt.arm.plant import add_arm
-from mitt.arm.tools import Jaw, Suction
+from mitt.arm.tools import Jaw, Paddle, Suction
 from mitt.errors import ModelError
-from mitt.signals import Array
+from mitt.signals import TICK, Array
 from mitt.world.engine import stop_clocks
 from mitt.world.hand_bodies import (
     ARM,
@@ -34,13 +39,15 @@ from mitt.world.hand_bodies import (
     add_basket,
     add_hand,
     add_jaw,
+    add_paddle,
     add_seal,
     add_suction,
 )
 from mitt.world.scene import Belt, Material, Scene
 
-#: Simulation step near a contact [s]; two make a control tick.
-STEP = 0.0005
+#: Simulation step near a contact [s]; two make a control tick. With a paddle, whose contact is
+#: harder, so many do.
+STEP, _PADDLE_STEPS = 0.0005, 20
 
 #: Thickness [m] and mass [kg] of a belt: nothing on it changes its speed.
 _BELT_THICK, _BELT_MASS = 0.05, 1e5
@@ -80,6 +87,16 @@ _CONTACTS = np.array([
     (0.839, 0.10, 600.0), (0.928, 0.06, 600.0),
 ])  # fmt: skip
 
+#: How near to its spring and damper a contact with a paddle is held, in MuJoCo's terms.
+_STIFF_IMPEDANCE = (0.9999, 0.9999, 0.001, 0.5, 2.0)
+
+TOUCH: dict[Material, float] = {
+    "foam": 0.005, "tennis": 0.005, "table-tennis": 0.001, "rubber": 0.003,
+}  # fmt: skip
+"""How long a ball and a paddle touch [s]: those of tennis as R. Cross, Am. J. Phys. 67, 222 (1999),
+has it, those of table tennis as M. Hubbard and W. Stronge, Sports Eng. 4, 49 (2001); else choices.
+"""
+
 #: Sliding friction where nothing is said of the ball.
 _PLAIN = 1.0
 
@@ -96,6 +113,7 @@ class SceneModel:
         fingers: Number f of finger joints.
         ball: Index of the ball's geom.
         site: Index of the catch point's site.
+        fine: Simulation steps in a tick where a contact may begin.
     """
 
     model: mujoco.MjModel
@@ -103,6 +121,7 @@ class SceneModel:
     fingers: int
     ball: int
     site: int
+    fine: int
 
 
 def build_scene(scene: Scene, arm: ArmModel) -> SceneModel:
@@ -121,6 +140,7 @@ def build_scene(scene: Scene, arm: ArmModel) -> SceneModel:
         fingers=fingers,
         ball=mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, "ball"),
         site=mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, "catch_point"),
+        fine=_PADDLE_STEPS if isinstance(arm.hand, Paddle) else round(TICK / STEP),
     )
 
 
@@ -150,7 +170,11 @@ def describe(scene: Scene, arm: ArmModel) -> tuple[mujoco.MjSpec, int]:
         fingers = add_suction(spec, plate, arm.hand)
     elif isinstance(arm.hand, Jaw):
         fingers = add_jaw(spec, plate, arm.hand)
+    elif isinstance(arm.hand, Paddle):
+        add_paddle(plate, arm.hand)
     _add_ball(spec, scene)
+    if isinstance(arm.hand, Paddle):
+        _add_rubber(spec, scene, arm.hand)
     if scene.belt is not None:
         _add_belt(spec, scene.belt)
     if isinstance(arm.hand, Suction):
@@ -210,6 +234,16 @@ def _add_ball(spec: mujoco.MjSpec, scene: Scene) -> None:
     geom.condim, geom.priority = 4, 1
     geom.friction = (friction_of(scene), *FRICTION[1:])
     geom.solref = contact_of(scene)
+
+
+def _add_rubber(spec: mujoco.MjSpec, scene: Scene, paddle: Paddle) -> None:
+    """Say how the ball and a paddle's face touch."""
+    frequency, damping = swing_of(restitution_on(scene, paddle), paddle.touch)
+    pair = spec.add_pair(geomname1="face", geomname2="ball")
+    pair.condim, pair.solimp = 3, _STIFF_IMPEDANCE
+    pair.solref, pair.solreffriction = (-(frequency**2), -2.0 * damping), (0.0, -4.0 / paddle.touch)
+    slide = paddle.friction if scene.contact.friction is None else scene.contact.friction
+    pair.friction = (slide, slide, *FRICTION[1:], FRICTION[2])
 
 
 def _add_belt(spec: mujoco.MjSpec, belt: Belt) -> None:
@@ -285,6 +319,46 @@ def contact_of(scene: Scene) -> tuple[float, float]:
     gives, ratio, frequency = _CONTACTS.T
     damping = float(np.interp(restitution, gives, ratio))
     return 1.0 / (damping * float(np.interp(restitution, gives, frequency))), damping
+
+
+def restitution_on(scene: Scene, paddle: Paddle) -> float:
+    """Return the coefficient of restitution of ball and paddle: that of the scene, if it says it.
+
+    Of ball and rubber both compressed alike otherwise; of the rubber where the ball says nothing.
+    """
+    if scene.contact.restitution is not None:
+        return scene.contact.restitution
+    if scene.ball.material is None:
+        return paddle.restitution
+    return sqrt(0.5 * (RESTITUTION[scene.ball.material] ** 2 + paddle.restitution**2))
+
+
+def restitution_of_damped(ratio: Array) -> Array:
+    """Return the restitution of a ball on a spring and a damper that push but do not pull.
+
+    T. Schwager and T. Poeschel, Granular Matter 9, 465 (2007): the ball leaves when the force has
+    come down to zero, while the spring is still compressed.
+
+    Args:
+        ratio: Damping ratio of the two, below 1, shape (k,).
+    """
+    damped = np.sqrt(1.0 - ratio**2)
+    leaves = np.arctan2(2.0 * ratio * damped, 2.0 * ratio**2 - 1.0)
+    return np.asarray(np.exp(-ratio / damped * leaves))
+
+
+def swing_of(restitution: float, touch: float) -> tuple[float, float]:
+    """Return undamped frequency and damping [1/s] of a contact that gives back so much of a speed.
+
+    Args:
+        restitution: Share of the normal speed that is kept.
+        touch: How long it lasts [s].
+    """
+    ratio = np.linspace(0.999, 0.0, 2000)
+    found = float(np.interp(restitution, restitution_of_damped(ratio), ratio))
+    damped = np.sqrt(1.0 - found**2)
+    frequency = float(np.arctan2(2.0 * found * damped, 2.0 * found**2 - 1.0) / (damped * touch))
+    return frequency, found * frequency
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -105,6 +105,7 @@ class Plant(NamedTuple):
         fingers: The servo of each finger.
         drives: The arm's drives.
         brakes: As of :func:`mitt.world.drives.brakes_of`, shape (n,).
+        fine: Copy: simulation steps in a tick where a contact may begin; elsewhere one is enough.
     """
 
     address: NDArray[Any]
@@ -133,9 +134,12 @@ class Plant(NamedTuple):
     fingers: FingerServo
     drives: Drives
     brakes: Record
+    fine: int
 
 
-def plant_of(model: mujoco.MjModel, data: mujoco.MjData, site: int, joints: int) -> Plant:
+def plant_of(
+    model: mujoco.MjModel, data: mujoco.MjData, site: int, joints: int, *, fine: int = 2
+) -> Plant:
     """Return a simulation as compiled code reads it, with nothing yet of what is its own.
 
     Args:
@@ -144,6 +148,7 @@ def plant_of(model: mujoco.MjModel, data: mujoco.MjData, site: int, joints: int)
         data: Its state.
         site: The catch point's site.
         joints: Number n of joints of the arm.
+        fine: As of ``Plant``.
 
     Raises:
         ModelError: MuJoCo's structures are not as its package describes them.
@@ -188,6 +193,7 @@ def plant_of(model: mujoco.MjModel, data: mujoco.MjData, site: int, joints: int)
         fingers=FingerServo(0.0, 0.0, 0.0, 0.0),
         drives=fresh_drives(Actuation(), np.zeros(joints)),
         brakes=fresh_brakes(joints),
+        fine=fine,
     )
 
 

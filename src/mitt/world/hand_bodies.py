@@ -15,7 +15,7 @@ import numpy as np
 from mitt.arm.basket import Basket
 from mitt.arm.description import checked_inertia, rotation, steiner
 from mitt.arm.hands import Finger, HandModel
-from mitt.arm.tools import Jaw, Suction
+from mitt.arm.tools import Jaw, Paddle, Suction
 from mitt.errors import ModelError
 from mitt.signals import Array
 
@@ -298,6 +298,15 @@ def add_jaw(spec: mujoco.MjSpec, plate: mujoco.MjsBody, jaw: Jaw) -> tuple[str, 
         geom.priority = 2
     spec.add_exclude(bodyname1=names[0], bodyname2=names[1])
     return names
+
+
+def add_paddle(plate: mujoco.MjsBody, paddle: Paddle) -> None:
+    """Add a paddle to the tool plate: a handle, and a disc whose upper side is the face."""
+    body = plate.add_body(name="paddle")
+    set_inertial(body, paddle.mass, np.array([0.0, 0.0, paddle.com]), paddle.inertia)
+    thick = paddle.thickness
+    _rod(body, "handle", 0.015, [0.0, 0.0, 0.015, 0.0, 0.0, paddle.length - thick - 0.015])
+    _disc(body, "face", paddle.radius, thickness=thick, middle=paddle.length - 0.5 * thick)
 
 
 def _small(mass: float, size: float) -> Array:

@@ -14,7 +14,6 @@ import numpy as np
 from mitt.ball.flight import advance
 from mitt.kernels import Record, big_kernel, kernel
 from mitt.signals import GRAVITY, TICK, Array
-from mitt.world.build import STEP
 from mitt.world.drives import command, finger_torque, follow, hold
 from mitt.world.engine import (
     BALL_ANY,
@@ -29,9 +28,6 @@ from mitt.world.engine import (
 from mitt.world.faults import ActiveFaults
 from mitt.world.flights import BallPath
 from mitt.world.truth import Trace
-
-#: Simulation steps in a tick where a contact may begin; elsewhere one is enough.
-FINE_STEPS = round(TICK / STEP)
 
 #: How long a trial goes on after the catcher has stopped [s].
 WATCHED = 3.0
@@ -246,7 +242,7 @@ def note(plant: Plant, trace: Trace) -> None:
     if not sane:
         state.broken = True
     resting = touched and t - state.touched > REST_AFTER and speed < REST_SPEED * REST_SPEED
-    steps = 1 if not sane or gap > NEAR * NEAR or resting else FINE_STEPS
+    steps = 1 if not sane or gap > NEAR * NEAR or resting else plant.fine
     if steps != state.steps:
         state.steps, plant.step[0] = steps, TICK / steps
 

@@ -106,7 +106,7 @@ class World:
         self._ride: Ride | None = None
         self._belt = None if scene.belt is None else self.model.joint("belt").id
         d, n, ball = self.data, self._n, self._n + self._f
-        self._plant = plant_of(self.model, d, self._built.site, n)
+        self._plant = plant_of(self.model, d, self._built.site, n, fine=self._built.fine)
         self._names = hand_names(self.model)
         qpos, qvel, self._site = self._plant.qpos, self._plant.qvel, self._plant.place
         self._senses = qpos[:n], qvel[:n], qpos[ball : ball + 3], qvel[ball : ball + 3]
