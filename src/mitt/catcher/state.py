@@ -61,7 +61,7 @@ _STATE = {
     "waited": 0.0,  # how long the first of ``waiting`` has acted, in ticks
     "surrogate": False,  # whether the ball's surrogate target is followed
     "begun": False,  # whether each joint was read
-    "several": False,  # whether there are several maps to choose from
+    "several": False,  # whether the choice or the aim of the map is reviewed
     "stop_requested": False,
     "braked": False,  # whether the brakes have engaged
     "t_brake": 0.0,  # when braking began [s]
@@ -218,7 +218,7 @@ def fresh_state(
         eyes: Its eyes, whose arrays the state shares; all others are its own.
         settings: Of the catcher.
         f: The map, if the generator is one.
-        several: Whether there are several maps to choose from.
+        several: Whether the generator is to be asked at each review whether it is astray.
         sigma_ready: As of ``_STATE``.
     """
     s, n, of = settings, arm.n, arm_numbers(arm, settings.around)

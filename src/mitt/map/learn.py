@@ -133,8 +133,8 @@ class Lifted(NamedTuple):
 
     virtual: Array  # (K, 3, n) q_o, dq_o, ddq_o
     phi: Array  # (K, 3, m) monomials and their two time derivatives
-    phi_0: Array  # (2, m) monomials and their rate at t_0
-    gap: Array  # (2n,) d of eq. (12) for the arm at t_0
+    phi_0: Array  # (2, m) monomials and their rate at t_0; more rows where more is held
+    gap: Array  # (2n,) d of eq. (12) for the arm at t_0; n more a row of phi_0
     relative: Array  # (3,) velocity of the ball relative to the hand at the catch, alpha = 0 [m/s]
     slope: Array  # (3, m n) of that in alpha; (0,) and (0, m n) where the map does not weigh it
 
@@ -348,10 +348,25 @@ def learn_from(
     settings: LearnSettings | None = None,
 ) -> Learned:
     """Learn alpha* and H for an arm over flights; see the module."""
-    settings = settings or LearnSettings()
     start, lifted = _scaled(unlearned(arm, design), flights)
+    left_out = len(flights) - len(lifted)
+    return learn_lifted(start, lifted, left_out=left_out, settings=settings or LearnSettings())
+
+
+def learn_lifted(
+    start: DirectMap, lifted: Sequence[Lifted], *, left_out: int, settings: LearnSettings
+) -> Learned:
+    """Learn alpha* and H over flights in virtual joints.
+
+    Args:
+        start: The map with alpha = 0.
+        lifted: The flights; what their ``phi_0`` and ``gap`` hold alpha to may be more than the
+            start: a row of monomials for each n rows of C.
+        left_out: Flights that left the domain.
+        settings: How to learn.
+    """
     history, maps = [_unoptimised(start, lifted)], [start]
-    f, status, last = _with_metric(start, _kinetic(arm, lifted)), "steps", np.inf
+    f, status, last = _with_metric(start, _kinetic(start.arm, lifted)), "steps", np.inf
     starts = _starts_of(f, lifted)
     for _ in range(settings.steps):
         parts = _linearised(f, lifted, settings, starts)
@@ -375,8 +390,8 @@ def learn_from(
         maps=tuple(maps),
         steps=tuple(history),
         flights=len(lifted),
-        left_out=len(flights) - len(lifted),
-        status=_status_of(status, history[-1].worst, len(lifted) / len(flights)),
+        left_out=left_out,
+        status=_status_of(status, history[-1].worst, len(lifted) / (len(lifted) + left_out)),
     )
 
 

@@ -72,6 +72,8 @@ class DirectMap:
         H: Metric of the projection of a new throw, shape (m n, m n), positive definite.
         region: Lowest and highest virtual joints at the catches it was learned on [rad], (2, n).
         status: DOMAIN where the last adaptation was refused, the ball being outside l_c's range.
+        q_rest: Pose from which the joints that are not free follow [rad], shape (n,); the ready
+            pose where None.
     """
 
     arm: Arm
@@ -81,6 +83,7 @@ class DirectMap:
     H: Array
     region: Array
     status: MapStatus = MapStatus.INSIDE
+    q_rest: Array | None = None
 
     __repr__ = brief
 
@@ -102,6 +105,8 @@ class DirectMap:
             "H": checks.array("H", self.H, (size, size), finite=True),
             "region": checks.numbers("region", checks.array("region", self.region, (2, n))),
         }
+        if self.q_rest is not None:
+            arrays["q_rest"] = checks.vector("q_rest", self.q_rest, n, finite=True)
         for name, value in arrays.items():
             object.__setattr__(self, name, value)
 
@@ -112,7 +117,8 @@ class DirectMap:
     @cached_property
     def tangent(self) -> Tangent:
         """Arrays of l_c."""
-        return tangent_of(self.arm, self.design)
+        g = tangent_of(self.arm, self.design)
+        return g if self.q_rest is None else g._replace(q_rest=self.q_rest)
 
     @cached_property
     def H_inverse(self) -> Array:  # noqa: N802 (the paper has no letter; ours is H)

@@ -1,0 +1,196 @@
+"""Batting as a generator: the ball is sent to a target, or a paddle at rest is put in its way.
+
+The verdict chooses the instant of the contact, and so its place, along the predicted flight: of
+those at which the paddle can be brought to the ball as the target asks, the one whose motion takes
+the least share of the arm's limits. The map is moved to it by one projection
+(:mod:`mitt.map.batting`), and moved again while the ball gets to be known better, until shortly
+before the contact; in between it answers to the ball alone, as in catching, in the compiled tick.
+"""
+
+from dataclasses import dataclass, field, replace
+from math import inf
+from typing import Annotated, final
+
+import numpy as np
+
+from mitt.arm.arm import Arm
+from mitt.catcher.generators import Generator
+from mitt.errors import InputError
+from mitt.fields import Range, brief, check
+from mitt.map.batting import BattingMap
+from mitt.map.demand import Tolerance, shares_of
+from mitt.map.mapping import DirectMap
+from mitt.map.prediction import flown, foresee, spread
+from mitt.map.striking import ASTRAY, Impact, Strike
+from mitt.signals import Array, BallState, JointReference
+from mitt.verdict.feasibility import Outcome, Verdict
+
+#: Instants at which a motion is held against its limits.
+_INSTANTS = 16
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BattingSettings:
+    """Where a ball is sent, and when it is met.
+
+    Attributes:
+        target: Where the ball is to go [m]; None for a shield: the paddle is in its way, at rest.
+        impact: How ball and paddle part.
+        earlier: How long before the ball is where the map strikes usually it may be met [s], and
+            how long after.
+        instants: How many contacts are looked at within that time.
+        tried: Of how many of these, the easiest, the whole motion is looked at.
+        shortest: Shortest time from start to contact [s].
+        again: Time between two adaptations to the ball's estimate [s].
+        until: Time to the contact below which the map is left as it is [s].
+        aside: Largest angle of the paddle off what the target asks for [rad].
+    """
+
+    target: tuple[float, float, float] | None = None
+    impact: Impact
+    earlier: Annotated[float, Range(0.0, 1.0)] = 0.03
+    instants: Annotated[int, Range(1, 100)] = 9
+    tried: Annotated[int, Range(1, 100)] = 3
+    shortest: Annotated[float, Range(0.01, 10.0)] = 0.15
+    again: Annotated[float, Range(0.001, 10.0)] = 0.04
+    until: Annotated[float, Range(0.0, 1.0)] = 0.1
+    aside: Annotated[float, Range(0.0, np.pi)] = ASTRAY
+
+    __repr__ = brief
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be; InputError names the field."""
+        check(self)
+
+    @property
+    def aim(self) -> Array | None:
+        """The target as an array, shape (3,)."""
+        return None if self.target is None else np.array(self.target)
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Batting(Generator):
+    """The batting map as a generator.
+
+    Attributes:
+        map: The map as learned.
+        settings: Where balls are sent.
+        tolerance: Share of each limit at which a ball is refused.
+        strike: How the ball that is followed will be met; None before.
+        posed: The map moved to it.
+        t_contact: When [s].
+        t_adapted: When the map was moved last [s].
+    """
+
+    map: BattingMap
+    settings: BattingSettings
+    tolerance: Tolerance = field(default_factory=lambda: Tolerance(torque=1.0, speed=1.0))
+    strike: Strike | None = None
+    posed: DirectMap | None = None
+    t_contact: float = inf
+    t_adapted: float = -inf
+
+    __repr__ = brief
+
+    @property
+    def arms(self) -> tuple[Arm, ...]:
+        """The arm that the map was made for."""
+        return (self.map.arm,)
+
+    @property
+    def certificate(self) -> Verdict | None:
+        """Nothing is refined."""
+        return None
+
+    def sharpness(self, ball: BallState) -> float:
+        """Fly the estimate on to the contact."""
+        usual = ball.t + foresee(self.map.map, ball).after
+        after = (usual if self.strike is None else self.t_contact) - ball.t
+        return spread(ball, max(after, 0.0)) if after < inf else inf
+
+    def verdict(self, ball: BallState, q: Array, dq: Array | None = None) -> Verdict:
+        """Return the verdict: the contact that takes the least share of the limits.
+
+        What is under way is not refused any more: the catcher's commands keep the limits.
+        """
+        if self.strike is not None:
+            return Verdict(outcome=Outcome.FEASIBLE, binding_limit="", share=0.0,
+                           t_catch=self.t_contact, sigma=self.sharpness(ball))  # fmt: skip
+        return self._planned(ball, q, np.zeros(len(q)) if dq is None else dq)[0]
+
+    def _planned(
+        self, ball: BallState, q: Array, dq: Array
+    ) -> tuple[Verdict, tuple[Strike, DirectMap] | None]:
+        """Return the verdict for an arm in ``q`` that moves at ``dq``, the strike and its map."""
+        best, why, at, found = inf, "domain", inf, None
+        for after, strike in self._contacts(ball, q):
+            f = self.map.adapt(ball, q, dq, strike)
+            if f is None:
+                continue
+            motion = f.motions(flown(ball, np.linspace(0.0, after, _INSTANTS)))
+            shares = shares_of(self.map.arm, motion, self.tolerance)
+            binding = max(shares, key=lambda name: shares[name])
+            if shares[binding] < best:
+                best, why, at, found = shares[binding], binding, after, (strike, f)
+        outcome = Outcome.FEASIBLE if best <= 1.0 else Outcome.UNREACHABLE
+        return Verdict(
+            outcome=outcome, binding_limit=why, share=best, t_catch=ball.t + at,
+            sigma=spread(ball, at) if found else inf,
+        ), found  # fmt: skip
+
+    def _contacts(self, ball: BallState, q: Array) -> list[tuple[float, Strike]]:
+        """Return the easiest contacts: times from now and strikes."""
+        s, usual = self.settings, foresee(self.map.map, ball).after
+        times = usual + np.linspace(-s.earlier, s.earlier, s.instants)
+        times = times[(times >= s.shortest) & (times < inf)]
+        found, near = [], None
+        for after, motion in zip(times.tolist(), flown(ball, times), strict=True):
+            strike = self.map.strike(motion[:2], s.aim, self._impact(ball), near=near)
+            if strike is not None and (strike.astray <= s.aside or s.target is None):
+                found.append((after, near := strike))
+        found.sort(key=lambda x: self.map.ease(x[1], q, x[0]))
+        return found[: s.tried]
+
+    def _impact(self, ball: BallState) -> Impact:
+        """Return how ball and paddle part, with the drag that the ball is known to have."""
+        return replace(self.settings.impact, drag=ball.drag)
+
+    def adapt(self, ball: BallState, q: Array, dq: Array) -> "Batting":
+        """Start from where the arm is, eq. (12), and end in the strike that the ball asks for.
+
+        Once under way the time of the contact stays; shortly before it nothing changes any more.
+        """
+        if self.strike is None:
+            verdict, found = self._planned(ball, q, dq)
+            if found is None:
+                raise InputError("ball", "one that the paddle can reach", "another")
+            return replace(self, strike=found[0], posed=found[1], t_contact=verdict.t_catch,
+                           t_adapted=ball.t)  # fmt: skip
+        left = self.t_contact - ball.t
+        if left < self.settings.until:
+            return self
+        end = flown(ball, np.array([left]))[0, :2]
+        strike = self.map.strike(end, self.settings.aim, self._impact(ball), near=self.strike)
+        f = None if strike is None else self.map.adapt(ball, q, dq, strike)
+        if f is None:
+            return replace(self, t_adapted=ball.t)
+        return replace(self, strike=strike, posed=f, t_adapted=ball.t)
+
+    def astray(self, ball: BallState) -> bool:
+        """Say whether it is time to adapt to what is known of the ball by now."""
+        s = self.settings
+        due = ball.t - self.t_adapted >= s.again
+        return self.strike is not None and due and self.t_contact - ball.t >= s.until
+
+    def wait(self, ball: BallState, q: Array, dq: Array) -> "Batting":
+        """Adapt: no verdict of this generator is to wait."""
+        return self.adapt(ball, q, dq)
+
+    def reference(self, ball: BallState) -> JointReference:
+        """Evaluate the map."""
+        return self.as_map().reference(ball)
+
+    def as_map(self) -> DirectMap:
+        """Hand the map over, moved to the strike."""
+        return self.map.map if self.posed is None else self.posed

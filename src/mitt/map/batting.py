@@ -1,0 +1,240 @@
+"""The map that strikes: the paper's, with the paddle's velocity at the contact as one more row.
+
+b has terms of first order in s = q_i - q_alpha, so its rate need not vanish at s = 0, where b does:
+the paddle is at the ball whatever the coefficients are. There the joints are those of l_c^-1, and
+what they are to move at is linear in alpha,
+
+    phi-dot(t_c)' alpha = dq* - dq_o(t_c),
+
+n rows below those of eq. (12): one projection moves the learned coefficients to a throw. Where the
+paddle points is a matter of q* itself (:mod:`mitt.map.striking`): of each throw q_alpha is the
+angle of the catch joint in q*, and the joints that are not free rest at theirs.
+
+| here       | meaning                                             | unit      | shape    |
+|------------|-----------------------------------------------------|-----------|----------|
+| ``strike`` | q*, dq* and the ball at the contact                 | rad ...   |          |
+| ``phi``    | monomials and rate at t_0, rate at t_c              | 1, 1/s    | (3, m)   |
+| ``d``      | q - q_o, dq - dq_o at t_0; dq* - dq_o at t_c        | rad ...   | (3 n,)   |
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Final, final
+
+import numpy as np
+
+from mitt.arm.arm import Arm
+from mitt.errors import InputError, ModelError
+from mitt.fields import brief
+from mitt.map.learn import Flight, Learned, LearnSettings, Lifted, learn_lifted, lift_flight
+from mitt.map.map_design import MapDesign, check_joints
+from mitt.map.mapping import DirectMap, coordinates, initial_gap, project
+from mitt.map.polynomial import CatchBasis
+from mitt.map.striking import Aiming, Impact, Strike, aim, aiming_of
+from mitt.signals import Array, BallState
+
+#: Largest speed of a motion from rest to rest, in units of its mean: of a quintic.
+_PEAK = 1.875
+#: Least scale of a variable of b [rad].
+_NARROWEST = 1e-3
+#: What maps of one arm have in common, whatever the throw.
+_SHARED: Final = ("H_inverse", "work")
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BattingMap:
+    """The batting map of one arm.
+
+    Attributes:
+        map: Learned coefficients and their metric.
+        held: Joints that are not free and turn to aim; they rest at another angle in each throw.
+    """
+
+    map: DirectMap
+    held: tuple[int, ...]
+
+    __repr__ = brief
+
+    def __post_init__(self) -> None:
+        """Hold the parts to each other."""
+        design = self.map.design
+        if set(self.held) & set(design.free) or not set(self.held) <= set(range(self.map.arm.n)):
+            raise ModelError("held", f"joints besides the free ones {design.free}", self.held)
+        if not self.map.basis.first_order:
+            raise ModelError("basis", "terms of first order in q_i - q_alpha", "none")
+
+    @property
+    def arm(self) -> Arm:
+        """The arm."""
+        return self.map.arm
+
+    @cached_property
+    def aiming(self) -> Aiming:
+        """The search for the pose of a strike."""
+        return aiming_of(self.arm, tuple(sorted({*self.map.design.free, *self.held})))
+
+    def strike(
+        self, ball: Array, target: Array | None, impact: Impact, *, near: Strike | None = None
+    ) -> Strike | None:
+        """Return how the paddle meets a ball; see :func:`mitt.map.striking.aim`.
+
+        Args:
+            ball: r_o, v_o at the contact [m, m/s], shape (2, 3).
+            target: Where the ball is to go [m], shape (3,); None for a shield.
+            impact: How ball and paddle part.
+            near: A strike from which the search starts; the middle of those learned if left out.
+        """
+        start = self.map.start if near is None else near.q
+        T = None if near is None or near.T == 0.0 else near.T
+        return aim(self.arm, self.aiming, ball, target, impact, start, T=T)
+
+    def ease(self, strike: Strike, q: Array, after: float) -> float:
+        """Return about the share of the limits that a strike takes: speeds and ranges.
+
+        Args:
+            strike: The strike.
+            q: Where the arm is [rad], shape (n,).
+            after: Time until then [s].
+        """
+        arm = self.arm
+        way = _PEAK * np.abs(strike.q - q) / (max(after, 1e-3) * arm.dq_max)
+        middle, half = 0.5 * (arm.q_max + arm.q_min), 0.5 * (arm.q_max - arm.q_min)
+        off = np.abs(strike.q - middle) / half
+        beyond = np.where(off > 1.0, np.inf, 0.0)
+        return float(max(way.max(), np.abs(strike.dq / arm.dq_max).max(), beyond.max()))
+
+    def posed(self, strike: Strike) -> DirectMap:
+        """Return the map whose joints are those of a strike at s = 0, with alpha as learned."""
+        f, q = self.map, strike.q
+        i = f.design.catch_joint
+        centre = f.basis.centre.copy()
+        centre[f.basis.catch_joint] = q[i]
+        basis = replace(f.basis, centre=centre)
+        basis.__dict__["powers"] = f.basis.powers
+        posed = replace(
+            f, design=replace(f.design, q_catch=float(q[i])), basis=basis, q_rest=q,
+            region=np.array([q, q]),
+        )  # fmt: skip
+        posed.__dict__.update({k: v for k, v in f.__dict__.items() if k in _SHARED})
+        return posed
+
+    def adapt(self, ball: BallState, q: Array, dq: Array, strike: Strike) -> DirectMap | None:
+        """Return the map that starts where the arm is and ends in a strike.
+
+        None where the ball is, or will be, outside the domain of l_c^-1.
+
+        Args:
+            ball: Estimate of the ball.
+            q: Joint positions [rad], shape (n,).
+            dq: Joint velocities [rad/s], shape (n,).
+            strike: How the ball will be met.
+        """
+        f = self.posed(strike)
+        inside, virtual = f.virtual(np.array([ball.r_o, ball.dr_o, ball.ddr_o]))
+        end = contact_rows(f, strike)
+        if not inside or end is None:
+            return None
+        phi = f.basis.jets(*coordinates(f.tangent, virtual))[:2]
+        d = np.concatenate([initial_gap(q, dq, virtual), end[1]])
+        return f.with_alpha(project(f.alpha, f.H_inverse, np.vstack([phi, end[0]]), d))
+
+
+def contact_rows(f: DirectMap, strike: Strike) -> tuple[Array, Array] | None:
+    """Return the rate of the monomials at the contact, (m,), and dq* - dq_o there, (n,).
+
+    None where l_c has no inverse there.
+
+    Args:
+        f: The map, posed.
+        strike: The strike.
+    """
+    inside, virtual = f.virtual(np.array([*strike.ball, np.zeros(3)]))
+    if not inside:
+        return None
+    return f.basis.jets(*coordinates(f.tangent, virtual))[1], strike.dq - virtual[1]
+
+
+def unlearned_batting(
+    arm: Arm, design: MapDesign, held: tuple[int, ...], middle: Array
+) -> BattingMap:
+    """Return the map with alpha = 0: where learning starts.
+
+    Args:
+        arm: The arm.
+        design: Free joints, catch joint, line along which the ball comes, order.
+        held: As of :class:`BattingMap`.
+        middle: Pose in which the arm strikes in the middle of its throws [rad], shape (n,).
+    """
+    check_joints(arm, design)
+    basis = _basis(design, middle[list(design.free)], np.ones(3))
+    size = len(basis.powers) * arm.n
+    f = DirectMap(
+        arm=arm, design=replace(design, q_catch=float(middle[design.catch_joint])), basis=basis,
+        alpha=np.zeros((len(basis.powers), arm.n)), H=np.eye(size),
+        region=np.array([middle, middle]), q_rest=middle,
+    )  # fmt: skip
+    return BattingMap(map=f, held=held)
+
+
+def _basis(design: MapDesign, centre: Array, scale: Array) -> CatchBasis:
+    """Return the monomials of b."""
+    i = design.free.index(design.catch_joint)
+    return CatchBasis(design.order, i, centre, scale, first_order=True)
+
+
+def lift_strike(g: BattingMap, flight: Flight, strike: Strike) -> Lifted | None:
+    """Return a flight in virtual joints, held to its start and its strike; None outside l_c^-1."""
+    f = g.posed(strike)
+    lifted, end = lift_flight(f, flight), contact_rows(f, strike)
+    if lifted is None or end is None:
+        return None
+    phi = np.vstack([lifted.phi_0, end[0]])
+    return lifted._replace(phi_0=phi, gap=np.concatenate([lifted.gap, end[1]]))
+
+
+def learn_batting(
+    g: BattingMap,
+    flights: Sequence[tuple[Flight, Strike]],
+    *,
+    settings: LearnSettings | None = None,
+) -> tuple[BattingMap, Learned]:
+    """Learn the coefficients over flights and their strikes, as :func:`mitt.map.learn.learn_from`.
+
+    Args:
+        g: The map, unlearned.
+        flights: Flights, from t_0 to a little past the contact, and how each ball is met.
+        settings: How to learn.
+
+    Raises:
+        InputError: No flight is inside the map's domain.
+    """
+    inside = [(x, of) for of in flights if (x := lift_strike(g, *of)) is not None]
+    if not inside:
+        raise InputError("flights", "at least one inside the map's domain", f"{len(flights)}, none")
+    g = _scaled(g, [x for x, _ in inside], [strike for _, (_, strike) in inside])
+    lifted = [x for of in flights if (x := lift_strike(g, *of)) is not None]
+    left_out = len(flights) - len(lifted)
+    learned = learn_lifted(g.map, lifted, left_out=left_out, settings=settings or LearnSettings())
+    return replace(g, map=learned.map), learned
+
+
+def _scaled(g: BattingMap, lifted: Sequence[Lifted], strikes: Sequence[Strike]) -> BattingMap:
+    """Return the map with the variables of b scaled to what occurs, and the region of strikes."""
+    design, q = g.map.design, np.array([x.q for x in strikes])
+    i, c = design.free.index(design.catch_joint), design.catch_joint
+    p = [x.virtual[:, 0, list(design.free)] for x in lifted]
+    for rows, strike in zip(p, strikes, strict=True):
+        rows[:, i] -= strike.q[c]
+    every, region = np.concatenate(p), np.array([q.min(axis=0), q.max(axis=0)])
+    middle = region.mean(axis=0)
+    centre = 0.5 * (every.min(axis=0) + every.max(axis=0))
+    centre[i] = 0.0
+    scale = np.maximum(np.abs(every - centre).max(axis=0), _NARROWEST)
+    centre[i] = middle[c]
+    f = replace(
+        g.map, design=replace(design, q_catch=float(middle[c])), region=region, q_rest=middle,
+        basis=_basis(design, centre, scale),
+    )  # fmt: skip
+    return replace(g, map=f)
