@@ -6,11 +6,10 @@ from typing import Any
 
 import mitt
 from mitt.arm.tools import TOOLS
-from mitt.catcher.meeting import Meeting
 from mitt.cli.options import MeetOptions
 from mitt.cli.screen import checked, print_json, progress, say, show, table, tell_of_kernels
 from mitt.files.writing import check_folder, file_name, locked, new_folder, write_json
-from mitt.rivals.replanned import Replanned
+from mitt.rivals.meeting import PLANNERS
 from mitt.trials.meeting import SCHEMA, MeetRunner, MeetTrial, summary
 from mitt.trials.result import finite
 from mitt.trials.station import Station, station
@@ -64,10 +63,7 @@ def _tool_speed(options: MeetOptions) -> float:
 def _runner(options: MeetOptions, at: Station) -> MeetRunner:
     """Return what runs the trials."""
     speed = options.speed or _SPEEDS[options.target]
-    generator = Meeting(at.map, at.settings)
-    if options.generator == "quintic":
-        return MeetRunner(at, seed=options.seed, speed=speed,
-                          generator=Replanned(generator, rate=options.plan_rate))  # fmt: skip
+    generator = at.generator(options.generator, rate=options.plan_rate)
     return MeetRunner(at, seed=options.seed, speed=speed, generator=generator)
 
 
@@ -85,7 +81,7 @@ def _result(
         "target": options.target,
         "speed_m_s": options.speed or _SPEEDS[options.target],
         "generator": options.generator,
-        **({"plan_rate_hz": options.plan_rate} if options.generator != "direct" else {}),
+        **({"plan_rate_hz": options.plan_rate} if options.generator in PLANNERS else {}),
         "seed": options.seed,
         "trials": [finite(asdict(t)) for t in trials],
         "summary": said,

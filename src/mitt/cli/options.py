@@ -159,8 +159,9 @@ class MeetOptions(Options):
         gripper_delay: Time from the command until the tool acts [s].
         tool_speed: Largest speed of the tool on its way [m/s]; 0.25 near a person, else any, if
             left out.
-        generator: What moves the arm: direct, the map, or a quintic that is planned anew.
-        plan_rate: How often that one is planned [Hz].
+        generator: What moves the arm: direct, the map; quintic, ruckig, mpc, planned anew; ds; line
+            and line-compensated, which follow a belt's encoder.
+        plan_rate: How often those that plan do so [Hz].
         trials: Number of trials.
         seed: Seed of the trials.
         scene: The world: a name or a TOML file; if left out, lab with a camera of 60 Hz, 30 ms late
@@ -186,7 +187,9 @@ class MeetOptions(Options):
     tool_speed: Annotated[
         float | None, Arg("M/S", range=(0.01, 20.0), wanted="a number in 0.01..20")
     ] = None
-    generator: Literal["direct", "quintic"] = "direct"
+    generator: Literal[
+        "direct", "quintic", "ruckig", "mpc", "ds", "line", "line-compensated"
+    ] = "direct"
     plan_rate: Annotated[float, Arg("HZ", range=(1.0, 1000.0), wanted="a number in 1..1000")] = (
         100.0
     )

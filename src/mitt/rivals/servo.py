@@ -21,6 +21,7 @@ from typing import NamedTuple, final
 
 import numpy as np
 
+from mitt.arm.arm import Arm
 from mitt.arm.description import STOP_GAP
 from mitt.arm.kinematics import Vec
 from mitt.arm.kinematics import place as place_chain
@@ -49,6 +50,17 @@ class Bounds(NamedTuple):
     acceleration: Array
 
 
+def bounds_of(arm: Arm) -> Bounds:
+    """Return the bounds; twice the torques on each joint's own inertia for acceleration."""
+    top = 2.0 * arm.tau_max / np.diag(arm.mass_matrix(arm.q_ready))
+    return Bounds(arm.q_min + STOP_GAP, arm.q_max - STOP_GAP, SPEED * arm.dq_max, top)
+
+
+def rate_of(left: float, slowest: float, fastest: float) -> float:
+    """Return the bandwidth of the joints a time before the catch [s], between two bounds."""
+    return min(max(_SHARPEN / max(left, 1e-3), slowest), fastest)
+
+
 class Sphere(NamedTuple):
     """Where the hand may wait: about a centre, shape (3,), within a radius [m]."""
 
@@ -65,10 +77,8 @@ class Reach:
 
     @cached_property
     def most(self) -> Bounds:
-        """Bounds of the joints; twice the torques on each joint's own inertia for acceleration."""
-        arm = self.map.arm
-        top = 2.0 * arm.tau_max / np.diag(arm.mass_matrix(arm.q_ready))
-        return Bounds(arm.q_min + STOP_GAP, arm.q_max - STOP_GAP, SPEED * arm.dq_max, top)
+        """Bounds of the joints."""
+        return bounds_of(self.map.arm)
 
     @cached_property
     def hand(self) -> Hand:
@@ -141,9 +151,9 @@ class Servo:
         span = max(self.join * (catch.t_c - self.t_s), 1e-3)
         if self.join > 0.0 and ball.t - self.t_s < span:
             quintic(gap, np.zeros_like(gap), span, ball.t - self.t_s, left)
-        rate = min(max(_SHARPEN / max(catch.t_c - ball.t, 1e-3), self.slowest), _FASTEST)
+        rate = rate_of(catch.t_c - ball.t, self.slowest, _FASTEST)
         if ball.t > self.t:
-            _follow(self.reach.most, goal + left, rate, ball.t - self.t, rows)
+            follow(self.reach.most, goal + left, rate, ball.t - self.t, rows)
         return rows, replace(self, t=ball.t, motion=rows, goal=goal, gap=gap)
 
 
@@ -199,7 +209,7 @@ def _hold_back(point: Array, sphere: Sphere, longer: float) -> None:
 
 
 @kernel
-def _follow(most: Bounds, goal: Array, gain: float, dt: float, rows: Array) -> None:
+def follow(most: Bounds, goal: Array, gain: float, dt: float, rows: Array) -> None:
     """Advance ``rows`` by a tick so that the gap to the goal decays, critically damped.
 
     ddq = ddq_g + 2 w (dq_g - dq) + w^2 (q_g - q), the goal being that of the end of the tick.

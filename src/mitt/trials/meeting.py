@@ -18,6 +18,7 @@ from mitt.catcher.settings import Phase
 from mitt.catcher.state import copied, gathered
 from mitt.clock import Stopwatch
 from mitt.errors import InputError
+from mitt.rivals.meeting import encoder_of
 from mitt.signals import TICK, Array
 from mitt.trials.score import measure, reason_of, stop_as_json
 from mitt.trials.station import Station
@@ -90,6 +91,8 @@ class MeetRunner:
         """
         self._station, self._seed, self._speed = station, seed, speed
         self._generator = generator or Meeting(station.map, station.settings)
+        self._encoder = encoder_of(self._generator)
+        self._target: Ride | HandReach | None = None
         self.world = World(station.scene, station.arm.model, limits=station.arm.limits)
         self.stopwatch = Stopwatch()
 
@@ -103,8 +106,9 @@ class MeetRunner:
     def trial(self, index: int) -> MeetTrial:
         """Run one trial; run again, it gives the same."""
         world, s = self.world, self._station
+        self._target = self.target(index)
         world.reset(
-            self.target(index), int(np.random.default_rng([self._seed, index]).integers(2**31))
+            self._target, int(np.random.default_rng([self._seed, index]).integers(2**31))
         )
         catcher = Catcher(s.arm, self._generator, settings=s.catcher)
         results, closed = [], None
@@ -123,6 +127,7 @@ class MeetRunner:
         """Make ticks for so long [s]."""
         for _ in range(round(longest / TICK)):
             senses = self.world.sense(look=catcher.looking)
+            self._read_belt(senses.t)
             with self.stopwatch:
                 command = catcher.step(senses)
             self.world.apply(command)
@@ -130,6 +135,12 @@ class MeetRunner:
             yield
             if self.world.diverged:
                 return
+
+    def _read_belt(self, t: float) -> None:
+        """Let a generator that follows the belt's encoder have its reading of this tick."""
+        if self._encoder is not None and isinstance(self._target, Ride):
+            way = self._target.at(t)[0] - self._target.start
+            self._encoder.read(t, float(way @ self._target.along))
 
     def _go_back(self, catcher: Catcher, results: list[Any]) -> None:
         """Go back along the tool's axis with the part, as far as limits let it, and hold it."""

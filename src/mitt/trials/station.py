@@ -16,6 +16,7 @@ from mitt.arm.kinematics import motion_of, sweep
 from mitt.arm.shapes import Surroundings, clearance, shapes_of
 from mitt.arm.tools import Jaw, Suction
 from mitt.ball.filter import FilterConfig
+from mitt.catcher.generators import Generator
 from mitt.catcher.meeting import Meeting, MeetingSettings
 from mitt.catcher.settings import CatcherSettings
 from mitt.errors import ModelError
@@ -23,6 +24,7 @@ from mitt.files.arm_file import load_arm
 from mitt.map.demand import Tolerance
 from mitt.map.meeting import MeetingMap, unlearned_meeting
 from mitt.map.reach import Reach, ReachScratch, reach_of, reach_scratch, reach_target
+from mitt.rivals.meeting import make_meeter
 from mitt.signals import Array
 from mitt.trials.catcher_settings import catcher_settings
 from mitt.world.scene import Ball, Belt, Scene
@@ -96,6 +98,13 @@ class Station:
             known, flight=CARRIED, sigma_ready=0.05, ball_radius=0.5 * float(sides[0]),
             adapt_q=np.inf, adapt_dq=np.inf,
         )  # fmt: skip
+
+    def generator(self, name: str, *, rate: float = 100.0) -> Generator:
+        """Return what meets things here, by name; see :func:`mitt.rivals.meeting.make_meeter`."""
+        belt, along = self.scene.belt, None
+        if belt is not None and self.target == "belt":
+            along = np.array([np.cos(belt.direction), np.sin(belt.direction), 0.0])
+        return make_meeter(name, Meeting(self.map, self.settings), rate=rate, along=along)
 
 
 def station(
