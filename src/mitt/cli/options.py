@@ -187,9 +187,9 @@ class MeetOptions(Options):
     tool_speed: Annotated[
         float | None, Arg("M/S", range=(0.01, 20.0), wanted="a number in 0.01..20")
     ] = None
-    generator: Literal[
-        "direct", "quintic", "ruckig", "mpc", "ds", "line", "line-compensated"
-    ] = "direct"
+    generator: Literal["direct", "quintic", "ruckig", "mpc", "ds", "line", "line-compensated"] = (
+        "direct"
+    )
     plan_rate: Annotated[float, Arg("HZ", range=(1.0, 1000.0), wanted="a number in 1..1000")] = (
         100.0
     )

@@ -2,8 +2,8 @@
 
 All are one generator, :class:`MeetingRival`; they differ in their :class:`Way` alone.
 
-``quintic``, ``ruckig`` and ``mpc`` plan to where the target will be at the meeting, again and again:
-each plan goes on from where the last one has brought the arm, in position, velocity and
+``quintic``, ``ruckig`` and ``mpc`` plan to where the target will be at the meeting, again and
+again: each plan goes on from where the last one has brought the arm, in position, velocity and
 acceleration, to those of the target as it is foreseen for the end. Shortly before the meeting, and
 while the tool stays with the target, the end of a plan lies ``AHEAD`` before it: a plan without
 time left would ask for any acceleration.

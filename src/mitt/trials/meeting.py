@@ -107,9 +107,7 @@ class MeetRunner:
         """Run one trial; run again, it gives the same."""
         world, s = self.world, self._station
         self._target = self.target(index)
-        world.reset(
-            self._target, int(np.random.default_rng([self._seed, index]).integers(2**31))
-        )
+        world.reset(self._target, int(np.random.default_rng([self._seed, index]).integers(2**31)))
         catcher = Catcher(s.arm, self._generator, settings=s.catcher)
         results, closed = [], None
         for _ in self._ticks(catcher, _LONGEST):
