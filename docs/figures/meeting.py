@@ -13,7 +13,7 @@ from mitt.catcher.generators import Generator
 from mitt.catcher.meeting import Meeting, MeetingSettings
 from mitt.map.meeting import unlearned_meeting
 from mitt.report.style import BALL, BLUE, GREEN, GREY, INK
-from mitt.rivals.replanned import Replanned
+from mitt.rivals.meeting import make_meeter
 from mitt.signals import Array
 from mitt.trials.station import CARRIED
 from mitt.world.targets import HandReach
@@ -67,8 +67,8 @@ def draw(figure: Figure) -> None:
     since = 1e3 * (times - START - AFTER)[DRAWN]
     left, middle, right = figure.subplots(1, 3)
     for generator, colour, name in (
-        (Replanned(meeting, rate=10.0), INK, "quintic, planned anew at 10 Hz"),
-        (Replanned(meeting, rate=100.0), GREEN, "the same at 100 Hz"),
+        (make_meeter("quintic", meeting, rate=10.0), INK, "quintic, planned anew at 10 Hz"),
+        (make_meeter("quintic", meeting, rate=100.0), GREEN, "the same at 100 Hz"),
         (meeting, BLUE, "map"),
     ):
         tool, most = motion(generator, seen)

@@ -38,7 +38,7 @@ from mitt.rivals.servo import Bounds, bounds_of, follow, rate_of
 from mitt.signals import TICK, Array, BallState, JointReference, MapStatus
 from mitt.verdict.feasibility import Verdict
 
-AHEAD: Final = 0.1
+AHEAD: Final = 0.04
 """Least time from a plan to its end [s]."""
 
 #: Smallest rate of ``ds`` [rad/s], and its largest: that with which the map follows a target.
