@@ -386,13 +386,16 @@ def _with_dtypes(made: CompileResult) -> CompileResult:
     """Note the types of the arrays that a kernel returns, which Python is to be told.
 
     They stand with the kernel's constants, which its wrapper shares: the first of both that is
-    read from the cache decides what these are.
+    read from the cache decides what these are. One that comes from there is another object, which
+    Numba would note again.
     """
     answer, constants = made.signature.return_type, made.environment.consts
     for kind in answer if isinstance(answer, types.BaseTuple) else (answer,):
-        dtype = as_dtype(kind.dtype) if isinstance(kind, types.Array) else None
-        if dtype is not None and not any(x is dtype for x in constants):
-            constants.append(dtype)
+        if isinstance(kind, types.Array):
+            dtype = as_dtype(kind.dtype)
+            known = [k for k, x in enumerate(constants) if isinstance(x, np.dtype) and x == dtype]
+            noted = known[0] if known else len(constants)
+            constants[noted : noted + 1] = [dtype]
     return made
 
 
@@ -432,6 +435,7 @@ class _Wrapping(Compiler):  # type: ignore[misc]
     def compile_extra(self, func: Callable[..., Any]) -> CompileResult:
         """Compile a wrapper and link what it calls."""
         made, context = _compiled[func](tuple(self.state.args)), self.state.targetctx
+        _with_dtypes(made)
         library = _library(_Whole, context, func)
         library.add_linking_library(made.library)
         context.create_cpython_wrapper(library, made.fndesc, made.environment, None)
