@@ -28,13 +28,7 @@ def test_what_ships_fits_its_arm(name: str) -> None:
         assert arm.limits.name == (cell.arm.limits or cell.arm.file)
 
 
-#: The UR5e's design uses up the elbow's speed, and the robot's own speed control overshoots.
-_TOO_FAST = pytest.mark.xfail(strict=True, reason="a tick beyond the elbow's speed")
-
-
-@pytest.mark.parametrize(
-    "name", ["ur10e-sim", "franka-panda-sim", pytest.param("ur5e-sim", marks=_TOO_FAST)]
-)
+@pytest.mark.parametrize("name", ["ur5e-sim", "ur10e-sim", "franka-panda-sim"])
 def test_an_arm_by_name_catches_at_its_own_rate(name: str) -> None:
     """By speeds at 500 Hz, by torques at 1 kHz: no reading counts as lost, no limit is exceeded."""
     cell = LocalCell(throws=2, name=name)

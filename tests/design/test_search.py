@@ -99,6 +99,7 @@ def test_throws_are_aimed_where_the_design_wants_them(
     trials = trials_of(f, task, throws=2, seed=70)
     assert [trial.index for trial in trials] == [0, 1]
     assert trials == trials_of(f, task, throws=2, seed=70)
+    assert trials[:1] != trials_of(f, task, throws=1, seed=70, images=True)
 
 
 def test_small_changes_stay_in_the_ranges_and_keep_the_aim_near_the_hand(

@@ -289,6 +289,16 @@ def test_every_stage_of_a_search_is_expected(
     assert {name for name, _ in searched[1]} <= set(total._takes) | set(total._last)
 
 
+def test_the_last_throws_are_seen_in_images(
+    searched: tuple[Design, list[tuple[str, Job]]],
+) -> None:
+    """As those of ``mitt catch``; those of the stages before as points."""
+    last = {"confirming", "confirming again", "reporting", "speeds", "fastest"}
+    seen = {name for name, job in searched[1] if job.by.images}
+    assert seen == last & {name for name, _ in searched[1]}
+    assert "reporting" in seen
+
+
 def test_the_evaluator_asks_for_nothing_that_is_known(
     found: Design, whole: Arm, task: Task, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

@@ -17,7 +17,15 @@ from mitt.signals import TICK, Array, Command
 from mitt.trials.catcher_settings import bandwidth_of
 from mitt.trials.runner import TrialRunner
 from mitt.trials.source import source_of
-from mitt.world.drives import JointServo, brakes_of, command, follow, fresh_drives, hold
+from mitt.world.drives import (
+    JointControl,
+    JointServo,
+    brakes_of,
+    command,
+    follow,
+    fresh_drives,
+    hold,
+)
 from mitt.world.scene import Actuation, Mismatch, Scene, Sensing, named_scene, read_scene
 from mitt.world.sensors import encoder_steps, fresh_encoders, read_encoders
 from mitt.world.simulation import World
@@ -221,6 +229,28 @@ def _forward(arm: Arm, q: Array, dq: Array, tau: Array) -> Array:
     bias = arm.active(arm.torque(q, dq, np.zeros(3)))
     columns = [arm.active(arm.torque(q, dq, e)) - bias for e in np.eye(3)]
     return np.asarray(np.linalg.solve(np.array(columns).T, tau - bias), np.float64)
+
+
+@pytest.mark.parametrize("takes", TAKES)
+def test_what_asks_for_too_much_torque_is_done_in_part_and_throws_no_joint_aside(
+    takes: str, arm: Arm
+) -> None:
+    """The accelerations are a share of those asked for, and a torque is at its limit."""
+    q, dq, w = START, np.array([0.5, -1.0, 1.5]), 50.0
+    found = []
+    for gap in (1e-3 * TURN, 3.0 * TURN):
+        control = JointControl(arm, takes, bandwidth=w)
+        control.take(dq + gap if takes == "velocity" else q + gap)
+        tau = control.torque(q, dq)
+        damped = 2.0 * w * gap if takes == "velocity" else w**2 * gap - 2.0 * w * dq
+        share = _forward(arm, q, dq, tau) / damped
+        assert share == pytest.approx(np.full(3, share[0]))
+        used = arm.limits.torque_ratio(arm.all_joints(tau), arm.all_joints(dq)).max()
+        found.append((share[0], used))
+    (little, _), (much, used) = found
+    assert little == pytest.approx(1.0)
+    assert 0.0 < much < 1.0
+    assert used == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("takes", TAKES)

@@ -290,7 +290,7 @@ def _comment(found: Design, scene: str) -> str:
     assert best is not None
     text = (
         f"mitt design: within every limit caught {found.rate} of\n"
-        f"{found.task.reported} (scene {scene}, points), relative speed {best.speed:.2f} m/s, force"
+        f"{found.task.reported} (scene {scene}), relative speed {best.speed:.2f} m/s, force"
         f" {best.force:.0f} N (medians)"
     )
     if not found.found:

@@ -214,7 +214,7 @@ def by_speed(
 
     Speeds are those at release [m/s].
     """
-    by = Procedure(throws=throws, seed=_SPEEDS_SEED, give_up=False)
+    by = Procedure(throws=throws, seed=_SPEEDS_SEED, give_up=False, images=True)
     worth = evaluator.try_each("speeds", [(c, task_at(task, speed)) for speed in speeds], by)
     return [_at(speed, w) for speed, w in zip(speeds, worth, strict=True)]
 
@@ -253,7 +253,7 @@ def fastest(
                 good.add(middle)
             else:
                 failed = middle
-    by = Procedure(throws=effort.sure, seed=_SURE_SEED, give_up=False)
+    by = Procedure(throws=effort.sure, seed=_SURE_SEED, give_up=False, images=True)
     for speed in sorted(good, reverse=True):
         if evaluator.try_each("fastest", [(c, task_at(task, speed))], by)[0].enough:
             return Fastest(speed_m_s=speed, more=failed is None and speed == rows[-1].speed_m_s)
@@ -284,7 +284,7 @@ def slower(
 
 def _accepted(evaluator: Evaluator, c: Candidate, effort: Effort) -> bool:
     """Say whether a design catches enough of throws that are neither its search's nor reported."""
-    by = Procedure(throws=effort.report, seed=2000, how="full")
+    by = Procedure(throws=effort.report, seed=2000, how="full", images=True)
     worth = evaluator.try_all("accepting", [c], by)
     return bool(worth) and worth[0].enough
 

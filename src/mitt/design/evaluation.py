@@ -435,10 +435,11 @@ def _middle(x: Array) -> float:
 
 
 def thrown(
-    c: Candidate, f: DirectMap, task: Task, *, throws: int, seed: int, give_up: bool = True
-) -> Evaluation:
-    """Return what a learned map is worth in the simulated world, the ball seen as points."""
-    trials = trials_of(f, task, throws=throws, seed=seed, give_up=give_up)
+    c: Candidate, f: DirectMap, task: Task, *, throws: int, seed: int, give_up: bool = True,
+    images: bool = False,
+) -> Evaluation:  # fmt: skip
+    """Return what a learned map is worth in the simulated world; see :func:`trials_of`."""
+    trials = trials_of(f, task, throws=throws, seed=seed, give_up=give_up, images=images)
     throws = len(trials)
     good = [x for x in trials if x.status == "caught"]
     speeds = np.array([x.velocity_error_m_s for x in good], dtype=np.float64)
@@ -457,14 +458,16 @@ def thrown(
 
 
 def trials_of(
-    f: DirectMap, task: Task, *, throws: int, seed: int, give_up: bool = False
-) -> list[Trial]:
+    f: DirectMap, task: Task, *, throws: int, seed: int, give_up: bool = False,
+    images: bool = False,
+) -> list[Trial]:  # fmt: skip
     """Return scored throws at a map: default throws at its arm's aim, or those of the task.
 
-    Where ``give_up``, a third of them suffices where less than 70 % of these are caught.
+    Where ``give_up``, a third of them suffices where less than 70 % of these are caught. The ball
+    is seen in ``images``, as ``mitt catch`` does, or as points, which take less time.
     """
     source = task.source(f, throws=throws, seed=seed)
-    runner = TrialRunner(f.arm, Direct(f), task.scene, pixels=False)
+    runner = TrialRunner(f.arm, Direct(f), task.scene, pixels=images)
     first = throws // 3 if give_up else throws
     trials = [runner.throw(source, k).trial for k in range(first)]
     if sum(trial.status == "caught" for trial in trials) < 0.7 * first:

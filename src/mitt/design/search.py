@@ -1,5 +1,8 @@
 """The search for a design: geometry, verdicts, throws, and small changes by both of these.
 
+The last throws, which choose and report, are seen in images as those of ``mitt catch``; the many
+before them as points.
+
 What catches most is rarely what catches most softly. So a search keeps several designs, each the
 best for another price of a hard catch (:data:`PRICES`), and chooses at the end: of those that catch
 as many as are asked for, the softest.
@@ -149,6 +152,8 @@ def effort_of(name: str, joints: int) -> Effort:
 
 #: What learning a map takes, about, by how it is learned, in the time of one throw.
 _LEARNED = {"glance": 5.0, "quick": 8.0, "many": 20.0, "full": 30.0}
+#: And a throw that is seen in images.
+_SEEN = 2.0
 
 
 def stages(effort: Effort) -> dict[str, float]:
@@ -169,17 +174,17 @@ def stages(effort: Effort) -> dict[str, float]:
         each = (effort.children + again) * (_LEARNED[how] + throws)
         of[f"improving {k + 1} of {len(effort.throws) - 1}"] = each
     full = _LEARNED["full"]
-    of["confirming"] = len(_WEIGHTS) * effort.last * (full + effort.confirm)
-    of["confirming again"] = effort.again * (full + _MORE * effort.confirm)
-    return of | {"reporting": full + effort.report}
+    of["confirming"] = len(_WEIGHTS) * effort.last * (full + _SEEN * effort.confirm)
+    of["confirming again"] = effort.again * (full + _SEEN * _MORE * effort.confirm)
+    return of | {"reporting": full + _SEEN * effort.report}
 
 
 def last_stages(effort: Effort) -> dict[str, float]:
     """Return what is done with a design once it is found."""
     return {
         "region": _LEARNED["full"] + 4.0 * (2 * effort.grid + 1),
-        "speeds": (len(effort.speeds) + 3) * (_LEARNED["quick"] + effort.each_speed),
-        "fastest": _LEARNED["quick"] + effort.sure,
+        "speeds": (len(effort.speeds) + 3) * (_LEARNED["quick"] + _SEEN * effort.each_speed),
+        "fastest": _LEARNED["quick"] + _SEEN * effort.sure,
     }
 
 
@@ -283,10 +288,11 @@ def _confirmed(
         for c in (w.candidate for w in last)
         for x in (_WEIGHTS if c.match_weight > 0.0 else _WEIGHTS[:1])
     ]
-    by = Procedure(throws=effort.confirm, seed=_CONFIRM, how="full")
+    by = Procedure(throws=effort.confirm, seed=_CONFIRM, how="full", images=True)
     once = evaluator.try_all("confirming", softer, by)
     best = _likely(once, rate, effort.again)
-    by = Procedure(throws=_MORE * effort.confirm, seed=_AGAIN, how="full", give_up=False)
+    by = Procedure(throws=_MORE * effort.confirm, seed=_AGAIN, how="full", give_up=False,
+                   images=True)  # fmt: skip
     again = evaluator.try_all("confirming again", [w.candidate for w in best], by)
     before = {w.candidate: w for w in once}
     both = [before[w.candidate].with_more(w) for w in again]
@@ -320,7 +326,7 @@ def reported(evaluator: Evaluator, c: Candidate, effort: Effort) -> Evaluation |
     task = evaluator.task
     own = task.unseen or len(task.throws or task.recordings)  # 0 where throws are drawn
     throws = min(effort.report, own) if own else effort.report
-    by = Procedure(throws=throws, seed=REPORTED, how="full", give_up=False)
+    by = Procedure(throws=throws, seed=REPORTED, how="full", give_up=False, images=True)
     worth = evaluator.try_all("reporting", [c], by)
     return worth[0] if worth else None
 

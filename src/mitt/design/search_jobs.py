@@ -40,6 +40,7 @@ class Procedure:
         least: Least share of balls caught by the verdicts from which a candidate is thrown at.
         how: How thoroughly its map is learned.
         give_up: Whether it is thrown at less where it catches few of the first throws.
+        images: Whether the ball is seen in images, or as points.
     """
 
     throws: int = 0
@@ -47,6 +48,7 @@ class Procedure:
     least: float = -1e9
     how: How = "quick"
     give_up: bool = True
+    images: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -252,7 +254,8 @@ def _evaluated(job: Job) -> Evaluation:
     worth = judged(c, f, job.task)
     if by.throws == 0 or worth.share < by.least:
         return worth
-    return thrown(c, f, job.task, throws=by.throws, seed=by.seed, give_up=by.give_up)
+    return thrown(c, f, job.task, throws=by.throws, seed=by.seed, give_up=by.give_up,
+                  images=by.images)  # fmt: skip
 
 
 def _failed(c: Candidate, why: str, said: str = "") -> Evaluation:

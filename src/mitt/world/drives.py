@@ -3,7 +3,9 @@
 A robot that takes positions or velocities has a joint control of its own. Its law is that of
 :mod:`mitt.control.setpoints`, as computed torque on the arm's nominal model, with the torques
 within the arm's limits; in the place of the encoders' readings it uses its joints' true positions,
-as a robot's own control reads better encoders than it publishes.
+as a robot's own control reads better encoders than it publishes. Where one torque would be beyond
+its limit, all accelerations are asked for in part, by one share: were that torque alone cut, the
+inertia that joints share would throw another joint beyond its speed.
 
 A drive's torque follows its command like a filter of first order. Within a step the mean of that
 torque acts, so that what it brings about does not depend on the length of the steps.
@@ -241,7 +243,21 @@ class JointControl:
             ddq = 2.0 * w * (self._last - dq)
         else:
             ddq = w**2 * (self._last - q) + 2.0 * w * (self._rate - dq)
-        return arm.active(arm.limits.saturate(arm.torque(q, dq, ddq), arm.all_joints(dq)))
+        return arm.active(_within(arm, q, dq, ddq))
+
+
+def _within(arm: Arm, q: Array, dq: Array, ddq: Array) -> Array:
+    """Return torques of all joints for accelerations; where one is too much, for a share of all."""
+    limits, speeds, asked = arm.limits, arm.all_joints(dq), arm.torque(q, dq, ddq)
+    high = limits.drive_torque(asked)
+    most = np.copysign(limits.torque_bound(high, limits.drive_speed(speeds)), high)
+    over = np.abs(high) > np.abs(most)
+    if not np.any(over):
+        return asked
+    still = arm.torque(q, dq, np.zeros(arm.n))
+    low = limits.drive_torque(still)
+    share = float(np.min((most - low)[over] / (high - low)[over]))
+    return limits.saturate(still + max(share, 0.0) * (asked - still), speeds)
 
 
 @final
