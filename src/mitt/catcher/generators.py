@@ -123,6 +123,21 @@ class Farsighted(Generator, Protocol):
         ...
 
 
+@runtime_checkable
+class Leaving(Generator, Protocol):
+    """A generator that says how the arm goes away with what it has grasped."""
+
+    def leaving(self, motion: Array) -> Array | None:
+        """Return q, dq, ddq each tick from a command on to rest, shape (k, 3, n).
+
+        None where the arm is to brake.
+
+        Args:
+            motion: The command, shape (3, n).
+        """
+        ...
+
+
 @final
 @dataclass(frozen=True, slots=True)
 class Direct:

@@ -34,6 +34,8 @@ _TIMES, _INSTANTS = 24, 24
 _HALVINGS = 2
 #: Ticks from one verdict to the next while there is nothing to meet.
 _EVERY = 8
+#: Times in which the tool lifts what it has grasped and comes to rest [s].
+_LEAVES = (0.3, 0.4, 0.6, 0.9)
 #: Least time from the start until the way down begins [s].
 _LEAST = 0.1
 #: Rates at which the followed target closes up to the estimate, along a belt and across it [1/s].
@@ -143,6 +145,17 @@ class Glide:
         if np.linalg.norm(off[0]) > _NEAR or np.linalg.norm(off[1]) > _SLOW:
             self.calm = t
         return self._motion.copy()
+
+
+def _rise(x: Array, T: float) -> Array:
+    """Return a way from 0 to 1 whose speed and acceleration vanish at both ends, shape (K, 3).
+
+    Args:
+        x: Share of the time gone, shape (K,).
+        T: That time [s]; negative where ``x`` falls.
+    """
+    rate, bend = 30.0 * (x * (1.0 - x)) ** 2, 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x)
+    return np.stack([x**3 * (10.0 - 15.0 * x + 6.0 * x * x), rate / T, bend / T**2], axis=1)
 
 
 @final
@@ -316,12 +329,8 @@ class Meeting(Generator):
         s = self.settings
         if s.above == 0.0:
             return path
-        x = np.clip(left / s.down, 0.0, 1.0)
-        height = x**3 * (10.0 - 15.0 * x + 6.0 * x * x)
-        rate = -30.0 * (x * (1.0 - x)) ** 2 / s.down
-        bend = 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / s.down**2
-        back = -s.above * self.map.frame[:, 2]
-        moved: Array = path + np.stack([height, rate, bend], axis=1)[:, :, None] * back
+        height = _rise(np.clip(left / s.down, 0.0, 1.0), -s.down)
+        moved: Array = path + height[:, :, None] * (-s.above * self.map.frame[:, 2])
         return moved
 
     def adapt(self, ball: BallState, q: Array, dq: Array) -> "Meeting":  # noqa: ARG002
@@ -360,6 +369,34 @@ class Meeting(Generator):
             dq_d=rows[1], ddq_d=rows[2], q_o=rows[3], dq_o=rows[4],
             time_to_catch=self._left(ball, target) if inside else inf,
         )  # fmt: skip
+
+    def leaving(self, motion: Array) -> Array | None:
+        """Return how the tool lifts what it holds while it comes to rest, (k, 3, n).
+
+        It goes ``above`` back along its axis, in the shortest of a few times within all limits;
+        None where none is.
+
+        Args:
+            motion: The command from which it goes on [rad ...], shape (3, n).
+        """
+        for T in _LEAVES if self.settings.above > 0.0 else ():
+            found = self._left_in(T, motion, _INSTANTS)
+            if found is not None and max(self.shares(found, T / (_INSTANTS - 1)).values()) <= 1.0:
+                return self._left_in(T, motion, round(T / TICK) + 1)
+        return None
+
+    def _left_in(self, T: float, motion: Array, count: int) -> Array | None:
+        """Return such a motion in a time [s] at some instants, (count, 3, n)."""
+        arm, x = self.map.arm, np.linspace(0.0, 1.0, count)
+        r, v = arm.position(motion[0]), arm.jacobian(motion[0]) @ motion[1]
+        on = [T * (x - x**3 + 0.5 * x**4), 1.0 - x * x * (3.0 - 2.0 * x), -6.0 * x * (1.0 - x) / T]
+        path = np.stack(on, axis=1)[:, :, None] * v + _rise(x, T)[:, :, None] * (
+            -self.settings.above * self.map.frame[:, 2]
+        )
+        path[:, 0] += r
+        f = self.map.adapt(path[0], motion, T)
+        rows = None if f is None else f.motion_along(path, 1.0 - x, T, motion[0])
+        return None if rows is None else rows[:, :3].copy()
 
     def _left(self, ball: BallState, target: Array) -> float:
         """Return the time until the tool has closed [s].

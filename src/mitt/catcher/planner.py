@@ -7,7 +7,7 @@ from typing import Any, final
 import numpy as np
 
 from mitt.arm.arm import Arm
-from mitt.catcher.generators import Farsighted, Generator, Underway, Unoptimised
+from mitt.catcher.generators import Farsighted, Generator, Leaving, Underway, Unoptimised
 from mitt.catcher.settings import (
     BRAKE,
     DECIDE,
@@ -377,12 +377,16 @@ class Planner:
         self._brake_from(t)
 
     def _grasp(self) -> None:
-        """Brake from the last command on: the fingers will have closed.
+        """Brake from the last command on, or go away with the ball: the fingers will have closed.
 
         The model carries the ball's weight from then on.
         """
-        loaded = self._arm.holding(self._settings.ball_mass)
-        self._slow_down(loaded)
+        loaded, g = self._arm.holding(self._settings.ball_mass), self.generator
+        way = g.leaving(self._result.command[:3].copy()) if isinstance(g, Leaving) else None
+        if way is None:
+            self._slow_down(loaded)
+        else:
+            self.move(way, self._result.scalars["t"].item())
         exchange_arm(self._state, loaded, self._settings.around)
 
     def _slow_down(self, arm: Arm) -> None:

@@ -104,6 +104,10 @@ class MeetingRival(Generator):
         begun = self.way.begin(np.array([q, dq, 0.0 * q]), ball)
         return replace(self, meeting=self.meeting.adapt(ball, q, dq), way=begun, q_hold=q.copy())
 
+    def leaving(self, motion: Array) -> Array | None:
+        """Return what the meeting map says."""
+        return self.meeting.leaving(motion)
+
     def reference(self, ball: BallState) -> JointReference:
         """Return the motion of the way at the time of the estimate."""
         m, motion = self.meeting, self.way.motion(self.meeting, ball)

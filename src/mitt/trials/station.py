@@ -13,7 +13,7 @@ import numpy as np
 
 from mitt.arm.arm import Arm
 from mitt.arm.kinematics import motion_of, sweep
-from mitt.arm.shapes import Surroundings, clearance, shapes_of
+from mitt.arm.shapes import Shapes, Surroundings, clearance, shapes_of
 from mitt.arm.tools import Jaw, Suction
 from mitt.ball.filter import FilterConfig
 from mitt.catcher.generators import Generator
@@ -35,7 +35,7 @@ TARGETS: Final[tuple[Target, ...]] = ("belt", "hand")
 
 CARRIED: Final = FilterConfig(
     other_motion=0.998, watchful=True, min_sightings=4, driven_sigma=1.5, driven_time=0.3,
-    steady_density=5e-4,
+    steady_density=3e-3, switch_time=0.15,
 )  # fmt: skip
 """What the filter assumes of a thing that is carried: it does not fly, and speeds up by 1.5 m/s^2.
 """
@@ -49,9 +49,13 @@ _WAITS, _ABOVE = 0.15, 0.06
 _SETTLE = 0.15
 #: Times of the way down that are tried [s], and the share of each limit that it may take.
 _DOWN = (0.2, 0.25, 0.3, 0.4, 0.5, 0.7, 1.0)
+#: Least of them: a person is touched gently [s].
+_LEAST_DOWN = {"belt": 0.2, "hand": 0.4}
 _HALF = Tolerance(torque=0.8, speed=0.5, acceleration=0.4)
 #: Places that are tried, in lengths of the arm before its shoulder.
 _SHARES = (0.5, 0.6, 0.7)
+#: Half-widths of the work area that are tried, in lengths of the arm.
+_WIDE = {"belt": (0.45, 0.32), "hand": (0.2,)}
 #: Turns of the tool about its axis that are tried.
 _QUARTERS = [
     np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
@@ -59,8 +63,8 @@ _QUARTERS = [
 ]
 #: Poses from which the one to wait in is looked for, and their seed.
 _POSES, _SEED = 600, 5
-#: Gap that it keeps from itself [m]; more than the catcher's margin.
-_GAP = 0.0105
+#: Gap that it keeps from itself [m]. What is nearer than 10 mm as in a wrist, is not watched later.
+_GAP = 0.005
 _SIN, _COS = float(np.sin(np.deg2rad(40.0))), float(np.cos(np.deg2rad(40.0)))
 #: How the tool points: down on a belt, away from the arm and 40 degrees down to a person.
 _FRAMES = {
@@ -134,11 +138,10 @@ def station(
     places = [shoulder + np.array([share * reach, 0.0, higher]) for share in _SHARES]
     if scene.belt is not None:
         places = [np.array([*scene.belt.middle, scene.belt.height + half])]
-    wide = (0.32 if target == "belt" else 0.2) * reach
-    room = np.array([0.06, wide, 0.05 if target == "belt" else 0.1])
     found = None
-    for place in places:
-        found = found or waiting_pose(raw, free, _FRAMES[target], place, room, scene.floor)
+    for wide, place in product(_WIDE[target], places):
+        room = np.array([0.06, wide * reach, 0.05 if target == "belt" else 0.1])
+        found = waiting_pose(raw, free, _FRAMES[target], place, room, scene.floor)
         if found is not None:
             break
     if found is None:
@@ -155,17 +158,17 @@ def station(
         low=tuple(low.tolist()), high=tuple(high.tolist()), above=_ABOVE, settle=_SETTLE,
         closing=takes, speed=speed, along=_along(scene) if target == "belt" else None,
     )  # fmt: skip
-    settings = replace(settings, down=_time_down(f, settings, place))
+    settings = replace(settings, down=_time_down(f, settings, place, _LEAST_DOWN[target]))
     return Station(arm=arm, map=f, settings=settings, scene=scene, place=place, target=target)
 
 
-def _time_down(f: MeetingMap, settings: MeetingSettings, place: Array) -> float:
-    """Return the time of the way down on a part that rests [s].
+def _time_down(f: MeetingMap, settings: MeetingSettings, place: Array, least: float) -> float:
+    """Return the time of the way down on a part that rests, at least so long [s].
 
     It is the shortest within half of all limits: the other half is left for a part that moves.
     """
     part = np.array([place, np.zeros(3), np.zeros(3)])
-    for down in _DOWN:
+    for down in (x for x in _DOWN if x >= least):
         way = Meeting(f, replace(settings, down=down), _HALF)
         left = np.linspace(down, 0.0, 40)
         path = np.array([way.placed(part, x) for x in left])
@@ -234,7 +237,7 @@ def waiting_pose(
     rng, above = np.random.default_rng(_SEED), place - _WAITS * frame[:, 2]
     corners = [place + room * x for x in product((-1.0, 1.0), repeat=3)]
     corners += [x - _ABOVE * frame[:, 2] for x in corners]
-    turns = [frame @ x for x in _QUARTERS]
+    turns, shapes = [frame @ x for x in _QUARTERS], shapes_of(arm, Surroundings(floor=floor))
     best: tuple[float, Array, Array] | None = None
     for k in range(_POSES):
         w.frame[:] = turned = turns[k % len(turns)]
@@ -243,7 +246,7 @@ def waiting_pose(
         if q is None or not _is_sound(arm, q, turned, len(free)):
             continue
         worth = _ease(arm, inverse, w, corners, q)
-        if (best is None or worth > best[0]) and worth > 0.0 and _is_clear(arm, q, floor):
+        if (best is None or worth > best[0]) and worth > 0.0 and _is_clear(arm, shapes, q):
             best = worth, q, turned
     return None if best is None else best[1:]
 
@@ -278,9 +281,7 @@ def _ease(arm: Arm, inverse: Reach, w: ReachScratch, corners: list[Array], q: Ar
     return least * (1.2 - float(np.abs((q - middle) / half).max()))
 
 
-def _is_clear(arm: Arm, q: Array, floor: float) -> bool:
+def _is_clear(arm: Arm, shapes: Shapes, q: Array) -> bool:
     """Say whether an arm that waits in a pose is clear of itself and of the floor."""
-    there = Arm(replace(arm.model, q_ready=q), arm.limits)
-    shapes = shapes_of(there, Surroundings(floor=floor))
-    gap = clearance(there.bodies, q, shapes.table, shapes.pairs, shapes.ends)
+    gap = clearance(arm.bodies, q, shapes.table, shapes.pairs, shapes.ends)
     return bool(gap > _GAP)

@@ -24,6 +24,7 @@ from mitt.arm.basket import Basket
 from mitt.arm.description import ArmModel
 from mitt.arm.hands import HandModel
 from mitt.arm.plant import add_arm
+from mitt.arm.shapes import LEAST_GAP
 from mitt.arm.tools import Jaw, Paddle, Suction
 from mitt.errors import ModelError
 from mitt.signals import TICK, Array
@@ -265,9 +266,9 @@ def _add_belt(spec: mujoco.MjSpec, belt: Belt) -> None:
 def _let_neighbours_meet(spec: mujoco.MjSpec, arm: ArmModel) -> None:
     """Let shapes of successive links meet, which MuJoCo leaves out by default.
 
-    Only those that stand apart in the ready pose: files of other arms have shapes that overlap
-    at the joints. Links further apart whose shapes overlap there are kept from meeting: capsules
-    about the meshes of a wrist are wider than the wrist.
+    Only those that stand apart in the ready pose, by as much as the catcher watches: files of
+    other arms have shapes that overlap, or nearly, at the joints. Links further apart whose shapes
+    overlap there are kept from meeting: capsules about the meshes of a wrist are wider than it.
     """
     model = spec.compile()
     data = mujoco.MjData(model)
@@ -282,11 +283,11 @@ def _let_neighbours_meet(spec: mujoco.MjSpec, arm: ArmModel) -> None:
         if a == b or not (kindred or (is_arm[first] and is_arm[second])):
             continue
         names = model.geom(first).name, model.geom(second).name
-        apart = mujoco.mj_geomDistance(model, data, first, second, 1.0, None) > 0.0
-        if not kindred and not apart:
+        apart = mujoco.mj_geomDistance(model, data, first, second, 1.0, None)
+        if not kindred and apart <= 0.0:
             both = [model.body(model.geom_bodyid[g]).name for g in (first, second)]
             overlapping.add((both[0], both[1]))
-        elif kindred and apart and not any(name.startswith(SMALL_PARTS) for name in names):
+        elif kindred and apart > LEAST_GAP and not any(x.startswith(SMALL_PARTS) for x in names):
             spec.add_pair(geomname1=names[0], geomname2=names[1]).solref = STIFF
     for bodies_apart in sorted(overlapping):
         spec.add_exclude(bodyname1=bodies_apart[0], bodyname2=bodies_apart[1])
