@@ -201,6 +201,49 @@ class MeetOptions(Options):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class BatOptions(Options):
+    """Hit balls back to a target, or put the paddle in their way; print a table and write DIR.
+
+    Attributes:
+        arm: The arm: a name, as wam or ur5e, or a file.
+        limits: Limit set, as of mitt catch; wam-48v for the wam if left out.
+        target: Where balls are sent [m], as X,Y,Z; 2.4 m before the arm if left out.
+        shield: Put the paddle in the way, at rest, instead of hitting to a target.
+        throws: Number of throws; 10, or as many as a file has.
+        speed: Least and largest speed of the throws at release [m/s], as MIN,MAX; 5,7.1 if left
+            out.
+        seed: Seed of throws, plant and noise.
+        vision: What the catcher sees: images of two cameras, or noisy points.
+        scene: The world: ideal, lab or rough, or a TOML file.
+        flights: Recorded flights to use: columns flight,t_s,x_m,y_m,z_m; or tennicam, the 44 of
+            table tennis that ship.
+        out: Folder to write; a new runs/bat-<seed> if left out.
+        overwrite: Use a folder that has files in it.
+    """
+
+    module = "batting"
+    examples = (
+        "mitt bat --throws 40",
+        "mitt bat --arm ur5e --target 2.5,0.5,0.2 --vision points",
+    )
+
+    arm: ArmName = "wam"
+    limits: Limits = None
+    target: Annotated[str | None, Arg("X,Y,Z")] = None
+    shield: bool = False
+    throws: Annotated[int | None, Arg("N", range=(1, 100_000), wanted="a number in 1..100000")] = (
+        None
+    )
+    speed: Annotated[str | None, Arg("MIN,MAX")] = None
+    seed: Seed = 0
+    vision: Literal["pixels", "points"] = "pixels"
+    scene: Scene = None
+    flights: Annotated[str | None, Arg("CSV|NAME")] = None
+    out: Folder = None
+    overwrite: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LearnOptions(ArmOptions):
     """Learn a map; print the cost at each step (fig. 7) and write MAP.json.
 
@@ -566,6 +609,7 @@ COMMANDS: dict[str, type[Options]] = {
     "catch": CatchOptions,
     "arms": ArmsOptions,
     "meet": MeetOptions,
+    "bat": BatOptions,
     "learn": LearnOptions,
     "design": DesignOptions,
     "run": RunOptions,

@@ -1,0 +1,198 @@
+"""``mitt bat``: hit thrown balls back to a target, or stop them."""
+
+import shlex
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import mitt
+from mitt.cli.options import BatOptions
+from mitt.cli.screen import checked, print_json, progress, say, show, table, tell_of_kernels
+from mitt.clock import Progress
+from mitt.errors import InputError
+from mitt.files.writing import check_folder, locked, new_folder, write_json
+from mitt.report.bat_page import BatContent, write_bat_page
+from mitt.signals import Array
+from mitt.trials.bat_station import BatStation, bat_station, target_of, throw_ranges
+from mitt.trials.batting import SCHEMA, BatRunner, BatTrial, summary
+from mitt.trials.log import TrialLog
+from mitt.trials.result import finite
+from mitt.trials.source import Source, source_of
+from mitt.world.flights import builtin_flights
+from mitt.world.scene import DEFAULT_SCENE, Scene, read_scene
+
+#: Name of the recorded flights that ship.
+_SHIPPED = "tennicam"
+#: Limits of the WAM's motors: those of the idealised arm would flatter.
+_LIMITS = {"wam": "wam-48v"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Asked:
+    """What a run is made from."""
+
+    target: Array | None
+    speed: tuple[float, float] | None
+    limits: str | None
+    scene: Scene
+    out: Path
+
+
+def bat(options: BatOptions) -> int:
+    """Run ``mitt bat``; return its exit status."""
+    asked = _asked(options)
+    station = bat_station(
+        options.arm, scene=asked.scene, target=asked.target, limits=asked.limits, speed=asked.speed
+    )
+    source = _source(options, asked, station)
+    if options.check:
+        return checked(f"{source.count} throws, output to {asked.out}")
+    with locked(asked.out):
+        tell_of_kernels()
+        with progress() as report:
+            runner = BatRunner(station, source, pixels=options.vision == "pixels")
+            trials, log = _run(runner, source.count, report)
+            result = _result(options, asked, station, trials, summary(trials, runner.stopwatch))
+            write_json(asked.out / "result.json", result)
+            report("report", 0, 1)
+            typed = shlex.join(["mitt", "bat", *_words(options)])
+            content = BatContent(result=result, arm=station.arm, scene=asked.scene, log=log,
+                                 command=typed)  # fmt: skip
+            write_bat_page(asked.out / "report.html", content)
+            report("report", 1, 1)
+    if options.json:
+        print_json(result)
+    else:
+        _show(options, trials, result["summary"], asked.out)
+    return 0
+
+
+def _asked(options: BatOptions) -> _Asked:
+    """Read and check what was said."""
+    if options.shield and options.target is not None:
+        raise InputError("target", "none for a shield", options.target, do="leave one of them out")
+    out = options.out or _default_folder(options)
+    check_folder(out, overwrite=options.overwrite or options.check)
+    name, flights = options.scene or DEFAULT_SCENE, options.flights is not None
+    speed = None if options.speed is None else _numbers("speed", options.speed, 2)
+    if speed is not None and not 1.0 <= speed[0] <= speed[1] <= 20.0:
+        raise InputError("speed", "MIN,MAX with 1 <= MIN <= MAX <= 20 m/s", options.speed)
+    target = None
+    if not options.shield:
+        given = None if options.target is None else _numbers("target", options.target, 3)
+        target = target_of(options.arm) if given is None else np.array(given)
+    return _Asked(
+        target=target,
+        speed=None if speed is None else (speed[0], speed[1]),
+        limits=_LIMITS.get(options.arm) if options.limits is None else options.limits,
+        scene=read_scene(name, flights=flights),
+        out=out,
+    )
+
+
+def _numbers(name: str, text: str, count: int) -> tuple[float, ...]:
+    """Return so many finite numbers with commas between them."""
+    try:
+        numbers = tuple(float(x) for x in text.split(","))
+    except ValueError:
+        numbers = ()
+    if len(numbers) != count or not all(abs(x) < 100.0 for x in numbers):
+        raise InputError(name, f"{count} numbers with commas between them", text)
+    return numbers
+
+
+def _source(options: BatOptions, asked: _Asked, station: BatStation) -> Source:
+    """Return the balls of a run."""
+    shipped = options.flights == _SHIPPED
+    return source_of(
+        station.arm, seed=options.seed, drag=asked.scene.ball.drag, count=options.throws,
+        flights_file=None if shipped or options.flights is None else Path(options.flights),
+        recordings=builtin_flights() if shipped else (), ranges=throw_ranges(asked.speed, station),
+    )  # fmt: skip
+
+
+def _run(runner: BatRunner, count: int, report: Progress) -> tuple[list[BatTrial], TrialLog | None]:
+    """Run all trials; return them, and the log of the first that was hit."""
+    trials, log = list[BatTrial](), None
+    report("batting", 0, count)
+    for trial in runner.run():
+        trials.append(trial)
+        if log is None and trial.status == "hit":
+            log = runner.log()
+        report("batting", len(trials), count)
+    return trials, log
+
+
+def _result(
+    options: BatOptions, asked: _Asked, station: BatStation, trials: list[BatTrial],
+    said: dict[str, Any],
+) -> dict[str, Any]:  # fmt: skip
+    """Return the result as the contract writes it."""
+    return {
+        "schema": SCHEMA,
+        "version": mitt.__version__,
+        "arm": station.arm.model.name,
+        "limits": station.arm.limits.name,
+        "scene": options.scene or DEFAULT_SCENE,
+        "vision": options.vision,
+        "flights": options.flights,
+        "target": None if asked.target is None else asked.target.tolist(),
+        "shield": options.shield,
+        "speed_m_s": None if asked.speed is None else list(asked.speed),
+        "seed": options.seed,
+        "trials": [finite(asdict(t)) for t in trials],
+        "summary": said,
+    }
+
+
+def _default_folder(options: BatOptions) -> Path:
+    """Return where the result goes whose user named no place."""
+    folder = Path("runs") / f"bat-{options.seed}"
+    return folder if options.overwrite else new_folder(folder)
+
+
+def _words(options: BatOptions) -> list[str]:
+    """Return the words that make a run again."""
+    plain, words = asdict(BatOptions()), list[str]()
+    for name, value in asdict(options).items():
+        if value == plain[name] or name in ("out", "overwrite", "json", "check"):
+            continue
+        words += [f"--{name}"] if value is True else [f"--{name}", str(value)]
+    return words
+
+
+def _show(options: BatOptions, trials: list[BatTrial], said: dict[str, Any], out: Path) -> None:
+    """Print the table of a run: the first 20 trials, and 40 of the others that failed."""
+    rows = table(
+        f"{options.arm}, {'shield' if options.shield else 'to a target'}",
+        ("trial", "status", "t [s]", "miss [cm]", "back [m/s]", "[N]", "beyond [ms]", "why"),
+        left=("status", "why"), no_wrap=True,
+    )  # fmt: skip
+    for t in trials[:20] + [x for x in trials[20:] if x.status != "hit"][:40]:
+        cells = (
+            _number(t.t_hit_s, 2), _number(None if t.miss_m is None else 100.0 * t.miss_m, 1),
+            _number(t.return_speed_m_s, 1), _number(t.peak_contact_force_n, 0),
+            str(t.limit_violations),
+        )  # fmt: skip
+        why = "" if t.status == "hit" else t.binding_limit or ""
+        rows.add_row(str(t.index), t.status, *cells, why)
+    show(rows)
+    low, high = said["ci95"]
+    say(f"{'stopped' if options.shield else 'hit'} {said['hit']} of {said['throws']}, "
+        f"{100.0 * said['hit_rate']:.1f} % ({100.0 * low:.1f} to {100.0 * high:.1f})"
+        + _misses(said) + f"; {out / 'report.html'}")  # fmt: skip
+
+
+def _misses(said: dict[str, Any]) -> str:
+    """Return in words how near the target balls passed."""
+    if said["median_miss_m"] is None:
+        return ""
+    return (f"; miss {100.0 * said['median_miss_m']:.1f} cm in the median, "
+            f"90 % within {100.0 * said['p90_miss_m']:.1f}")  # fmt: skip
+
+
+def _number(value: float | None, digits: int) -> str:
+    """Return a number as a table has it."""
+    return "" if value is None else f"{value:.{digits}f}"

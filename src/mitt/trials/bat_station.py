@@ -1,0 +1,180 @@
+"""Where an arm bats: its paddle, the poses in which it waits and strikes, its map, and its balls.
+
+Balls come at the height of a person's chest or head, before the arm: there a paddle can face the
+thrower.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from mitt.arm.arm import Arm
+from mitt.arm.tools import Paddle
+from mitt.catcher.batting import Batting, BattingSettings
+from mitt.catcher.settings import CatcherSettings
+from mitt.errors import ModelError
+from mitt.eyes.camera import Rig, fixed_rig, look_at
+from mitt.files.arm_file import load_arm
+from mitt.map.batting import unlearned_batting
+from mitt.map.map_design import MapDesign
+from mitt.map.striking import Impact
+from mitt.signals import Array
+from mitt.trials.catcher_settings import catcher_settings
+from mitt.trials.source import ranges_of
+from mitt.trials.strikes import STRUCK, learn_strikes
+from mitt.world.build import TOUCH, restitution_on
+from mitt.world.scene import Scene
+from mitt.world.throws import ThrowRanges
+
+#: Where balls are sent where nothing is said [m].
+TARGET: Final = (3.0, 0.0, 0.3)
+#: Speed across the face's normal at which its loss is taken [m/s].
+_USUAL = 6.0
+#: Where the cameras are and what they look at, from where balls are struck [m]: in view are all
+#: default throws, and the returns as far as they tell their velocity.
+_BACK, _AHEAD = (-2.15, 1.7, 1.35), np.array([1.32, 0.0, 0.02])
+#: Half-widths of the box that balls are aimed at [m].
+_BOX = (0.05, 0.15, 0.1)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class BatStation:
+    """An arm where it bats.
+
+    Attributes:
+        arm: The arm with its paddle, in the pose in which it waits; its aim is where balls pass.
+        batting: What moves it, learned.
+        scene: The world.
+        target: Where balls are sent [m], shape (3,); None for a shield.
+        rig: The cameras.
+    """
+
+    arm: Arm
+    batting: Batting
+    scene: Scene
+    target: Array | None
+    rig: Rig
+
+    @property
+    def catcher(self) -> CatcherSettings:
+        """Settings of its catcher; the ball is never in its hand."""
+        return replace(catcher_settings(self.arm, self.scene), ball_mass=0.0)
+
+    def generator(self, restitution: float) -> Batting:
+        """Return what moves the arm, as it is believed that balls bounce off the paddle."""
+        of = self.batting.settings
+        impact = replace(of.impact, restitution=restitution)
+        return replace(self.batting, settings=replace(of, impact=impact))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stance:
+    """How an arm stands to bat.
+
+    Attributes:
+        joints: Joints that move.
+        middle: Pose of the middle strike [rad].
+        ready: Pose in which it waits [rad].
+        design: Of its map.
+        held: Joints that aim, besides the free ones of the map.
+    """
+
+    joints: tuple[str, ...]
+    middle: tuple[float, ...]
+    ready: tuple[float, ...]
+    design: MapDesign
+    held: tuple[int, ...]
+
+
+_WAM: Final = Stance(
+    joints=("j1", "j2", "j3", "j4"), middle=(0.0, 0.26, 0.0, 1.0), ready=(0.0, 0.2, 0.0, 1.2),
+    design=MapDesign(catch_joint=3, free=(0, 1, 3), kappa=1.0, inward=3.0, order=4), held=(2,),
+)  # fmt: skip
+
+
+def bat_station(
+    name: str, *, scene: Scene, target: Array | None, limits: str | None = None,
+    speed: tuple[float, float] | None = None,
+) -> BatStation:  # fmt: skip
+    """Return the station of an arm, its map learned.
+
+    Args:
+        name: Name or file of an arm.
+        scene: The world.
+        target: Where balls are sent [m], shape (3,); None for a shield.
+        limits: Limit set; that of the arm if left out.
+        speed: Least and largest speed of the throws [m/s]; as default throws if left out.
+
+    Raises:
+        ModelError: No pose brings the paddle before the arm.
+        InputError: The arm strikes too few of these balls.
+    """
+    ball = scene.ball
+    touch = Paddle().touch if ball.material is None else TOUCH[ball.material]
+    paddle = Paddle(half=ball.radius, touch=touch)
+    stance = stance_of(name)
+    raw = load_arm(name, hand=paddle, joints=stance.joints, limits=limits)
+    middle = np.array(stance.middle)
+    place = raw.position(middle)
+    model = replace(raw.model, q_ready=np.array(stance.ready), aim=np.array([place, _BOX]))
+    arm = Arm(model, raw.limits)
+    told = restitution_on(scene, paddle)
+    settings = BattingSettings(
+        target=None if target is None else (float(target[0]), float(target[1]), float(target[2])),
+        impact=Impact(mass=ball.mass, restitution=told, loss=paddle.loss(_USUAL), drag=ball.drag),
+    )
+    around = replace(STRUCK, box=_BOX)
+    if speed is not None:
+        around = replace(around, arrival=(0.85 * speed[0], speed[1]))
+    g = unlearned_batting(arm, stance.design, stance.held, middle)
+    g = learn_strikes(g, settings, place, around=around)[0]
+    return BatStation(arm=arm, batting=Batting(map=g, settings=settings), scene=scene,
+                      target=target, rig=bat_rig(place))  # fmt: skip
+
+
+def bat_rig(place: Array) -> Rig:
+    """Return two cameras that do not move, as those of :func:`mitt.eyes.camera.fixed_rig`.
+
+    They look down from behind the arm to either side: so the arm, which comes from below, does not
+    hide the ball, and the paddle does only in the last 20 ms.
+
+    Args:
+        place: Middle of where balls are struck [m], shape (3,).
+    """
+    cameras = tuple(
+        replace(
+            camera,
+            T_world_cam=look_at(
+                place + np.array([_BACK[0], side * _BACK[1], _BACK[2] + 0.05 * side]),
+                place + _AHEAD,
+            ),
+        )
+        for camera, side in zip(fixed_rig().cameras, (1.0, -1.0), strict=True)
+    )
+    return Rig(cameras=cameras)
+
+
+def throw_ranges(speed: tuple[float, float] | None, station: BatStation) -> ThrowRanges:
+    """Return the ranges of throws of some speeds [m/s]; as default throws where None."""
+    usual = ranges_of(station.arm)
+    if speed is None:
+        return usual
+    low, high = usual.distance
+    return replace(usual, speed=speed, duration=(0.95 * low / speed[1], high / speed[0]))
+
+
+def stance_of(name: str) -> Stance:
+    """Return how an arm stands to bat.
+
+    Raises:
+        ModelError: That is known of the WAM alone.
+    """
+    if name == "wam":
+        return _WAM
+    raise ModelError("arm", "wam, the one whose stance is known", name)
+
+
+def target_of(name: str) -> Array:  # noqa: ARG001
+    """Return where an arm sends balls where nothing is said [m], shape (3,)."""
+    return np.array(TARGET)

@@ -1,0 +1,467 @@
+"""Trials of batting: a ball is thrown, the paddle sends it to a target, or stops it as a shield.
+
+All that is scored is taken from the true states of the world: what the ball touches first and
+where, how it leaves, how near it comes to the target before it touches anything else. What the
+catcher learns from a hit is taken from what it sees and reads: the ball's flight after the hit,
+and the joints' encoders. So it gets to know the restitution of this ball on this paddle, which no
+data sheet says to the per cent, from hit to hit; trials of a run follow one another in that order.
+"""
+
+from collections.abc import Iterator
+from copy import copy
+from dataclasses import dataclass
+from math import inf
+from typing import Any, Final, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mitt.arm.arm import Arm
+from mitt.arm.tools import Paddle
+from mitt.ball.flight import advance
+from mitt.catcher.catcher import Catcher
+from mitt.catcher.settings import Phase
+from mitt.catcher.state import Result, copied, gathered
+from mitt.clock import Stopwatch
+from mitt.errors import InputError, ModelError
+from mitt.eyes.eyes import Eyes
+from mitt.map.striking import Restitution, Strike, mass_behind
+from mitt.signals import GRAVITY, TICK, Array, Senses, Sighting
+from mitt.trials.bat_station import BatStation
+from mitt.trials.catcher_settings import eyes_settings
+from mitt.trials.log import TrialLog, log_of
+from mitt.trials.runner import LOOKS, cameras_of
+from mitt.trials.score import measure, reason_of, stop_as_json
+from mitt.trials.source import Source
+from mitt.trials.statistics import wilson
+from mitt.world.build import restitution_on
+from mitt.world.engine import BALL_ANY, BALL_ARM, BALL_FLOOR, BALL_HAND
+from mitt.world.scene import Scene
+from mitt.world.simulation import World
+from mitt.world.truth import FirstContact, Trace
+
+SCHEMA: Final = "mitt.bat/1"
+STATUSES: Final = ("hit", "missed", "unreachable", "stopped", "aborted")
+
+#: By how much the restitution of a run differs from the one that the catcher is told, at most and
+#: as share; and what the catcher assumes of that, 1 sigma.
+DOUBT, _SIGMA = 0.03, 0.03
+#: A trial without contact ends after this time [s], and one with it so long after it.
+_LONGEST, _AFTER = 2.5, 2.0
+#: How far beyond the target's distance a ball is followed [m].
+_BEYOND = 0.3
+#: For how long after a hit the ball is looked at [s], from when on [s], and the least number of
+#: sightings that tell its velocity.
+_LOOK, _CLEAR, _ENOUGH = 0.12, 0.003, 12
+#: Ticks over which joints' readings are compared with their commands.
+_MEAN = 8
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BatTrial:
+    """One trial, field by field as in the result.
+
+    Attributes:
+        index: Its number.
+        status: ``hit``: the ball touches the paddle's face first, and leaves it towards the
+            target's half-space; of a shield, the first is enough. ``missed``: it does not.
+            ``unreachable``: the arm did not start; ``stopped``, ``aborted``.
+        t_hit_s: When the ball was first touched [s].
+        miss_m: Least distance of its centre from the target on its way after the hit, before it
+            touches anything else.
+        passes_m: Where it passes the upright plane through the target, across its way and up from
+            the target; None where it does not.
+        return_speed_m_s: Its speed after the hit.
+        off_middle_mm: How far from the middle of the face it was hit.
+        peak_contact_force_n: Largest single contact force on the ball.
+        limit_violations: As of :class:`mitt.trials.score.Trial`.
+        binding_limit: The limit that the verdict found most used, or what ended the trial.
+        restitution: What the catcher believed it to be before the trial.
+        stopped_by: Why the catcher stopped; None where it did not.
+    """
+
+    index: int
+    status: str
+    t_hit_s: float | None
+    miss_m: float | None
+    passes_m: tuple[float, float] | None
+    return_speed_m_s: float | None
+    off_middle_mm: float | None
+    peak_contact_force_n: float | None
+    limit_violations: int
+    binding_limit: str | None
+    restitution: float
+    stopped_by: dict[str, Any] | None = None
+
+
+@final
+class BatRunner:
+    """A station with a paddle and its world, built once and used for many trials.
+
+    Attributes:
+        world: The simulated world.
+        known: What is known of the restitution by now.
+        stopwatch: Wall-clock time of the catcher's ticks.
+        ticks: Results of all ticks of the last trial.
+    """
+
+    def __init__(self, station: BatStation, source: Source, *, pixels: bool = True) -> None:
+        """Build the world.
+
+        Args:
+            station: The arm with its paddle.
+            source: What is thrown.
+            pixels: Whether the catcher sees images; noisy points if not.
+        """
+        s, paddle = station, paddle_of(station.arm)
+        self._station, self._source, self._pixels = s, source, pixels
+        told = restitution_on(s.scene, paddle)
+        self.known = Restitution(mean=told, sigma=_SIGMA * told)
+        cameras = cameras_of(s.rig, s.scene) if pixels else None
+        scene = true_scene(s.scene, told, source.seed)
+        self.world = World(scene, s.arm.model, cameras=cameras, limits=s.arm.limits)
+        self._eyes = Eyes(s.rig, eyes_settings(s.scene))
+        self.stopwatch = Stopwatch()
+        self._catcher: Catcher | None = None
+        self.ticks: Result | None = None
+        self._t_0 = inf
+
+    def run(self) -> Iterator[BatTrial]:
+        """Run all trials of the source, one after the other, and learn from each hit."""
+        for index in range(self._source.count):
+            yield self.trial(index)
+
+    def trial(self, index: int) -> BatTrial:
+        """Run one trial with what is known by now, and learn from it."""
+        s, world, source = self._station, self.world, self._source
+        believed = self.known.mean
+        world.reset(source.ball(index), source.trial_seed(index) % 2**31)
+        catcher = self._fresh(believed)
+        views = world.views_before(LOOKS)
+        if views:
+            catcher.learn_background(views)
+        watcher = copy(self._eyes)
+        if views:
+            watcher.learn_background(views)
+        rows, seen = self._play(catcher, watcher)
+        self.ticks, self._t_0 = gathered(rows), catcher.t_0
+        ticks = self.ticks
+        hit = hit_of(s.arm, world, s.target)
+        if hit is not None and np.isfinite(met := catcher.state.fingers[0]["t_catch"].item()):
+            strike = strike_of(s.arm, ticks, met)
+            self.known = learned(self.known, strike, s, seen, met + paddle_of(s.arm).touch)
+        return self._scored(index, catcher, ticks, hit, believed)
+
+    def log(self) -> TrialLog:
+        """Return the log of the last trial.
+
+        Raises:
+            InputError: There was none.
+        """
+        if self.ticks is None:
+            raise InputError("log", "a trial before", "none")
+        of = self._station.arm, self.ticks, self.world.trace()
+        return log_of(*of, t_0=self._t_0)
+
+    def _fresh(self, restitution: float) -> Catcher:
+        """Return a fresh catcher that believes in a restitution."""
+        generator = self._station.generator(restitution)
+        if self._catcher is None:
+            s = self._station
+            self._catcher = Catcher(s.arm, generator, self._eyes, settings=s.catcher)
+            return self._catcher
+        return self._catcher.again(generator)
+
+    def _play(self, catcher: Catcher, watcher: Eyes) -> tuple[list[Result], list[Sighting]]:
+        """Play a trial to its end; return all ticks, and what was seen after the contact."""
+        world, rows, seen = self.world, list[Result](), list[Sighting]()
+        while not world.diverged:
+            contact, t = world.first_contact, world.t
+            since = -inf if contact is None else t - contact.t
+            looks = catcher.looking or 0.0 <= since < _LOOK
+            senses = world.sense(look=looks)
+            if 0.0 <= since < _LOOK:
+                seen += _sighted(senses, watcher)
+            with self.stopwatch:
+                command = catcher.step(senses)
+            world.apply(command)
+            catcher.think()
+            rows.append(copied(catcher.result))
+            if len(rows) % 10 == 0 and self._is_over(contact):
+                break
+        return rows, seen
+
+    def _is_over(self, contact: FirstContact | None) -> bool:
+        """Say whether nothing more can happen to the score."""
+        truth, target = self.world.truth(), self._station.target
+        if truth.ball_on_floor or (contact is None and truth.t >= _LONGEST):
+            return True
+        if contact is None:
+            return False
+        if target is None:
+            return truth.t >= contact.t + 0.3
+        way = target - contact.r_o
+        gone = float((truth.r_o - contact.r_o) @ way) / float(way @ way)
+        return gone > 1.0 + _BEYOND / float(np.linalg.norm(way)) or truth.t > contact.t + _AFTER
+
+    def _scored(
+        self, index: int, catcher: Catcher, ticks: Result, hit: "Hit | None", believed: float
+    ) -> BatTrial:
+        """Score a finished trial."""
+        world, s = self.world, self._station
+        contact, verdict = world.first_contact, catcher.verdict
+        stopped = stop_as_json(catcher.stopped_by)
+        why = reason_of(stopped) or ("unseen" if verdict is None else verdict.binding_limit)
+        status = _status(world, catcher, hit)
+        score = hit if status == "hit" else None
+        return BatTrial(
+            index=index,
+            status=status,
+            t_hit_s=None if contact is None else contact.t,
+            miss_m=None if score is None else score.miss,
+            passes_m=None if score is None else score.passes,
+            return_speed_m_s=None if score is None else score.speed,
+            off_middle_mm=None if hit is None else 1e3 * hit.off_middle,
+            peak_contact_force_n=None if contact is None else world.peak_force,
+            limit_violations=measure(s.arm, ticks, world.trace()).limit_violations,
+            binding_limit=why,
+            restitution=believed,
+            stopped_by=stopped,
+        )
+
+
+def paddle_of(arm: Arm) -> Paddle:
+    """Return the paddle of an arm.
+
+    Raises:
+        ModelError: It has none.
+    """
+    if not isinstance(arm.model.hand, Paddle):
+        raise ModelError(f"arm {arm.model.name}", "a paddle", "none")
+    return arm.model.hand
+
+
+def true_scene(scene: Scene, told: float, seed: int) -> Scene:
+    """Return a scene whose ball bounces off the paddle a little otherwise than the catcher is told.
+
+    Args:
+        scene: The scene.
+        told: Restitution of ball and paddle as it is told.
+        seed: Seed of the run.
+    """
+    off = DOUBT * float(np.random.default_rng([seed, 2]).uniform(-1.0, 1.0))
+    restitution = min(max(told * (1.0 + off), 0.17), 0.92)
+    return scene.model_copy(
+        update={"contact": scene.contact.model_copy(update={"restitution": restitution})}
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Hit:
+    """What became of a ball that touched the paddle's face first.
+
+    Attributes:
+        off_middle: Distance of the contact from the middle of the face [m].
+        returned: Whether it left towards the target's half-space; true of a shield.
+        speed: Of the ball after it [m/s].
+        miss: As of :class:`BatTrial`, and ``passes``.
+        passes: See ``miss``.
+    """
+
+    off_middle: float
+    returned: bool
+    speed: float
+    miss: float | None
+    passes: tuple[float, float] | None
+
+
+def hit_of(arm: Arm, world: World, target: Array | None) -> Hit | None:
+    """Return what became of a ball that touched the paddle's face first; None where it did not."""
+    truth, contact, paddle = world.trace(), world.first_contact, paddle_of(arm)
+    if contact is None:
+        return None
+    first = min(int(np.ceil(contact.t / TICK - 1e-6)), len(truth.t) - 1)
+    if np.any(truth.seen[: first + 1] & (BALL_ARM | BALL_FLOOR)):
+        return None
+    normal = arm.orientation(truth.q[first])[:, 2]
+    away = contact.r_o - contact.position
+    deep = float(away @ normal)
+    off = float(np.linalg.norm(away - deep * normal))
+    if deep + world.radius < 0.0 or off > paddle.radius:
+        return None
+    apart = np.flatnonzero(truth.seen[first:] & BALL_HAND == 0)
+    if len(apart) == 0:
+        return None
+    left = first + int(apart[0])
+    speed = float(np.linalg.norm(truth.dr_o[left]))
+    if target is None:
+        return Hit(off_middle=off, returned=True, speed=speed, miss=None, passes=None)
+    to = target - truth.r_o[left]
+    path = _free_path(truth, left)
+    return Hit(
+        off_middle=off, returned=float(truth.dr_o[left] @ to) > 0.0, speed=speed,
+        miss=nearest(path, target), passes=passing(path, target),
+    )  # fmt: skip
+
+
+def _free_path(truth: Trace, left: int) -> Array:
+    """Return where a ball is from a tick on until it touches anything, shape (k, 3) [m]."""
+    touches = np.flatnonzero(truth.seen[left + 1 :] & BALL_ANY)
+    end = len(truth.t) if len(touches) == 0 else left + 1 + int(touches[0])
+    return truth.r_o[left:end]
+
+
+def nearest(path: Array, target: Array) -> float:
+    """Return the least distance of a path of straight pieces, (k, 3), from a point, (3,) [m]."""
+    start, way = path[:-1], np.diff(path, axis=0)
+    if len(way) == 0:
+        return float(np.linalg.norm(path[0] - target))
+    squared = np.maximum(np.sum(way**2, axis=1), 1e-18)
+    share = np.clip(np.sum((target - start) * way, axis=1) / squared, 0.0, 1.0)
+    return float(np.linalg.norm(start + share[:, None] * way - target, axis=1).min())
+
+
+def passing(path: Array, target: Array) -> tuple[float, float] | None:
+    """Return where a path passes the upright plane through a target: across and up from it [m].
+
+    The plane is across the way from the path's start to the target; to the left of that way is
+    positive. None where the path ends before it.
+    """
+    along = np.array([*(target - path[0])[:2], 0.0])
+    along /= max(float(np.linalg.norm(along)), 1e-9)
+    across = np.array([-along[1], along[0], 0.0])
+    ahead = (path - target) @ along
+    beyond = np.flatnonzero(ahead >= 0.0)
+    if len(beyond) == 0 or beyond[0] == 0:
+        return None
+    k = int(beyond[0])
+    share = ahead[k - 1] / (ahead[k - 1] - ahead[k])
+    off = path[k - 1] + share * (path[k] - path[k - 1]) - target
+    return float(off @ across), float(off[2])
+
+
+def _status(world: World, catcher: Catcher, hit: Hit | None) -> str:
+    """Return how a trial has ended."""
+    if world.diverged:
+        return "aborted"
+    if catcher.phase is Phase.STOPPED:
+        return "stopped"
+    if not np.isfinite(catcher.t_0):
+        return "unreachable"
+    return "hit" if hit is not None and hit.returned else "missed"
+
+
+def _sighted(senses: Senses, watcher: Eyes) -> list[Sighting]:
+    """Return where the ball was seen: as points, or in images."""
+    points = [x for x in senses.points if x.found]
+    if senses.frames:
+        found = watcher.step(senses.frames)
+        points += [found] if found.found else []
+    return points
+
+
+def strike_of(arm: Arm, ticks: Result, met: float) -> Strike:
+    """Return a hit as the arm knows it: by its readings, and by the ball that was expected.
+
+    What the joints lag behind their commands is taken from the ticks before the contact, as its
+    force is in those after it.
+
+    Args:
+        arm: The arm.
+        ticks: Results of all ticks.
+        met: When ball and paddle met [s].
+    """
+    k = min(max(int(met / TICK), _MEAN + 1), len(ticks.scalars) - 1)
+    rows = slice(k - _MEAN, k)
+    read, command = ticks.encoders[rows], ticks.command[rows]
+    middle = 0.5 * paddle_of(arm).touch
+    behind = (
+        np.mean(read[:, 0] - command[:, 0], axis=0),
+        np.mean(np.diff(read[:, 0], axis=0) / TICK - command[1:, 1], axis=0),
+    )
+    dq = ticks.command[k, 1] + behind[1] + middle * ticks.command[k, 2]
+    q = ticks.command[k, 0] + behind[0] + middle * dq
+    ball = ticks.ball[k - 1, :2].copy()
+    advance(ball[0], ball[1], float(ticks.scalars["drag"][k - 1]),
+            met - float(ticks.scalars["t_ball"][k - 1]))  # fmt: skip
+    return Strike(
+        q=q, dq=dq, ball=ball, normal=arm.orientation(q)[:, 2], v_paddle=arm.jacobian(q) @ dq,
+        v_out=np.zeros(3), T=0.0, astray=0.0,
+    )  # fmt: skip
+
+
+def learned(
+    known: Restitution, strike: Strike, station: BatStation, seen: list[Sighting], apart: float
+) -> Restitution:
+    """Return what is known of the restitution after a hit.
+
+    Args:
+        known: What was known before.
+        strike: The hit.
+        station: Where it was.
+        seen: Where the ball was seen about and after it.
+        apart: When ball and paddle had parted [s].
+    """
+    v_out = returned_velocity(seen, apart, station.scene.ball.drag)
+    if v_out is None:
+        return known
+    behind = mass_behind(station.arm, strike.q, strike.normal)
+    return known.after(strike, behind, station.scene.ball.mass, v_out)
+
+
+def returned_velocity(seen: list[Sighting], apart: float, drag: float) -> Array | None:
+    """Return the velocity of a ball when it left the paddle [m/s], (3,), by a fit of its flight.
+
+    Three rounds of least squares: what gravity and drag do is taken from the round before, and
+    sightings far off the flight are left out. None where the ball was seen too rarely.
+
+    Args:
+        seen: Where it was seen, and when.
+        apart: When it had left the paddle [s].
+        drag: Its drag coefficient [1/m].
+    """
+    used = [x for x in seen if x.t > apart + _CLEAR]
+    if len(used) < _ENOUGH:
+        return None
+    t, r = np.array([x.t - apart for x in used]), np.array([x.r_o for x in used])
+    keep: NDArray[np.bool_] = np.ones(len(t), np.bool_)
+    start, bent = np.zeros((2, 3)), np.zeros((len(t), 3))
+    bent[:, 2] = -0.5 * GRAVITY * t**2
+    for _ in range(3):
+        rows = np.column_stack([np.ones(len(t)), t])
+        start = np.linalg.lstsq(rows[keep], (r - bent)[keep], rcond=None)[0]
+        off = np.linalg.norm(r - bent - rows @ start, axis=1)
+        keep = off <= max(4.0 * float(np.median(off)), 1e-4)
+        if np.sum(keep) < _ENOUGH:
+            return None
+        for k, after in enumerate(t.tolist()):
+            flight = start.copy()
+            advance(flight[0], flight[1], drag, after)
+            bent[k] = flight[0] - start[0] - after * start[1]
+    return np.asarray(start[1])
+
+
+def summary(trials: list[BatTrial], stopwatch: Stopwatch) -> dict[str, Any]:
+    """Return counts, the rate with its 95 % Wilson interval, misses, and times of ticks."""
+    counts = {status: sum(t.status == status for t in trials) for status in STATUSES}
+    low, high = wilson(counts["hit"], len(trials))
+    misses = [t.miss_m for t in trials if t.miss_m is not None]
+    later = [t.miss_m for t in trials[20:] if t.miss_m is not None]
+    speeds = [t.return_speed_m_s for t in trials if t.return_speed_m_s is not None]
+    return {
+        "throws": len(trials),
+        **counts,
+        "hit_rate": counts["hit"] / len(trials) if trials else 0.0,
+        "ci95": [low, high],
+        "median_miss_m": _share(misses, 50.0),
+        "p90_miss_m": _share(misses, 90.0),
+        "median_miss_after_20_m": _share(later, 50.0),
+        "median_return_speed_m_s": _share(speeds, 50.0),
+        "limit_violations": sum(t.limit_violations for t in trials),
+        "tick_us": stopwatch.percentiles_us(),
+    }
+
+
+def _share(values: list[float], percent: float) -> float | None:
+    """Return a percentile; None of nothing."""
+    return float(np.percentile(values, percent)) if values else None

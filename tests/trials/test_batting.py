@@ -1,0 +1,139 @@
+"""Batting: how a return is scored, what a hit tells, and whole trials of an arm with a paddle."""
+
+import json
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mitt.ball.flight import advance
+from mitt.cli.main import main
+from mitt.errors import ModelError
+from mitt.files.arm_file import load_arm
+from mitt.signals import Sighting
+from mitt.trials.bat_station import BatStation, bat_station
+from mitt.trials.batting import (
+    DOUBT,
+    BatRunner,
+    nearest,
+    paddle_of,
+    passing,
+    returned_velocity,
+    true_scene,
+)
+from mitt.trials.source import source_of
+from mitt.world.scene import named_scene
+
+TARGET = np.array([3.0, 0.0, 0.3])
+LEFT = np.array([0.0, 0.2, 0.0])
+seeds = st.integers(0, 2**31)
+
+
+@cache
+def station(*, shield: bool = False) -> BatStation:
+    """Return the station of the WAM."""
+    return bat_station("wam", scene=named_scene("lab"), target=None if shield else TARGET,
+                       limits="wam-48v")  # fmt: skip
+
+
+def runner(count: int, *, shield: bool = False) -> BatRunner:
+    """Return what runs trials that are seen as points."""
+    s = station(shield=shield)
+    source = source_of(s.arm, seed=1, drag=s.scene.ball.drag, count=count)
+    return BatRunner(s, source, pixels=False)
+
+
+@given(seed=seeds)
+def test_a_path_is_as_near_as_its_nearest_point(seed: int) -> None:
+    """By straight pieces; where it passes the target's plane is at least as far."""
+    rng = np.random.default_rng(seed)
+    start, way = np.array([0.5, 0.0, 0.5]), np.array([5.0, *rng.uniform(-1.0, 1.0, 2)])
+    path = start + np.linspace(0.0, 1.0, 200)[:, None] * way
+    unit = way / np.linalg.norm(way)
+    off = TARGET - start
+    exact = float(np.linalg.norm(off - (off @ unit) * unit))
+    assert nearest(path, TARGET) == pytest.approx(exact, abs=1e-9)
+    passes = passing(path, TARGET)
+    assert passes is not None
+    assert np.hypot(*passes) >= exact - 1e-9
+
+
+def test_a_ball_that_lands_before_the_target_does_not_pass_it() -> None:
+    """And one that passes it to the left has a positive first number."""
+    path = np.linspace([0.5, 0.0, 0.5], [2.0, 0.0, -1.0], 50)
+    assert passing(path, TARGET) is None
+    passes = passing(np.linspace([0.5, 0.2, 0.4], [4.0, 0.2, 0.4], 50), TARGET + LEFT)
+    assert passes == pytest.approx((0.0, 0.1))
+    left = passing(np.linspace([0.5, 0.0, 0.3], [4.0, 0.7, 0.3], 50), TARGET)
+    assert left is not None
+    assert left[0] == pytest.approx(0.5)
+
+
+@given(seed=seeds)
+def test_the_velocity_after_a_hit_is_found_from_what_is_seen(seed: int) -> None:
+    """Within what the noise of 1 mm leaves, with a point that is far off; too few tell nothing."""
+    rng = np.random.default_rng(seed)
+    start, seen = np.array([[0.6, 0.0, 0.7], rng.uniform([3, -1, -1], [6, 1, 3])]), []
+    for k in range(100):
+        ball = start.copy()
+        advance(ball[0], ball[1], 0.045, 1e-3 * k)
+        r_o = ball[0] + 1e-3 * rng.standard_normal(3) + (0.5 if k == 50 else 0.0)
+        seen.append(Sighting(t=2.0 + 1e-3 * k, found=True, r_o=r_o, covariance=1e-6 * np.eye(3)))
+    found = returned_velocity(seen, 2.0, 0.045)
+    assert found is not None
+    assert found == pytest.approx(start[1], abs=0.025)
+    assert returned_velocity(seen[:8], 2.0, 0.045) is None
+
+
+def test_a_run_has_a_restitution_of_its_own() -> None:
+    """The same for the same seed, off what is told by a share of at most ``DOUBT``."""
+    scene = named_scene("lab")
+    drawn = [true_scene(scene, 0.7, seed).contact.restitution for seed in range(40)]
+    shares = np.array(drawn) / 0.7 - 1.0
+    assert drawn[3] == true_scene(scene, 0.7, 3).contact.restitution
+    assert np.abs(shares).max() <= DOUBT
+    assert np.ptp(shares) > DOUBT
+
+
+def test_an_arm_without_a_paddle_does_not_bat() -> None:
+    """It is told."""
+    with pytest.raises(ModelError, match="a paddle"):
+        paddle_of(load_arm("wam"))
+
+
+def test_balls_are_hit_to_the_target_and_tell_of_the_restitution() -> None:
+    """Within every limit, in the middle of the face; run again, it gives the same."""
+    of = runner(4)
+    told, true = of.known.mean, true_scene(station().scene, of.known.mean, 1).contact.restitution
+    trials = list(of.run())
+    hits = [t for t in trials if t.status == "hit"]
+    assert len(hits) >= 2
+    for t in hits:
+        assert t.limit_violations == 0
+        assert t.miss_m is not None
+        assert t.off_middle_mm is not None
+        assert t.miss_m < 0.15
+        assert t.off_middle_mm < 10.0
+    assert true is not None
+    assert of.known.mean == pytest.approx(true, rel=0.02)
+    assert of.known.sigma < 0.5 * 0.03 * told
+    assert list(runner(4).run()) == trials
+
+
+def test_the_command_writes_what_the_contract_says(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One object on stdout, the same in the file, and a page."""
+    out = tmp_path / "bat"
+    words = ["bat", "--throws", "2", "--seed", "1", "--vision", "points", "--json"]
+    assert main([*words, "--out", str(out)]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said == json.loads((out / "result.json").read_text())
+    assert said["schema"] == "mitt.bat/1"
+    assert said["summary"]["throws"] == len(said["trials"]) == 2
+    assert "Where the balls pass the target" in (out / "report.html").read_text()
+    for wrong in (["--target", "1,2"], ["--speed", "7,5"], ["--shield", "--target", "3,0,0"]):
+        assert main(["bat", *wrong, "--check"]) == 2
