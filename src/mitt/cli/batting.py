@@ -44,8 +44,9 @@ def bat(options: BatOptions) -> int:
     """Run ``mitt bat``; return its exit status."""
     asked = _asked(options)
     station = bat_station(
-        options.arm, scene=asked.scene, target=asked.target, limits=asked.limits, speed=asked.speed
-    )
+        options.arm, scene=asked.scene, target=asked.target, limits=asked.limits,
+        speed=asked.speed, learns=not options.check,
+    )  # fmt: skip
     source = _source(options, asked, station)
     if options.check:
         return checked(f"{source.count} throws, output to {asked.out}")

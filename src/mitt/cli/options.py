@@ -224,7 +224,7 @@ class BatOptions(Options):
     module = "batting"
     examples = (
         "mitt bat --throws 40",
-        "mitt bat --arm ur5e --target 2.5,0.5,0.2 --vision points",
+        "mitt bat --limits wam-80v --target 3,0.3,0.4 --vision points",
     )
 
     arm: ArmName = "wam"

@@ -95,9 +95,9 @@ _WAM: Final = Stance(
 
 def bat_station(
     name: str, *, scene: Scene, target: Array | None, limits: str | None = None,
-    speed: tuple[float, float] | None = None,
+    speed: tuple[float, float] | None = None, learns: bool = True,
 ) -> BatStation:  # fmt: skip
-    """Return the station of an arm, its map learned.
+    """Return the station of an arm.
 
     Args:
         name: Name or file of an arm.
@@ -105,6 +105,7 @@ def bat_station(
         target: Where balls are sent [m], shape (3,); None for a shield.
         limits: Limit set; that of the arm if left out.
         speed: Least and largest speed of the throws [m/s]; as default throws if left out.
+        learns: Whether its map is learned; without, to check what was said.
 
     Raises:
         ModelError: No pose brings the paddle before the arm.
@@ -128,7 +129,8 @@ def bat_station(
     if speed is not None:
         around = replace(around, arrival=(0.85 * speed[0], speed[1]))
     g = unlearned_batting(arm, stance.design, stance.held, middle)
-    g = learn_strikes(g, settings, place, around=around)[0]
+    if learns:
+        g = learn_strikes(g, settings, place, around=around)[0]
     return BatStation(arm=arm, batting=Batting(map=g, settings=settings), scene=scene,
                       target=target, rig=bat_rig(place))  # fmt: skip
 
