@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from multiprocessing import resource_tracker
 from pathlib import Path
 
 import dying_workers
@@ -62,6 +63,17 @@ def test_a_worker_that_aborts_takes_few_tasks_with_it_and_the_others_go_on() -> 
     assert len(dead) <= 3
     assert all(engine.died(error) for error in dead.values())
     assert all(got[number] == work(number) for number in set(range(12)) - set(dead))
+
+
+def test_processes_that_are_dropped_leave_no_semaphore(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Python tells of those that are left where a process ends by a signal."""
+    left, engine = set[str](), Processes(1)
+    monkeypatch.setattr(resource_tracker, "register", lambda name, _: left.add(name))
+    monkeypatch.setattr(resource_tracker, "unregister", lambda name, _: left.discard(name))
+    engine.submit(work, 1)
+    assert left
+    engine.close(at_once=True)
+    assert not left
 
 
 @pytest.mark.slow

@@ -20,7 +20,7 @@ from concurrent.futures import (
 from importlib import import_module
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
-from threading import Event
+from threading import Event, Thread
 from typing import Protocol, TypeVar, final
 
 from mitt.clock import settle
@@ -137,9 +137,12 @@ class _Pool:
     def close(self, *, at_once: bool) -> Sequence[BaseProcess]:
         """Let the processes go; return those that there were."""
         started = list((self.executor._processes or {}).values())
+        manager: Thread | None = vars(self.executor)["_executor_manager_thread"]
         self.executor.shutdown(wait=not at_once, cancel_futures=True)
         for process in started if at_once else ():
             process.terminate()
+        if at_once and manager is not None:
+            manager.join(_SOON)  # semaphores that it still has would be told of as leaked
         return started
 
     def buried(self) -> tuple[str, bool]:
