@@ -1,5 +1,7 @@
 """``mitt study``, ``mitt report``, ``mitt bench``: many throws, their pages, and speed."""
 
+from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,11 +24,12 @@ from mitt.files.writing import check_folder, locked, write_json, wrote
 from mitt.interrupts import tell, words_of
 from mitt.map.map_design import warnings_of
 from mitt.reading import read_json
+from mitt.trials.meet_study import MeetStudy, is_meet_study, read_meet_study
 from mitt.trials.registry import available, check_generator
 from mitt.trials.result import MAX_BYTES, NAME, PAGE, RESULT, died, read_kept
 from mitt.trials.runs import FinishedRun
 from mitt.trials.study_file import Study, extent, read_study
-from mitt.trials.study_folder import MANIFEST, Folder
+from mitt.trials.study_folder import MANIFEST, AnyStudy, Folder, is_of_meetings
 from mitt.trials.workers import check_engine, engine_of
 
 if TYPE_CHECKING:
@@ -37,13 +40,10 @@ def study(options: StudyOptions) -> int:
     """Run ``mitt study``; return its exit status."""
     from mitt.trials.study_run import run_study  # noqa: PLC0415 (needs pyarrow, as nothing else here)
 
+    if is_meet_study(options.study):
+        return _study_of_meetings(options)
     study = read_study(options.study, generators=available())
-    check_engine(options.engine)
-    if options.resume and options.overwrite:
-        raise InputError("--resume and --overwrite", "one of them", "both")
-    folder = Folder(options.out)
-    check_folder(folder.path, overwrite=options.overwrite or options.resume or options.check)
-    folder.check(study, resume=options.resume)
+    folder = _folder(options, study)
     for name in study.counts:
         check_generator(name)
     for spec in dict.fromkeys(c.arm for c in study.conditions):
@@ -52,16 +52,55 @@ def study(options: StudyOptions) -> int:
     if options.check:
         total = len(study.conditions) * sum(study.counts.values())
         return checked(f"{extent(study, total)}, output to {folder.path}")
+    finished = _run(options, study, folder, partial(run_study, study, folder))
+    if not options.json:
+        _show_study(study, folder, finished)
+    return _ended(folder, finished)
+
+
+def _study_of_meetings(options: StudyOptions) -> int:
+    """Run a study of meetings; return the exit status."""
+    from mitt.trials.meet_study_run import meet_jobs, run_meet_study  # noqa: PLC0415
+
+    study = read_meet_study(options.study)
+    folder = _folder(options, study)
+    if options.check:
+        trials = sum(len(job.trials) for job in meet_jobs(study))
+        return checked(f"{trials:,} trials, output to {folder.path}")
+    finished = _run(options, study, folder, partial(run_meet_study, study, folder))
+    if not options.json:
+        _show_meetings(study, folder, finished)
+    return _ended(folder, finished)
+
+
+def _folder(options: StudyOptions, study: AnyStudy) -> Folder:
+    """Return the folder of a study, after a look at whether it may be written."""
+    check_engine(options.engine)
+    if options.resume and options.overwrite:
+        raise InputError("--resume and --overwrite", "one of them", "both")
+    folder = Folder(options.out)
+    check_folder(folder.path, overwrite=options.overwrite or options.resume or options.check)
+    folder.check(study, resume=options.resume)
+    return folder
+
+
+def _run(
+    options: StudyOptions, study: AnyStudy, folder: Folder, run: Callable[..., "FinishedStudy"]
+) -> "FinishedStudy":
+    """Run what is not there yet; print the summary where it is asked for as JSON."""
     with locked(folder.path):
         tell_of_kernels()
         engine = engine_of(options.engine, options.workers)
         folder.claim(study, resume=options.resume, overwrite=options.overwrite)
         with progress() as report:
-            finished = run_study(study, folder, engine, progress=report)
+            finished = run(engine, progress=report)
     if options.json:
         print(folder.summary.read_text(encoding="utf-8"), end="")  # noqa: T201
-    else:
-        _show_study(study, folder, finished)
+    return finished
+
+
+def _ended(folder: Folder, finished: "FinishedStudy") -> int:
+    """Say what was lost or broken off; return the exit status."""
     if finished.lost:
         more = f" and {len(finished.lost) - 1} more" if len(finished.lost) > 1 else ""
         say(f"{finished.lost[0]}{more}; the rest is kept, --resume tries again")
@@ -69,6 +108,27 @@ def study(options: StudyOptions) -> int:
         say(f"{words_of(finished.interrupt)}; {finished.thrown} of {finished.total} throws are "
              f"kept in {folder.path}, --resume goes on")  # fmt: skip
     return finished.status
+
+
+def _show_meetings(study: MeetStudy, folder: Folder, finished: "FinishedStudy") -> None:
+    """Print a table for each condition: a row a generator, medians of what was measured."""
+    for condition in study.conditions:
+        head = ("generator", "met", "error [mm]", "rel. [m/s]", "[rad/s^2]", "[N]", "sync [ms]")
+        rates = table(f"{study.name}: {condition.name}", head, left=("generator",))
+        for row in finished.rows:
+            if row["condition"] == condition.name:
+                met = f"{row['met']} of {row['trials']}" + ("" if row["complete"] else " *")
+                rates.add_row(str(row["generator"]), met, *_medians(row))
+        show(rates)
+    show(f"written: {folder.summary} and {folder.trials.name}; mitt report {folder.path} says more")
+
+
+def _medians(row: Mapping[str, Any]) -> list[str]:
+    """Return the medians of a row as a table has them."""
+    digits = {"error_mm": 1, "velocity_m_s": 3, "acceleration": 0, "force_n": 0}
+    out = ["" if row[k] is None else f"{row[k]['median']:.{n}f}" for k, n in digits.items()]
+    sync = row["in_sync_s"]
+    return [*out, "" if sync is None else f"{1e3 * sync['median']:.0f}"]
 
 
 def _show_study(study: Study, folder: Folder, finished: "FinishedStudy") -> None:
@@ -107,19 +167,42 @@ def report(options: ReportOptions) -> int:
 
 def _page_of_study(options: ReportOptions) -> int:
     """Write the page of a study; tables and plots are loaded only now."""
-    from mitt.report.study_page import write_study_report  # noqa: PLC0415
-    from mitt.trials.study_results import read_result  # noqa: PLC0415
-
     folder = Folder(options.folder)
-    result = read_result(folder)
+    write, said = (
+        _page_of_meetings(folder)
+        if is_of_meetings(folder.path)
+        else _page_of_throws(folder, options.replays)
+    )
     if options.check:
-        return checked(f"study {result.study.name!r}, {len(result.rows)} rows")
+        return checked(said)
     page = folder.path / PAGE
     if page.exists() and not wrote(page):
         raise FileError(str(page), "a page of mitt, or none", "another file", do="move it away")
     with locked(folder.path), progress() as report:
-        write_study_report(result, replays=options.replays, progress=report)
+        write(progress=report)
     return _written(options, page, "")
+
+
+def _page_of_throws(folder: Folder, replays: int) -> tuple[Callable[..., None], str]:
+    """Return what writes the page of a study of throws, and what the study holds."""
+    from mitt.report.study_page import write_study_report  # noqa: PLC0415
+    from mitt.trials.study_results import read_result  # noqa: PLC0415
+
+    result = read_result(folder)
+    return partial(write_study_report, result, replays=replays), (
+        f"study {result.study.name!r}, {len(result.rows)} rows"
+    )
+
+
+def _page_of_meetings(folder: Folder) -> tuple[Callable[..., None], str]:
+    """Return what writes the page of a study of meetings, and what the study holds."""
+    from mitt.report.meet_study_page import write_meet_study_page  # noqa: PLC0415
+    from mitt.trials.meet_study_run import read_meet_result  # noqa: PLC0415
+
+    study, rows = read_meet_result(folder)
+    return partial(write_meet_study_page, study, rows, folder), (
+        f"study {study.name!r}, {len(rows)} rows"
+    )
 
 
 def _page_of_run(options: ReportOptions) -> int:

@@ -44,6 +44,8 @@ GENERATORS: dict[str, tuple[str, str, str]] = {
     "ruckig": (PURPLE, "D", "-"),
     "mpc": (YELLOW, "P", "-"),
     "ds": ("#56b4e9", "X", "-"),
+    "line": (INK, ".", ":"),
+    "line-compensated": (GREY, ".", "-."),
     "clairvoyant": (GREY, "*", ":"),
 }
 UNNAMED = (PALE, ".", "-")

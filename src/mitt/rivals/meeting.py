@@ -43,6 +43,8 @@ AHEAD: Final = 0.04
 
 #: Smallest rate of ``ds`` [rad/s], and its largest: that with which the map follows a target.
 _SLOWEST, _RATE = 6.0, 30.0
+#: Largest acceleration with which ``ruckig`` plans [rad/s^2]: it goes as hard as it may.
+_MOST = 20.0
 #: Time over which an encoder's speeds are compared for its acceleration, in ticks, and how long
 #: its values are kept [s].
 _COMPARED, _KEPT = 10, 1.0
@@ -312,7 +314,7 @@ class LineTracking:
 
 PLANNERS: Final[dict[str, Callable[[Arm], Planner]]] = {
     "quintic": lambda arm: plan_quintic,  # noqa: ARG005
-    "ruckig": RuckigPlanner,
+    "ruckig": lambda arm: RuckigPlanner(arm, most=_MOST),
     "mpc": MpcPlanner,
 }
 """Rivals that plan anew, by name."""

@@ -11,6 +11,7 @@ end is moved: a quintic that starts from zero adds what the end has moved.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from math import inf
 from typing import Protocol, final
 
 import numpy as np
@@ -133,9 +134,14 @@ class RuckigPlanner:
     torques that gravity and speed leave, each joint with its own inertia. A target that moves very
     little can make Ruckig fail, once in about 1e4 ticks, so the plan stays within a dead band;
     where Ruckig finds none, the quintic is taken.
+
+    Attributes:
+        arm: The arm.
+        most: Largest acceleration, of what the torques allow [rad/s^2].
     """
 
     arm: Arm
+    most: float = inf
 
     def __call__(self, motion: Array, t: float, catch: Intercept) -> Plan | None:
         """Return the plan that ends at the catch; None where Ruckig finds none in that time.
@@ -172,7 +178,7 @@ class RuckigPlanner:
 
     def accelerations(self, motion: Array, end: Array) -> Array:
         """Return the accelerations that the torques allow at both ends [rad/s^2], shape (n,)."""
-        arm, most = self.arm, np.full(self.arm.n, np.inf)
+        arm, most = self.arm, np.full(self.arm.n, self.most)
         for q, dq in ((motion[0], motion[1]), (end[0], end[1])):
             bias = arm.inverse_dynamics(q, dq, np.zeros(arm.n))
             free = np.maximum(arm.tau_max - np.abs(bias), 0.2 * arm.tau_max)

@@ -194,6 +194,21 @@ def extent(study: Study, throws: int) -> str:
 _MOST_CONDITIONS = 1000
 
 
+def study_path(path: Path) -> Path:
+    """Return the study file that a path names, or one of those that ship.
+
+    Raises:
+        FileError: It names neither.
+    """
+    path, known = checks.path("study", path), shipped("studies")
+    if not path.is_file() and path.name == str(path) and str(path) in known:
+        return shipped_path("studies", str(path))
+    if path.suffix == "" and not path.exists():
+        raise FileError(str(path), f"a study file, or one of {', '.join(known)}", "neither",
+                        do=meant(str(path), known))  # fmt: skip
+    return path
+
+
 def read_study(path: Path, *, generators: tuple[str, ...]) -> Study:
     """Read a study file, or one of the studies that ship, by name.
 
@@ -206,12 +221,7 @@ def read_study(path: Path, *, generators: tuple[str, ...]) -> Study:
         InputError: A key is unknown or its value cannot be used.
         UnknownNameError: A generator is not available; InputError: one does not load.
     """
-    path, known = checks.path("study", path), shipped("studies")
-    if not path.is_file() and path.name == str(path) and str(path) in known:
-        path = shipped_path("studies", str(path))
-    elif path.suffix == "" and not path.exists():
-        raise FileError(str(path), f"a study file, or one of {', '.join(known)}", "neither",
-                        do=meant(str(path), known))  # fmt: skip
+    path = study_path(path)
     settings = validated(StudySettings, read_toml(path), place=str(path))
     chosen = generators if settings.generators == ("all",) else settings.generators
     for name in (*chosen, *settings.throws_of):

@@ -13,13 +13,13 @@ timing.json      wall-clock figures, which no comparison reads
 import hashlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import final
+from typing import Any, Protocol, TypeVar, final
 
 from mitt import checks
 from mitt.errors import FileError, InputError
 from mitt.files.arm_file import ArmSpec
 from mitt.files.csv_table import MAX_BYTES
-from mitt.files.schema import validated
+from mitt.files.schema import Settings, validated
 from mitt.files.writing import (
     Leaves,
     claim_folder,
@@ -43,6 +43,24 @@ LEAVES = Leaves(
            r"trials\.parquet", r"summary\.json", r"timing\.json", r"report\.html"),
 )  # fmt: skip
 """All that a study leaves in its folder."""
+
+
+class AnyStudy(Protocol):
+    """What a folder asks of a study, of whatever task."""
+
+    name: str
+    seed: int
+    version: str
+    flights: dict[str, str]
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of all that decides the results."""
+        ...
+
+    def model_dump(self, *, mode: str) -> dict[str, Any]:
+        """Return all that it says."""
+        ...
 
 
 @final
@@ -101,7 +119,7 @@ class Folder:
         """Return where the recording of a throw is kept."""
         return self.path / "recordings" / f"{throw_name(generator, condition)}-{index}.mcap"
 
-    def claim(self, study: Study, *, resume: bool, overwrite: bool) -> None:
+    def claim(self, study: AnyStudy, *, resume: bool, overwrite: bool) -> None:
         """Make the folder ready for a study.
 
         Raises:
@@ -135,12 +153,12 @@ class Folder:
 
         return made
 
-    def check(self, study: Study, *, resume: bool) -> None:
+    def check(self, study: AnyStudy, *, resume: bool) -> None:
         """Refuse a folder that a study cannot go on in; for resuming only."""
         if resume:
             self._is_ours(study)
 
-    def _is_ours(self, study: Study) -> bool:
+    def _is_ours(self, study: AnyStudy) -> bool:
         """Say whether the folder holds the beginning of this study; False where it is empty."""
         files = [p for p in self.path.glob("*") if not p.name.startswith(".")]
         if not files:
@@ -162,12 +180,14 @@ def throw_name(generator: str, condition: str) -> str:
     return f"{file_name(generator)}-{file_name(condition)}"
 
 
-def _other(given: object, study: Study) -> str:
+def _other(given: object, study: AnyStudy) -> str:
     """Return in words what made a folder that is not of this study."""
     if not isinstance(given, dict):
         return "another study"
     if given.get("version") != study.version:
         return f"a study of mitt {given.get('version')}"
+    if not isinstance(study, Study):
+        return "another study"
     try:
         was = validated(Study, given.get("study"), place=MANIFEST)
     except InputError:
@@ -186,7 +206,7 @@ def _other(given: object, study: Study) -> str:
     return "another study"
 
 
-def _manifest(study: Study) -> dict[str, object]:
+def _manifest(study: AnyStudy) -> dict[str, object]:
     """Return what ``study.json`` says."""
     return {
         "schema": _MANIFEST_SCHEMA,
@@ -196,8 +216,22 @@ def _manifest(study: Study) -> dict[str, object]:
     }
 
 
-def read_manifest(path: Path) -> Study:
+def is_of_meetings(path: Path) -> bool:
+    """Say whether a folder holds a study of meetings, not of throws."""
+    raw = read_json(path / MANIFEST) if (path / MANIFEST).is_file() else None
+    study = raw.get("study") if isinstance(raw, dict) else None
+    return isinstance(study, dict) and study.get("task") == "meet"
+
+
+_Kind = TypeVar("_Kind", bound=Settings)
+
+
+def read_manifest(path: Path, kind: type[_Kind]) -> _Kind:
     """Return the study that a folder was made by.
+
+    Args:
+        path: The folder.
+        kind: What kind of study.
 
     Raises:
         FileError: The folder holds no study.
@@ -211,10 +245,10 @@ def read_manifest(path: Path) -> Study:
     raw = read_json(path / MANIFEST)
     if not isinstance(raw, dict) or raw.get("schema") != _MANIFEST_SCHEMA:
         raise FileError(str(path / MANIFEST), f"schema {_MANIFEST_SCHEMA}", "another")
-    return validated(Study, raw.get("study"), place=str(path / MANIFEST))
+    return validated(kind, raw.get("study"), place=str(path / MANIFEST))
 
 
-def notes_of(study: Study) -> dict[str, str]:
+def notes_of(study: AnyStudy) -> dict[str, str]:
     """Return what the metadata of a table say of its study."""
     return {
         "schema": SCHEMA,

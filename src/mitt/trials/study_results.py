@@ -40,7 +40,7 @@ _STOP_WORDS = ("state", "reason", "joint", "hint")
 _STOP_ROWS = ("q", "dq", "q_read", "dq_read", "command_q", "command_dq", "command_ddq",
               "command_tau")  # fmt: skip
 
-_COLUMNS = pa.schema(
+COLUMNS = pa.schema(
     [
         pa.field("generator", pa.string()),
         pa.field("condition", pa.string()),
@@ -77,7 +77,7 @@ def row_of(
         release: Position and velocity at release [m, m/s], shape (6,).
         passing: The same where the undisturbed ball is nearest to the waiting hand, shape (6,).
     """
-    known = set(_COLUMNS.names)
+    known = set(COLUMNS.names)
     row: Row = {key: value for key, value in asdict(trial).items() if key in known}
     row |= {f"stopped_by_{name}": x for name, x in (trial.stopped_by or {}).items()}
     row |= {"generator": generator, "condition": condition, "energy_j": energy_j}
@@ -86,28 +86,35 @@ def row_of(
     return row
 
 
-def write_rows(rows: Sequence[Row], notes: dict[str, str]) -> bytes:
+def write_rows(
+    rows: Sequence[Row],
+    notes: dict[str, str],
+    columns: Any = COLUMNS,  # noqa: ANN401
+) -> bytes:
     """Return a part as the bytes of a Parquet file."""
-    out, schema = io.BytesIO(), _schema(notes)
+    out, schema = io.BytesIO(), _schema(notes, columns)
     with pq.ParquetWriter(out, schema, write_page_checksum=True) as writer:
         writer.write_table(pa.Table.from_pylist(list(rows), schema=schema))
     return out.getvalue()
 
 
-def _schema(notes: dict[str, str]) -> Any:  # noqa: ANN401 (pyarrow has no types)
-    """Return the columns with metadata."""
-    return _COLUMNS.with_metadata(dict(sorted(notes.items())))
+def _schema(notes: dict[str, str], columns: Any) -> Any:  # noqa: ANN401 (pyarrow has no types)
+    """Return columns with metadata."""
+    return columns.with_metadata(dict(sorted(notes.items())))
 
 
-def read_part(path: Path) -> tuple[list[dict[str, Any]], dict[str, str]]:
-    """Return rows and metadata of a part.
+def read_part(
+    path: Path,
+    columns: Any = COLUMNS,  # noqa: ANN401
+) -> tuple[list[dict[str, Any]], dict[str, str]]:
+    """Return rows and metadata of a part, or of a whole table.
 
     Raises:
         FileError: The file is missing, cut short or altered.
     """
     path = checks.path("part", path)
     table = _table(path, "part")
-    if set(table.schema.names) != set(_COLUMNS.names):
+    if set(table.schema.names) != set(columns.names):
         raise FileError(str(path), "the columns of this version", "others")
     notes = {k.decode(): v.decode() for k, v in (table.schema.metadata or {}).items()}
     return table.to_pylist(), notes
@@ -123,7 +130,7 @@ def read_columns(
     """
     path = checks.path("table", path)
     table = _table(path, "table", columns=list(columns), filters=list(filters))
-    if any(table.schema.field(name).type != _COLUMNS.field(name).type for name in columns):
+    if any(table.schema.field(name).type != COLUMNS.field(name).type for name in columns):
         raise FileError(str(path), "the columns of this version", "others")
     return table
 
@@ -136,11 +143,17 @@ def _table(path: Path, what: str, **of: Any) -> Any:  # noqa: ANN401
         raise FileError(str(path), f"a whole {what} of a study", str(error)[:100]) from None
 
 
-def merge(parts: Sequence[Path], out: Path, notes: dict[str, str]) -> None:
+def merge(
+    parts: Sequence[Path],
+    out: Path,
+    notes: dict[str, str],
+    columns: Any = COLUMNS,  # noqa: ANN401
+) -> None:
     """Write all parts as one table, in their order, a few thousand rows in memory at a time."""
-    with pq.ParquetWriter(out, _schema(notes), write_page_checksum=True) as writer:
+    schema = _schema(notes, columns)
+    with pq.ParquetWriter(out, schema, write_page_checksum=True) as writer:
         for group in _groups(parts):
-            writer.write_table(group.replace_schema_metadata(_schema(notes).metadata))
+            writer.write_table(group.replace_schema_metadata(schema.metadata))
 
 
 def _groups(parts: Sequence[Path]) -> Iterator[Any]:
@@ -201,7 +214,7 @@ def read_result(folder: Folder) -> StudyResult:
     Raises:
         FileError: It holds no study, one without a table of throws, or one that was altered.
     """
-    study = read_manifest(folder.path)
+    study = read_manifest(folder.path, Study)
     if not folder.summary.exists() or not folder.trials.exists():
         raise FileError(str(folder.path), "a study with a summary", "one that is not over",
                         do="finish it with mitt study --resume")  # fmt: skip

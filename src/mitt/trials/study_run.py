@@ -7,12 +7,12 @@ folder of the study. A chunk is the same whoever throws it and whatever was thro
 import hashlib
 import json
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import final
+from typing import Any, Protocol, TypeVar, final
 
 import numpy as np
 
@@ -34,7 +34,16 @@ from mitt.trials.runner import LoggedTrial, TrialRunner
 from mitt.trials.source import Source, source_of, widened
 from mitt.trials.study_file import SCHEMA, Condition, Study
 from mitt.trials.study_folder import Folder, notes_of
-from mitt.trials.study_results import Row, merge, read_part, row_of, summary, timing_of, write_rows
+from mitt.trials.study_results import (
+    COLUMNS,
+    Row,
+    merge,
+    read_part,
+    row_of,
+    summary,
+    timing_of,
+    write_rows,
+)
 from mitt.trials.workers import Engine, run_tasks
 from mitt.world.disturbances import Undisturbed
 from mitt.world.flights import Recording, builtin_flights, read_flights
@@ -44,9 +53,50 @@ from mitt.world.throws import Throw
 _KEPT = 16
 
 
+class Chunk(Protocol):
+    """Some trials of one generator in one condition, of whatever task; sent to a worker."""
+
+    @property
+    def number(self) -> int:
+        """Number of the chunk in the study."""
+        ...
+
+    @property
+    def place(self) -> tuple[str, str]:
+        """Names of the generator and of the condition."""
+        ...
+
+    @property
+    def trials(self) -> range:
+        """Its trials."""
+        ...
+
+    @property
+    def notes(self) -> tuple[tuple[str, str], ...]:
+        """What the metadata of a part say of the study."""
+        ...
+
+    @property
+    def map_digest(self) -> str:
+        """SHA-256 of the map."""
+        ...
+
+    @property
+    def columns(self) -> Any:  # noqa: ANN401 (pyarrow has no types)
+        """Columns of its part of the table."""
+        ...
+
+    def thrown(self) -> bytes:
+        """Run its trials and return its part of the table."""
+        ...
+
+
+_AnyChunk = TypeVar("_AnyChunk", bound=Chunk)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Job:
-    """A chunk of one generator in one condition.
+    """A chunk of throws; a :class:`Chunk`.
 
     Attributes:
         number: Number of the chunk in the study.
@@ -76,6 +126,25 @@ class Job:
     def map_digest(self) -> str:
         """SHA-256 of the map."""
         return hashlib.sha256(self.map.encode()).hexdigest()
+
+    @property
+    def place(self) -> tuple[str, str]:
+        """Names of the generator and of the condition."""
+        return self.generator, self.condition.name
+
+    @property
+    def trials(self) -> range:
+        """Its throws."""
+        return range(self.start, self.stop)
+
+    @property
+    def columns(self) -> Any:  # noqa: ANN401 (pyarrow has no types)
+        """Columns of its part of the table."""
+        return COLUMNS
+
+    def thrown(self) -> bytes:
+        """Throw its balls and return its part of the table."""
+        return _thrown(self)
 
 
 _ArmOfJob = tuple[ArmSpec, tuple[tuple[str, str], ...], str, int]
@@ -128,14 +197,14 @@ class ChunkError(MittError):
     """What a chunk cannot be thrown for; one text, so that it comes back from any worker."""
 
 
-def throw_chunk(job: Job) -> bytes:
-    """Throw the balls of a chunk and return its part of the table.
+def throw_chunk(job: Chunk) -> bytes:
+    """Run the trials of a chunk and return its part of the table.
 
     Raises:
         ChunkError: What the job asks for cannot be.
     """
     try:
-        return _thrown(job)
+        return job.thrown()
     except MittError as error:
         raise ChunkError(str(error)) from None
 
@@ -224,7 +293,7 @@ def run_study(study: Study, folder: Folder, engine: Engine, *, progress: Progres
     """
     jobs, done = list(all_jobs(study, folder, progress)), FinishedStudy()
     try:
-        _throw_all(jobs, folder, engine, done, progress)
+        throw_all(jobs, folder, engine, done, progress)
         record_failures(by_cell(jobs), folder, engine, study.record, progress)
     except KeyboardInterrupt as stop:
         notice()
@@ -284,13 +353,13 @@ def _recordings(condition: Condition, study: Study, folder: Folder) -> tuple[Rec
     return read_flights(folder.flights(study, condition.flights))
 
 
-def _throw_all(
-    jobs: list[Job], folder: Folder, engine: Engine, done: FinishedStudy, progress: Progress
+def throw_all(
+    jobs: Sequence[Chunk], folder: Folder, engine: Engine, done: FinishedStudy, progress: Progress
 ) -> None:
     """Throw the chunks that are not there yet."""
     todo = [job for job in jobs if not _is_done(folder, job)]
-    done.total = sum(job.stop - job.start for job in jobs)
-    done.thrown = done.total - sum(job.stop - job.start for job in todo)
+    done.total = sum(len(job.trials) for job in jobs)
+    done.thrown = done.total - sum(len(job.trials) for job in todo)
     progress("throwing", done.thrown, done.total)
     suspects = _throw(todo, folder, engine, done, progress, window=engine.workers + 1)
     for job in suspects:  # once more, one at a time, so that each answers for itself
@@ -299,15 +368,15 @@ def _throw_all(
 
 
 def _throw(
-    jobs: list[Job], folder: Folder, engine: Engine, done: FinishedStudy, progress: Progress, *,
+    jobs: list[Chunk], folder: Folder, engine: Engine, done: FinishedStudy, progress: Progress, *,
     window: int,
-) -> list[Job]:  # fmt: skip
+) -> list[Chunk]:  # fmt: skip
     """Throw chunks and keep their parts; return those whose worker died."""
     suspects = []
     for job, outcome in run_tasks(engine, throw_chunk, jobs, window=window):
         if isinstance(outcome, bytes):
             write_bytes(folder.part(job.number), outcome)
-            done.thrown += job.stop - job.start
+            done.thrown += len(job.trials)
             progress("throwing", done.thrown, done.total)
         elif engine.died(outcome):
             suspects.append(job)
@@ -317,35 +386,36 @@ def _throw(
     return suspects
 
 
-def _is_done(folder: Folder, job: Job) -> bool:
+def _is_done(folder: Folder, job: Chunk) -> bool:
     """Say whether the part of a chunk is there, whole and its own; one that is not is dropped."""
     path = folder.part(job.number)
     if not path.exists():
         return False
     try:
-        rows, notes = read_part(path)
+        rows, notes = read_part(path, job.columns)
     except FileError:
         path.unlink()
         return False
     place = {(r["generator"], r["condition"]) for r in rows}
-    indices = [r["index"] for r in rows] == list(range(job.start, job.stop))
+    indices = [r["index"] for r in rows] == list(job.trials)
     own = notes.get("digest") == dict(job.notes)["digest"] and notes.get("map") == job.map_digest
-    return own and indices and place == {(job.generator, job.condition.name)}
+    return own and indices and place == {job.place}
 
 
-def _line(job: Job, error: object) -> str:
+def _line(job: Chunk, error: object) -> str:
     """Say in one line which chunk was lost, and why."""
     why = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
     why = str(error) if isinstance(error, ChunkError) else why
-    place = f"{job.generator}, {job.condition.name!r}, throws {job.start} to {job.stop - 1}"
+    generator, condition = job.place
+    place = f"{generator}, {condition!r}, throws {job.trials[0]} to {job.trials[-1]}"
     return " ".join(f"{place} lost: {why}".split())[:300]
 
 
-def by_cell(jobs: list[Job]) -> list[list[Job]]:
+def by_cell(jobs: Sequence[_AnyChunk]) -> list[list[_AnyChunk]]:
     """Return the chunks of each generator in each condition."""
-    cells: dict[tuple[str, str], list[Job]] = {}
+    cells: dict[tuple[str, str], list[_AnyChunk]] = {}
     for job in jobs:
-        cells.setdefault((job.condition.name, job.generator), []).append(job)
+        cells.setdefault(job.place, []).append(job)
     return list(cells.values())
 
 
@@ -384,24 +454,29 @@ def _failures(group: list[Job], folder: Folder, most: int) -> list[tuple[Job, in
 
 def _sum_up(study: Study, jobs: list[Job], folder: Folder, done: FinishedStudy) -> None:
     """Write the whole table, the summary and the wall-clock figures."""
-    cells = by_cell(jobs)
-    parts = [p for group in cells for job in group if (p := folder.part(job.number)).exists()]
-    notes = notes_of(study) | {"configuration": study.model_dump_json()}
-    write_atomically(folder.trials, lambda temporary: merge(parts, temporary, notes))
+    join(jobs, folder, notes_of(study) | {"configuration": study.model_dump_json()})
     done.rows = summary(study, folder)
     write_json(folder.summary, {"schema": SCHEMA, "rows": done.rows})
+
+
+def join(jobs: Sequence[Chunk], folder: Folder, notes: dict[str, str]) -> None:
+    """Write the whole table of the parts that are there, and the wall-clock figures."""
+    cells = by_cell(jobs)
+    parts = [p for group in cells for job in group if (p := folder.part(job.number)).exists()]
+    columns = jobs[0].columns
+    write_atomically(folder.trials, lambda temporary: merge(parts, temporary, notes, columns))
     timing = [_timing(group, folder) for group in cells]
     write_json(folder.path / "timing.json", {"schema": "mitt.timing/1", "rows": timing})
 
 
-def _timing(group: list[Job], folder: Folder) -> dict[str, object]:
+def _timing(group: Sequence[Chunk], folder: Folder) -> dict[str, object]:
     """Return what a cell took."""
     parts = [p for job in group if (p := folder.part(job.number)).exists()]
     figures = [timing_of(path) for path in parts]
     medians = sorted(f.get("p50", 0.0) for f in figures) or [0.0]
     return {
-        "generator": group[0].generator,
-        "condition": group[0].condition.name,
+        "generator": group[0].place[0],
+        "condition": group[0].place[1],
         "seconds": sum(f.get("seconds", 0.0) for f in figures),
         "tick_us_p50": medians[len(medians) // 2],
         "tick_us_p99": max((f.get("p99", 0.0) for f in figures), default=0.0),

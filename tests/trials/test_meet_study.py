@@ -1,0 +1,89 @@
+"""Studies of meetings: what they write, what they say, what they refuse."""
+
+import json
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+from small_study import Here, quiet
+
+from mitt.errors import InputError, UnknownNameError
+from mitt.report.meet_study_page import write_meet_study_page
+from mitt.trials.meet_study import MeetStudy, is_meet_study, read_meet_study
+from mitt.trials.meet_study_run import answer, meet_jobs, read_meet_result, run_meet_study
+from mitt.trials.study_folder import Folder, is_of_meetings
+
+TEXT = """
+task = "meet"
+name = "small"
+trials = 1
+generators = ["direct", "quintic", "line"]
+rates = [50]
+scene = { sensing = { point_noise = 0.0, frame_rate = 100.0 } }
+
+[[conditions]]
+name = "belt"
+target = "belt"
+speed = 0.3
+"""
+
+
+def _study(folder: Path, text: str) -> MeetStudy:
+    """Write a study file and read it."""
+    (folder / "study.toml").write_text(text)
+    return read_meet_study(folder / "study.toml")
+
+
+def test_a_study_writes_its_table_summary_and_page(tmp_path: Path) -> None:
+    """A row a trial, a row a cell, and once more nothing is left to do."""
+    study, folder, engine = _study(tmp_path, TEXT), Folder(tmp_path / "out"), Here()
+    folder.claim(study, resume=False, overwrite=False)
+    assert run_meet_study(study, folder, engine, progress=quiet).status == 0
+    assert is_of_meetings(folder.path)
+    table = pq.read_table(folder.trials).to_pylist()
+    assert [row["generator"] for row in table] == ["direct", "quintic 50 Hz", "line"]
+    assert all(row["status"] == "met" for row in table)
+    summary = json.loads(folder.summary.read_text())
+    assert [row["met"] for row in summary["rows"]] == [1, 1, 1]
+    assert summary["answer"][0].startswith("belt: the map met 1 of 1")
+    again = run_meet_study(study, folder, engine, progress=quiet)
+    assert again.rows == summary["rows"]
+    assert len(engine.done) == len(table)
+    write_meet_study_page(*read_meet_result(folder), folder, progress=quiet)
+    page = (folder.path / "report.html").read_text()
+    assert summary["answer"][0] in page
+
+
+def test_planners_have_their_rates_and_encoders_their_belts() -> None:
+    """In the study that ships."""
+    assert is_meet_study(Path("meet"))
+    assert not is_meet_study(Path("smoke"))
+    cells = {job.place for job in meet_jobs(read_meet_study(Path("meet")))}
+    assert ("mpc 1000 Hz", "hand") in cells
+    assert ("line-compensated", "belt 1 m/s") in cells
+    assert ("line", "hand") not in cells
+
+
+def test_what_a_file_cannot_say_is_refused(tmp_path: Path) -> None:
+    """An unknown generator, a name twice."""
+    with pytest.raises(UnknownNameError, match="another"):
+        _study(tmp_path, TEXT.replace('"line"', '"another"'))
+    with pytest.raises(InputError, match="twice"):
+        _study(tmp_path, TEXT + TEXT[TEXT.index("[[") :])
+
+
+def test_the_answer_says_who_is_better_and_of_whom_that_is_not_known() -> None:
+    """By the pairs alone."""
+    sure, level = {"direct": 20, "this": 0, "p_holm": 1e-4}, {"direct": 3, "this": 2, "p_holm": 1.0}
+    behind = {"direct": 0, "this": 20, "p_holm": 1e-4}
+    names = ("met", "error_mm", "velocity_m_s", "acceleration", "force_n", "in_sync_s")
+    rows = [
+        {"condition": "belt", "generator": name, "met": 20, "trials": 20, "meet_rate": 1.0,
+         "ci95": [0.8, 1.0], "against_direct": pair and dict.fromkeys(names, pair)}
+        for name, pair in (("direct", None), ("a", sure), ("b", behind), ("c", level))
+    ]  # fmt: skip
+    said = answer(rows)
+    assert said[1] == (
+        "belt, targets met: the map is better than a; the map is worse than b; "
+        "not told apart from c."
+    )
