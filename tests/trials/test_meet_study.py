@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pyarrow.parquet as pq
 import pytest
@@ -77,10 +78,14 @@ def test_the_answer_says_who_is_better_and_of_whom_that_is_not_known() -> None:
     sure, level = {"direct": 20, "this": 0, "p_holm": 1e-4}, {"direct": 3, "this": 2, "p_holm": 1.0}
     behind = {"direct": 0, "this": 20, "p_holm": 1e-4}
     names = ("met", "error_mm", "velocity_m_s", "acceleration", "force_n", "in_sync_s")
+    pairs: list[tuple[str, Any]] = [
+        ("direct", None), *((x, dict.fromkeys(names, of))
+                            for x, of in (("a", sure), ("b", behind), ("c", level))),
+    ]  # fmt: skip
     rows = [
         {"condition": "belt", "generator": name, "met": 20, "trials": 20, "meet_rate": 1.0,
-         "ci95": [0.8, 1.0], "against_direct": pair and dict.fromkeys(names, pair)}
-        for name, pair in (("direct", None), ("a", sure), ("b", behind), ("c", level))
+         "ci95": [0.8, 1.0], "against_direct": of}
+        for name, of in pairs
     ]  # fmt: skip
     said = answer(rows)
     assert said[1] == (
