@@ -104,7 +104,7 @@ class LocalCell:
             RobotLink(self.robot, setpoints=setpoints_of(prepared)), arm, first, again,
             ready_speed=cell.motion.ready_speed, silence=cell.robot.watchdog,
             frames=frames, lenses=prepared.lenses, recorder=self.recorder,
-            clock=lambda: self.simulated.t, period=period_of(cell),
+            clock=lambda: self.simulated.t, period=period_of(cell), placing=prepared.placing,
         )  # fmt: skip
 
     def until(self, over: Callable[[], bool], *, ticks: int = 12_000) -> None:

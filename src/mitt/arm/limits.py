@@ -15,7 +15,7 @@ Vendors state bounds of joints; such a set is fitted to an arm by the names of i
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Final, NamedTuple
 
@@ -179,6 +179,13 @@ class Limits:
 _FIELDS = ("name", "transmission", "tau_peak", "tau_stall", "dq_max", "tau_rms", "acceleration",
            "jerk", "torque_rate", "force")  # fmt: skip
 """Fields of a limit set."""
+
+
+def slowed(limits: Limits, scale: float) -> Limits:
+    """Return a limit set with a share of its speeds."""
+    if scale == 1.0:
+        return limits
+    return replace(limits, name=f"{limits.name} x{scale:g}", dq_max=scale * limits.dq_max)
 
 
 class Drives(NamedTuple):

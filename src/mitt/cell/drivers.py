@@ -10,7 +10,7 @@ import numpy as np
 
 from mitt.arm.arm import Arm
 from mitt.cell.frames import FrameSet, FrameSource, SharedFrames
-from mitt.cell.prepare import PreparedCell, balls_of, endless, scene_of_cell
+from mitt.cell.prepare import PreparedCell, feed_of, scene_of_cell
 from mitt.cell.robot import ReceivedCommand, Robot, driver_named
 from mitt.cell.simulated import SimulatedCell
 from mitt.clock import monotonic
@@ -141,12 +141,12 @@ class LocalRobot:
 
 
 def local_robot(
-    prepared: PreparedCell, *, seed: int, count: int, started: float = 0.0
+    prepared: PreparedCell, *, seed: int, count: int | None, started: float = 0.0
 ) -> LocalRobot:
     """Return the robot of a cell that is simulated here; ``started`` is its first stamp [s]."""
     scene, port = scene_of_cell(prepared.cell, None), LocalPort(prepared.cell.source.sigma)
-    source = balls_of(prepared, scene, seed=seed, count=count)
-    simulated = SimulatedCell(prepared, scene, source, port, clock=monotonic, started=started)
+    feed = feed_of(prepared, scene, seed=seed, count=count)
+    simulated = SimulatedCell(prepared, scene, feed, port, clock=monotonic, started=started)
     return LocalRobot(simulated, port)
 
 
@@ -174,7 +174,7 @@ def connect(prepared: PreparedCell) -> Connection:
     """
     cell, arm = prepared.cell, prepared.arm
     if cell.robot.driver == "sim":
-        local = local_robot(prepared, seed=0, count=cell.throws or endless())
+        local = local_robot(prepared, seed=0, count=cell.throws)
         return local_connection(cell, local)
     shapes = [(camera.height, camera.width) for camera in prepared.rig.cameras]
     frames = SharedFrames(cell.source.memory, shapes) if cell.source.kind == "images" else None

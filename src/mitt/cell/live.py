@@ -7,33 +7,29 @@ as long as it can be read, by its brakes where it cannot.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from enum import Enum
-from math import ceil
 from typing import final
 
 import numpy as np
-from ruckig import InputParameter, Result, Ruckig, Synchronization, Trajectory
 
-from mitt.arm.arm import Arm, trusted_deceleration
+from mitt.arm.arm import Arm
 from mitt.catcher.catcher import Catcher, Phase
 from mitt.cell.frames import FrameSet, FrameSource, Sight
+from mitt.cell.placing import Leg, Placing
 from mitt.cell.readings import Counts, Lag, Positions, Watch, check_reading
 from mitt.cell.recorder import Recorder
 from mitt.cell.robot import RobotLink
 from mitt.cell.ticks import Ticks
 from mitt.clock import monotonic
-from mitt.control.envelope import bounds_of
 from mitt.control.health import Reason
-from mitt.errors import InputError
+from mitt.control.slow_motion import slow_motion
 from mitt.eyes.clock_offset import LearnedClock
 from mitt.eyes.lens import Lens
-from mitt.signals import TICK, ArmState, Array, Command
+from mitt.signals import TICK, ArmState, Command
 
-#: Time without a position after which a ball is gone, longest throw, and how long a caught ball is
-#: held before the arm goes back [s].
-_GONE, _LONGEST, _HELD = 0.4, 3.0, 0.6
-#: Slowest ball that is a throw [m/s].
-_THROWN = 1.0
+#: Time without a position after which a ball or part is gone [s].
+_GONE = 0.4
 #: How far from the ready pose the arm may rest [rad].
 _NEAR = 0.03
 #: Speed of a joint that no slow motion has [rad/s]: it is told 1 rad/s at most; fastest setpoint
@@ -41,12 +37,28 @@ _NEAR = 0.03
 _TOO_FAST, _TO_READY = 2.5, 1.5
 #: Time within which a stop has to end [s].
 _STOPS = 2.0
-#: Fastest that a joint moves [rad/s]: the reduced speed of ISO 10218-1 is 0.25 m/s at the tool, a
-#: quarter of a metre from the joint; and time to that speed [s].
-_FASTEST, _RAMP = 1.0, 0.25
-#: Share of what the drives can accelerate with, and of the limits of acceleration and jerk, that
-#: is used.
-_GENTLE = 0.3
+
+
+#: Parts in a row that the tool did not take, after which the loop stops.
+_EMPTY = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rules:
+    """When a throw, or a part that comes by, is one, and when it is over.
+
+    Attributes:
+        slowest: Slowest ball that is a throw [m/s].
+        longest: Longest time for which one is seen [s].
+        held: How long what was caught is held before the arm moves on [s].
+    """
+
+    slowest: float = 1.0
+    longest: float = 3.0
+    held: float = 0.6
+
+
+_PARTS = Rules(slowest=0.0, longest=60.0, held=0.05)
 
 
 class Mode(Enum):
@@ -58,6 +70,8 @@ class Mode(Enum):
     """Slowly."""
     CATCHING = "catching"
     """A fresh catcher watches, follows, brakes and holds."""
+    PLACING = "putting down"
+    """A part that was met."""
     STOPPING = "stopping"
     """A controlled stop within all limits."""
     STOPPED = "stopped"
@@ -81,6 +95,7 @@ class LiveLoop:
         *, ready_speed: float, silence: float, frames: FrameSource | None = None,
         lenses: Sequence[Lens] = (), recorder: Recorder | None = None,
         clock: Callable[[], float] = monotonic, period: float = TICK,
+        placing: Placing | None = None,
     ) -> None:  # fmt: skip
         """Take the robot, the arm as it is driven, and a first catcher.
 
@@ -88,7 +103,7 @@ class LiveLoop:
         in motions to the ready pose, ``silence`` the time without a reading after which the robot
         is lost [s], ``clock`` the steady clock by which readings arrive, ``period`` apart [s].
         Without ``frames`` the ball is seen as points; ``lenses`` bend them. ``recorder`` keeps each
-        tick of a catch.
+        tick of a catch. ``placing`` puts down the parts that are met, where no balls are caught.
         """
         self._link, self._robot, self._arm = link, link.robot, arm
         self._share, self._silence, self._sight = ready_speed, silence, Sight(frames, lenses)
@@ -101,7 +116,8 @@ class LiveLoop:
         self._ticks = Ticks(first, again, self._sight, self._positions, self.counts, recorder, arm,
                             obeys=link.obeys, period=period)  # fmt: skip
         self.age, self._until, self._fastest, self._missed = 0.0, np.inf, 0.0, False
-        self._unread = 0
+        self._unread, self._placing, self._leg, self._empty = 0, placing, Leg.BACK, 0
+        self._rules = Rules() if placing is None else _PARTS
 
     @property
     def idle(self) -> bool:
@@ -124,7 +140,8 @@ class LiveLoop:
 
     def begin(self) -> None:
         """Move to the ready pose from here: a person has said that the arm may move."""
-        self.mode, self.why, self._until, self._unread = Mode.MOVING, "", np.inf, 0
+        self.mode, self.why, self._until = Mode.MOVING, "", np.inf
+        self._unread = self._empty = 0
         try:
             self._robot.read(0.0)
             self._ticks.restart()
@@ -159,7 +176,7 @@ class LiveLoop:
 
     def stop(self, why: str) -> None:
         """Stop within all limits, for a reason; it stays so until :meth:`begin`."""
-        if self.mode in (Mode.MOVING, Mode.CATCHING):
+        if self.mode in (Mode.MOVING, Mode.CATCHING, Mode.PLACING):
             self.why = why
             self._ticks.stop()
             self.mode, self._until = Mode.STOPPING, self._ticks.stamps.t + _STOPS
@@ -247,7 +264,8 @@ class LiveLoop:
     def _answer(self, command: Command, stamp: float) -> None:
         """Pass a command on; give up a robot that takes none."""
         try:
-            fastest = _TO_READY if self.mode is Mode.MOVING else np.inf
+            slow = self.mode in (Mode.MOVING, Mode.PLACING)
+            fastest = _TO_READY if slow else np.inf
             q = self._ticks.catcher.estimated[0]
             self._link.write(command, stamp, q, fastest=fastest)
         except Exception as error:  # a driver's own
@@ -305,12 +323,13 @@ class LiveLoop:
             self._moving(now)
         elif self.mode is Mode.CATCHING:
             self._catching(now)
+        elif self._placing is not None:
+            self._put_down(self._placing, now)
 
     def _moving(self, now: float) -> None:
         """Plan the way once the arm's place is known; watch once it is at its end."""
         catcher, ready = self._ticks.catcher, self._arm.q_ready
-        if np.max(np.abs(catcher.estimated[1])) > _TOO_FAST:
-            self.stop("the arm is faster than it was told to be on its way to the ready pose")
+        if self._races("to the ready pose"):
             return
         if self._until == np.inf and self._ticks.told_to_rest:  # with jerk limits after some ticks
             way = slow_motion(self._arm, catcher.result.command[0].copy(), ready, self._share)
@@ -325,24 +344,64 @@ class LiveLoop:
             elif now > self._until + 1.0:
                 self.stop(f"the ready pose was not reached: {gap:.2f} rad are left")
 
+    def _races(self, where: str) -> bool:
+        """Stop an arm that is faster than it was told to be on its way; say whether it is."""
+        races = bool(np.max(np.abs(self._ticks.catcher.estimated[1])) > _TOO_FAST)
+        if races:
+            self.stop(f"the arm is faster than it was told to be on its way {where}")
+        return races
+
+    def _put_down(self, placing: Placing, now: float) -> None:
+        """Put a part down, a motion after the other; then go to the ready pose."""
+        ticks, catcher = self._ticks, self._ticks.catcher
+        if self._races("to where parts are put down"):
+            return
+        if self._until == np.inf:
+            if ticks.told_to_rest:
+                self._until = now + placing.go(catcher, self._leg, self._share)
+                ticks.recorded = False
+        elif now > self._until and ticks.rests:
+            self._next_leg(now)
+        elif now > self._until + 1.0:
+            self.stop("the arm does not come to rest on its way to where parts are put down")
+
+    def _next_leg(self, now: float) -> None:
+        """Go on to the next motion; what was not taken is not put down."""
+        leg, self._until = self._leg, np.inf
+        if leg is Leg.BACK and not self._ticks.holds(now):
+            self.counts.empty += 1
+            self._empty += 1
+            if self._empty >= _EMPTY:
+                self.stop(f"{_EMPTY} parts in a row were not taken: does the tool answer?")
+                return
+            self._leg = Leg.LET_GO
+        elif leg is Leg.UP or (leg is Leg.LET_GO and self._empty):
+            self.mode = Mode.MOVING
+        else:
+            self._empty = 0 if leg is Leg.BACK else self._empty
+            self._leg = Leg(leg.value + 1)
+        if self._leg is Leg.LET_GO and leg is not Leg.LET_GO:
+            self._ticks.fresh()  # its tool is open
+
     def _catching(self, now: float) -> None:
         """See whether a throw is over."""
         catcher = self._ticks.catcher
         result, phase = catcher.result.scalars[0], catcher.phase
         if phase is Phase.BRAKE:
             t_end = catcher.state.scalars[0]["t_brake"] + catcher.braking
-            if now > t_end + _HELD:
+            if now > t_end + self._rules.held:
                 self._over()
             return
         if not result["tracked"]:
             return
         self._fastest = max(self._fastest, float(np.linalg.norm(catcher.result.ball[1])))
-        gone = now - result["t_seen"] > _GONE or now - result["t_first"] > _LONGEST
+        gone = now - result["t_seen"] > _GONE or now - result["t_first"] > self._rules.longest
         if gone and phase is Phase.FOLLOW:
             self._missed = True
             self._ticks.stop()
         elif gone:
-            self._over(refused=phase is Phase.REFUSED)
+            waited = phase is Phase.WATCH and self._placing is not None
+            self._over(refused=waited or phase is Phase.REFUSED)
 
     def _stopped(self, catcher: Catcher) -> None:
         """Go back after a stop for the ball's sake; else stay, once at rest."""
@@ -365,8 +424,8 @@ class LiveLoop:
         self.mode, self._until = Mode.STOPPING, self._ticks.stamps.t + _STOPS
 
     def _over(self, *, refused: bool = False) -> None:
-        """Count a throw and go to the ready pose for the next."""
-        if self._fastest > _THROWN:
+        """Count a throw, or a part, and put a part down, then go to the ready pose."""
+        if self._fastest > self._rules.slowest:
             self.counts.throws += 1
             self.counts.refused += refused
         if self._ticks.catcher.phase is Phase.BRAKE:  # a braked one still holds the ball
@@ -378,7 +437,9 @@ class LiveLoop:
         else:
             self._ticks.fresh()
         self._fastest, self._missed = 0.0, False
-        self.mode, self._until = Mode.MOVING, np.inf
+        took = self._ticks.catcher.phase is Phase.BRAKE and self._ticks.closed
+        self.mode = Mode.PLACING if took and self._placing is not None else Mode.MOVING
+        self._leg, self._until = Leg.BACK, np.inf
 
     def _halt(self) -> None:
         """Engage the brakes and stay; a ball in flight then is one that was not caught."""
@@ -386,7 +447,7 @@ class LiveLoop:
         self.why = "; ".join([self.why, *self.notes.values()]) + self._engaged()
         self._stay()
         self.counts.stops.append(self.why)
-        if self._fastest > _THROWN:
+        if self._fastest > self._rules.slowest:
             self.counts.throws += 1
             self.counts.stopped += 1
         self._fastest, self._missed = 0.0, False
@@ -396,50 +457,3 @@ class LiveLoop:
         if self.mode not in (Mode.STOPPED, Mode.WAITING):
             self.why = self.why if self.mode is Mode.STOPPING else why
             self._halt()
-
-
-def slow_motion(arm: Arm, start: Array, end: Array, share: float) -> Array:
-    """Return q, dq, ddq each tick from one pose to another, straight in the joints, (k, 3, n).
-
-    It rests at both, shape (n,) [rad]. ``share`` of the joints' speeds is used, 1 rad/s at most.
-    """
-    b = bounds_of(arm)
-    speed = np.minimum(np.minimum(share * arm.dq_max, b["dq_max"]), _FASTEST)
-    most = _GENTLE * np.minimum(trusted_deceleration(arm, start), b["ddq_max"])
-    acceleration = np.minimum(speed / _RAMP, most)
-    jerk = np.minimum(acceleration / (0.2 * _RAMP), _GENTLE * b["jerk"])
-    request, way = InputParameter(arm.n), Trajectory(arm.n)
-    request.synchronization = Synchronization.Phase
-    request.current_position, request.target_position = start.tolist(), end.tolist()
-    request.max_velocity, request.max_acceleration = speed.tolist(), acceleration.tolist()
-    request.max_jerk = jerk.tolist()
-    try:
-        found = Ruckig(arm.n).calculate(request, way)
-    except Exception as error:  # Ruckig's own
-        raise InputError("a motion", "two poses at rest", f"{error}"[:120]) from error
-    if found not in (Result.Working, Result.Finished):
-        raise InputError("a motion", "two poses at rest", f"{start.tolist()}, {end.tolist()}")
-    return sampled(way, np.arange(ceil(way.duration / TICK) + 2) * TICK)
-
-
-def sampled(way: Trajectory, t: Array) -> Array:
-    """Return q, dq, ddq of a motion from rest at some times, shape (k, 3, n); at its end after it.
-
-    Ruckig is asked where the jerk of a joint changes, 7 times a joint at most. Between these times
-    each joint is a cubic. Asking for each tick takes 4 us a tick, longer than a robot waits.
-    """
-    ends = [np.cumsum(profile.t) for profile in way.profiles[0]]
-    knots = np.unique(np.clip([0.0, way.duration, *np.concatenate(ends)], 0.0, way.duration))
-    known = np.array([way.at_time(x)[:3] for x in knots.tolist()])
-    t = np.minimum(t, way.duration)
-    k = np.clip(np.searchsorted(knots, t, side="right") - 1, 0, max(len(knots) - 2, 0))
-    x = (t - knots[k])[:, None]
-    lasts = np.append(np.diff(knots), 1.0)[k, None]
-    q, dq, ddq = np.moveaxis(known[k], 1, 0)
-    jerk = (known[np.minimum(k + 1, len(knots) - 1), 2] - ddq) / lasts
-    rows = (
-        q + x * (dq + x * (0.5 * ddq + x * jerk / 6.0)),
-        dq + x * (ddq + 0.5 * x * jerk),
-        ddq + x * jerk,
-    )
-    return np.stack(rows, axis=1)

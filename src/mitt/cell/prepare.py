@@ -3,17 +3,21 @@
 import hashlib
 import json
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from math import pi
 from pathlib import Path
-from typing import final
+from typing import TypeAlias, final
 
 import numpy as np
 
 from mitt.arm.arm import Arm, identity_of
 from mitt.arm.shapes import Surroundings
+from mitt.arm.tools import TOOLS
 from mitt.catcher.catcher import Catcher, CatcherSettings
 from mitt.catcher.generators import Direct
+from mitt.catcher.meeting import Meeting
+from mitt.cell.feeds import Feed, Parts, Throws
+from mitt.cell.placing import Placing
 from mitt.control.encoders import Encoders
 from mitt.control.setpoints import Setpoints
 from mitt.errors import InputError, MittError
@@ -23,18 +27,49 @@ from mitt.eyes.lens import Lens
 from mitt.eyes.triangulation import TriangulatorConfig
 from mitt.files.about import About
 from mitt.files.arm_file import ArmFile
-from mitt.files.cell import Cell, arm_and_file, around_of, lenses_of, rig_of
+from mitt.files.cell import (
+    BallPart,
+    CatchTask,
+    Cell,
+    MeetTask,
+    arm_and_file,
+    around_of,
+    check_names,
+    lenses_of,
+    rig_of,
+)
 from mitt.files.maps import read_map, save_map
 from mitt.kernels import cache_folder
 from mitt.map.learn import Learned
 from mitt.map.map_design import MapDesign, default_design
 from mitt.map.mapping import DirectMap, unlearned
+from mitt.map.meeting import MeetingMap
 from mitt.signals import TICK
 from mitt.trials.catcher_settings import bandwidth_of, filter_settings, rebound, reserved
 from mitt.trials.learning import learn, neighbourhood_of_ball
-from mitt.trials.source import Source, source_of, widened
+from mitt.trials.source import source_of, widened
+from mitt.trials.station import Station, for_parts, station
 from mitt.version import __version__
-from mitt.world.scene import Ball, Scene, named_scene, read_scene
+from mitt.world.scene import Ball, Belt, Scene, named_scene, read_scene
+
+#: Largest speed of the hand that brings parts in a simulated cell [m/s].
+_HAND = 0.8
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Catching:
+    """What a cell catches balls with.
+
+    Attributes:
+        file: The arm file that its arm comes from; None where it comes from none.
+        design: Design of its map.
+        learned: Its map, where the file names one.
+    """
+
+    file: ArmFile | None
+    design: MapDesign
+    learned: Learned | None
 
 
 @final
@@ -45,22 +80,24 @@ class PreparedCell:
     Attributes:
         cell: What the file says.
         arm: The arm.
-        file: The arm file that it comes from; None where it comes from none.
         around: What stands around it.
-        design: Design of its map.
-        learned: Its map, where the file names one.
+        work: What it catches balls with, or where it meets parts.
         rig: Its cameras, straightened.
         lenses: What bends their images; empty where nothing does.
+        placing: How it puts parts down; None where it catches balls.
     """
 
     cell: Cell
     arm: Arm
-    file: ArmFile | None
     around: Surroundings
-    design: MapDesign
-    learned: Learned | None
+    work: Catching | Station
     rig: Rig
     lenses: tuple[Lens, ...] = ()
+    placing: Placing | None = None
+
+
+CellMap: TypeAlias = DirectMap | MeetingMap
+"""What moves the arm of a cell."""
 
 
 def prepare(cell: Cell) -> PreparedCell:
@@ -69,6 +106,8 @@ def prepare(cell: Cell) -> PreparedCell:
     Raises:
         MittError: Something does not fit; the message says what.
     """
+    if isinstance(cell.task, MeetTask):
+        return _meeting(cell, cell.task)
     arm, file = arm_and_file(cell)
     around = around_of(cell, arm)
     learned = None if cell.map is None else read_map(Path(cell.map), arm)
@@ -77,43 +116,64 @@ def prepare(cell: Cell) -> PreparedCell:
     else:
         design = default_design(arm, base=None if file is None else file.map)
     return PreparedCell(
-        cell=cell, arm=arm, file=file, around=around, design=design, learned=learned,
-        rig=rig_of(cell), lenses=lenses_of(cell),
+        cell=cell, arm=arm, around=around, rig=rig_of(cell), lenses=lenses_of(cell),
+        work=Catching(file=file, design=design, learned=learned),
     )  # fmt: skip
 
 
-def map_of(prepared: PreparedCell) -> DirectMap:
+def _meeting(cell: Cell, task: MeetTask) -> PreparedCell:
+    """Return a cell where parts are met."""
+    tool = replace(TOOLS[task.tool], delay=task.gripper_delay)
+    at = station(
+        cell.arm.file, tool, task.target, scene_of_cell(cell, None), limits=cell.arm.limits,
+        speed=task.tool_speed, speed_scale=cell.motion.speed_scale,
+    )  # fmt: skip
+    check_names(cell, at.arm)
+    if task.area is not None:
+        settings = replace(at.settings, low=task.area.low, high=task.area.high)
+        at = replace(at, settings=settings)
+    placing = Placing(at.map, np.array(task.put), pause=task.gripper_delay, speed=task.tool_speed)
+    return PreparedCell(cell=cell, arm=at.arm, around=around_of(cell, at.arm), work=at,
+                        rig=rig_of(cell), placing=placing)  # fmt: skip
+
+
+def map_of(prepared: PreparedCell) -> CellMap:
     """Return the map of a cell: its own, one that was learned for the same before, or a new one."""
-    if prepared.learned is not None:
-        return prepared.learned.map
-    arm, drag, kept = prepared.arm, prepared.cell.ball.drag, _kept_map(prepared)
+    work = prepared.work
+    if isinstance(work, Station):
+        return work.map
+    if work.learned is not None:
+        return work.learned.map
+    arm, drag, kept = prepared.arm, prepared.cell.ball.drag, _kept_map(prepared, work.design)
     if kept is not None and kept.exists():
         try:
             return read_map(kept, arm).map
         except MittError:
             pass  # of another version: learned anew
-    found = learn(arm, design=prepared.design, around=neighbourhood_of_ball(drag))
+    found = learn(arm, design=work.design, around=neighbourhood_of_ball(drag))
     if kept is not None:
         save_map(kept, found)
     return found.map
 
 
-def _kept_map(prepared: PreparedCell) -> Path | None:
+def _kept_map(prepared: PreparedCell, design: MapDesign) -> Path | None:
     """Return where the map of a cell is kept between runs; None where nothing can be kept."""
     folder = cache_folder()
     if folder is None:
         return None
     model = prepared.arm.model
     tables = [None if x is None else x.tolist() for x in (model.aim, model.arrivals)]
-    of = [identity_of(prepared.arm), asdict(prepared.design), prepared.cell.ball.drag, __version__,
+    of = [identity_of(prepared.arm), asdict(design), prepared.cell.ball.drag, __version__,
           prepared.arm.limits.name, *tables]  # fmt: skip
     name = hashlib.sha256(json.dumps(of, sort_keys=True).encode()).hexdigest()[:24]
     return folder / "maps" / f"{name}.json"
 
 
-def about_of(prepared: PreparedCell, f: DirectMap) -> About:
+def about_of(prepared: PreparedCell, f: CellMap) -> About:
     """Return what makes the catcher of a cell, as its recordings say it."""
-    cell, ball, arm = prepared.cell, prepared.cell.ball, prepared.arm
+    cell, arm, work = prepared.cell, prepared.arm, prepared.work
+    task, ball = cell.task, cell.ball
+    ball = ball if isinstance(task, CatchTask) else BallPart(mass=task.mass, drag=0.0)
     settings = CatcherSettings(
         ball_mass=ball.mass, ball_radius=ball.radius,
         ball_restitution=rebound(arm, ball.restitution),
@@ -125,17 +185,32 @@ def about_of(prepared: PreparedCell, f: DirectMap) -> About:
     )  # fmt: skip
     floor = float(np.hypot(TriangulatorConfig().sigma_floor, cell.source.calibration_px))
     config = EyesConfig(ball_radius=ball.radius, triangulator=TriangulatorConfig(sigma_floor=floor))
+    notes = {"cell": cell.name}
+    if isinstance(work, Station):
+        settings, notes = for_parts(settings, work.scene.ball), notes | work.notes
+    g = generator_of(prepared, f)
     return About(
-        arm=arm, generator="direct", maps=(f,), settings=settings, rig=prepared.rig, eyes=config,
-        driven=reserved(arm).limits, notes={"cell": cell.name},
+        arm=arm, generator="direct" if isinstance(g, Direct) else "meeting",
+        maps=(g.map,) if isinstance(g, Direct) else (),
+        meeting=g if isinstance(g, Meeting) else None, settings=settings, rig=prepared.rig,
+        eyes=config, driven=reserved(arm).limits, notes=notes,
     )  # fmt: skip
 
 
-def catchers(prepared: PreparedCell, f: DirectMap) -> tuple[Catcher, Callable[[Catcher], Catcher]]:
+def generator_of(prepared: PreparedCell, f: CellMap) -> Direct | Meeting:
+    """Return what moves the arm of a cell, fresh for a throw or a part."""
+    if isinstance(f, DirectMap):
+        return Direct(f)
+    assert isinstance(prepared.work, Station)
+    return Meeting(f, prepared.work.settings)
+
+
+def catchers(prepared: PreparedCell, f: CellMap) -> tuple[Catcher, Callable[[Catcher], Catcher]]:
     """Return a catcher of a cell, and what makes a fresh one of it for another throw."""
-    of, generator = about_of(prepared, f), Direct(f)
-    first = Catcher(of.driven_arm, generator, Eyes(of.rig, of.eyes), settings=of.settings)
-    return first, lambda catcher: catcher.again(generator)
+    of = about_of(prepared, f)
+    first = Catcher(of.driven_arm, generator_of(prepared, f), Eyes(of.rig, of.eyes),
+                    settings=of.settings)  # fmt: skip
+    return first, lambda catcher: catcher.again(generator_of(prepared, f))
 
 
 def setpoints_of(prepared: PreparedCell) -> Setpoints | None:
@@ -158,27 +233,46 @@ def _delay_of(cell: Cell) -> float:
 
 
 def scene_of_cell(cell: Cell, scene: str | None) -> Scene:
-    """Return the world of a simulated cell: a scene, by default ``lab`` with the cell's ball."""
+    """Return the world of a simulated cell: a scene, by default ``lab`` with the cell's ball.
+
+    Parts are seen by a camera of 60 Hz, 30 ms late, where no scene says otherwise.
+    """
     if scene is not None:
         read = read_scene(scene)
         if read.actuation.takes != "torque":  # what a cell's robot takes is said by the cell
             raise InputError("actuation.takes of the scene", "torque", read.actuation.takes,
                              do="say robot.takes in the cell's file")  # fmt: skip
-        return read
+        return read if isinstance(cell.task, CatchTask) else _with_parts(cell.task, read)
     lab, ball = named_scene("lab"), cell.ball
     same = {"radius": ball.radius, "mass": ball.mass, "drag": ball.drag}
-    thrown = lab.ball.model_copy(update=same)
-    sensing = lab.sensing.model_copy(update={"point_noise": cell.source.sigma})
-    update = {"ball": Ball.model_validate(thrown), "sensing": sensing, "floor": cell.floor}
-    return lab.model_copy(update=update)
+    thrown = Ball.model_validate(lab.ball.model_copy(update=same))
+    sees = {"point_noise": cell.source.sigma}
+    lab = lab.model_copy(update={"ball": thrown, "floor": cell.floor})
+    if isinstance(cell.task, MeetTask):
+        lab, sees = _with_parts(cell.task, lab), sees | {"latency": 30, "frame_rate": 60.0}
+    return lab.model_copy(update={"sensing": lab.sensing.model_copy(update=sees)})
 
 
-def balls_of(prepared: PreparedCell, scene: Scene, *, seed: int, count: int | None) -> Source:
-    """Return what a simulated cell throws."""
-    f = unlearned(prepared.arm, prepared.design)
-    source = source_of(f.arm, seed=seed, count=count, drag=scene.ball.drag)
-    throws = None if prepared.file is None else prepared.file.throws
-    return source if throws is None else widened(source, throws)
+def _with_parts(task: MeetTask, scene: Scene) -> Scene:
+    """Return a scene with the parts of a task, and its belt."""
+    part = Ball(sides=task.sides, mass=task.mass, drag=0.0)
+    if (belt := task.belt) is None:
+        return scene.model_copy(update={"ball": part})
+    said = belt.model_dump(exclude={"speed"})
+    return scene.model_copy(update={"ball": part, "belt": Belt.model_validate(said)})
+
+
+def feed_of(prepared: PreparedCell, scene: Scene, *, seed: int, count: int | None) -> Feed:
+    """Return what comes to a simulated cell: throws, or parts; without an end where no count is."""
+    work, task = prepared.work, prepared.cell.task
+    if isinstance(work, Station):
+        assert isinstance(task, MeetTask)
+        speed = _HAND if task.belt is None else task.belt.speed
+        return Parts(work, speed=speed, seed=seed, count=count or endless(), put=task.put)
+    f = unlearned(prepared.arm, work.design)
+    source = source_of(f.arm, seed=seed, count=count or endless(), drag=scene.ball.drag)
+    throws = None if work.file is None else work.file.throws
+    return Throws(source if throws is None else widened(source, throws), prepared.arm)
 
 
 def endless() -> int:

@@ -15,20 +15,27 @@ from multiprocessing.sharedctypes import RawArray
 from types import FrameType
 from typing import Any, TypeAlias, final
 
-from mitt.catcher.generators import Direct
 from mitt.catcher.planner import load_decisions
 from mitt.cell.drivers import Connection, local_connection, local_robot
+from mitt.cell.feeds import Feed
 from mitt.cell.live import LiveLoop, Mode
-from mitt.cell.prepare import PreparedCell, about_of, catchers, map_of, period_of, setpoints_of
+from mitt.cell.prepare import (
+    CellMap,
+    PreparedCell,
+    about_of,
+    catchers,
+    generator_of,
+    map_of,
+    period_of,
+    setpoints_of,
+)
 from mitt.cell.recorder import Recorder
 from mitt.cell.robot import Robot, RobotLink
 from mitt.cell.simulated import Port, SimulatedCell
 from mitt.clock import hurried, monotonic, pinned, sleep_until, time_of_day, uncollected
 from mitt.interrupts import SIGNALS, notice
-from mitt.map.mapping import DirectMap
 from mitt.signals import TICK
 from mitt.trials.result import STATUSES, spread_of
-from mitt.trials.source import Source
 from mitt.world.scene import Scene
 
 #: Time between two lines on what is waited for [s].
@@ -57,7 +64,7 @@ def words() -> Any:  # noqa: ANN401 (shared memory)
 
 
 def loop_of(
-    prepared: PreparedCell, f: DirectMap, connection: Connection, recorder: Recorder | None = None
+    prepared: PreparedCell, f: CellMap, connection: Connection, recorder: Recorder | None = None
 ) -> LiveLoop:
     """Return the live loop of a cell with a robot."""
     cell = prepared.cell
@@ -67,18 +74,18 @@ def loop_of(
         prepared.arm, *catchers(prepared, f),
         ready_speed=cell.motion.ready_speed, silence=cell.robot.watchdog,
         frames=connection.frames, lenses=prepared.lenses, recorder=recorder, clock=connection.clock,
-        period=period_of(cell),
+        period=period_of(cell), placing=prepared.placing,
     )  # fmt: skip
 
 
-def rehearse(prepared: PreparedCell, f: DirectMap) -> None:
-    """Catch once in a simulation, so that nothing is compiled or loaded in front of the robot."""
-    load_decisions(prepared.arm, Direct(f), about_of(prepared, f).settings)
+def rehearse(prepared: PreparedCell, f: CellMap) -> None:
+    """Catch, or meet, once in a simulation: nothing is compiled or loaded in front of the robot."""
+    load_decisions(prepared.arm, generator_of(prepared, f), about_of(prepared, f).settings)
     local = local_robot(prepared, seed=0, count=1)
     loop = loop_of(prepared, f, local_connection(prepared.cell, local))
     loop.healthy()
     loop.begin()
-    for _ in range(8000):  # 8 s
+    for _ in range(8000 if prepared.placing is None else 20_000):  # 8 s, 20 s
         loop.cycle()
         if loop.mode is Mode.STOPPED or (local.simulated.done and loop.mode is Mode.CATCHING):
             return
@@ -350,11 +357,11 @@ class Server:
     """A simulated cell that is served in real time."""
 
     def __init__(
-        self, prepared: PreparedCell, scene: Scene, source: Source, tell: Callable[[str], None],
+        self, prepared: PreparedCell, scene: Scene, feed: Feed, tell: Callable[[str], None],
         port: Callable[[], Port],
     ) -> None:  # fmt: skip
         """Take the cell; ``port`` joins the network when the loop begins."""
-        self._prepared, self._scene, self._source = prepared, scene, source
+        self._prepared, self._scene, self._feed = prepared, scene, feed
         self._tell, self._port = tell, port
         self._cell: SimulatedCell | None = None
         self.late = self.slipped = 0
@@ -366,7 +373,7 @@ class Server:
         with uncollected():
             port = self._port()
             self._cell = cell = SimulatedCell(
-                prepared, self._scene, self._source, port, clock=monotonic, started=time_of_day()
+                prepared, self._scene, self._feed, port, clock=monotonic, started=time_of_day()
             )
             try:
                 with hurried() as granted, pinned(CORE):
@@ -411,10 +418,8 @@ class Server:
         }
 
 
-def serve(
-    prepared: PreparedCell, scene: Scene, source: Source, tell: Callable[[str], None]
-) -> Server:
+def serve(prepared: PreparedCell, scene: Scene, feed: Feed, tell: Callable[[str], None]) -> Server:
     """Return a simulated cell that is to be served over ROS 2."""
     from mitt.cell.ros2 import Ros2Cell  # noqa: PLC0415 (needs the extra ros2)
 
-    return Server(prepared, scene, source, tell, lambda: Ros2Cell(prepared.cell, prepared.arm))
+    return Server(prepared, scene, feed, tell, lambda: Ros2Cell(prepared.cell, prepared.arm))

@@ -1,8 +1,8 @@
-"""A simulated cell: a thrower, a robot with its own controller, and what sees the ball.
+"""A simulated cell: what throws balls or brings parts, a robot with its own controller, what sees.
 
-It goes on by a millisecond a tick, whether commands come or not. A ball is thrown when the arm has
-been at rest in its ready pose for a while and is under command; it is taken away once it is clear
-how the throw ended.
+It goes on by a millisecond a tick, whether commands come or not. The next ball or part comes when
+the arm has been at rest in its ready pose for a while and is under command; it is taken away once
+it is clear what became of it.
 """
 
 import json
@@ -13,7 +13,7 @@ from typing import Protocol, final
 import numpy as np
 
 from mitt.arm.arm import Arm
-from mitt.catcher.settings import Phase
+from mitt.cell.feeds import Feed
 from mitt.cell.prepare import PreparedCell
 from mitt.cell.robot import ReceivedCommand
 from mitt.control.setpoints import ROWS
@@ -21,21 +21,13 @@ from mitt.control.stop import plan_brake
 from mitt.eyes.lens import bender
 from mitt.files.cell import RobotPart
 from mitt.signals import TICK, Array, Command, Image
-from mitt.trials.runner import LONGEST, cameras_of
-from mitt.trials.score import (
-    HELD_AFTER,
-    continuous_shares,
-    drive_loads,
-    overheated,
-    status_of,
-    ticks_beyond,
-    was_held,
-)
-from mitt.trials.source import Source
+from mitt.trials.runner import cameras_of
+from mitt.trials.score import continuous_shares, drive_loads, overheated, ticks_beyond
 from mitt.world.drives import JointControl
 from mitt.world.flights import BallPath
 from mitt.world.scene import Scene
 from mitt.world.simulation import World
+from mitt.world.targets import Ride
 from mitt.world.throws import Throw
 from mitt.world.truth import Truth
 
@@ -49,6 +41,8 @@ _LEAST, _RATIO = 1e-6, 1.01
 _CLASSES = 1640
 #: Relative error of a rate by stamps that are times of the day: they are rounded to 2.4e-7 s.
 _STAMPS = 1e-3
+#: Ticks over which a speed is looked at besides.
+_LATELY = 20
 #: Readings whose times are kept to tell the age of the command that answers them.
 _KEPT = 256
 
@@ -227,8 +221,9 @@ class SimulatedCell:
     """A cell in simulation.
 
     Attributes:
-        done: Whether all throws were made and judged.
-        statuses: How each throw ended.
+        done: Whether all balls or parts have come and were judged.
+        statuses: How each ended.
+        placed: How many parts were put down where they were to.
         forces: Largest contact force of each [N]; None where the ball did not touch the hand.
         violations: Ticks beyond a limit so far, true or commanded, and one for each drive beyond
             its continuous torque in a throw, by the rules of a trial.
@@ -236,7 +231,7 @@ class SimulatedCell:
     """
 
     def __init__(
-        self, prepared: PreparedCell, scene: Scene, source: Source, port: Port,
+        self, prepared: PreparedCell, scene: Scene, feed: Feed, port: Port,
         *, clock: Callable[[], float], started: float = 0.0,
     ) -> None:  # fmt: skip
         """Set the cell up: the arm on its brakes in its ready pose.
@@ -244,7 +239,7 @@ class SimulatedCell:
         Commands age by the steady ``clock`` [s]; ``started`` is the stamp of the first reading [s].
         """
         self._arm = arm = prepared.arm
-        self._source, self._port, self._clock = source, port, clock
+        self._feed, self._port, self._clock = feed, port, clock
         self._sees = prepared.cell.source.kind == "images"
         self._bend = [bender(lens) for lens in prepared.lenses]
         cameras = cameras_of(prepared.rig, scene) if self._sees else None
@@ -253,7 +248,9 @@ class SimulatedCell:
         self._every = prepared.cell.robot.ticks
         self._base, self._ticks, self._next, self._flying = started, 0, 0, False
         self._settled, self.done = 0, False
+        self._was, self._moved = arm.q_ready.copy(), np.full(arm.n, np.inf)
         self.statuses, self.violations, self.ages = list[str](), 0, Ages()
+        self.placed = 0
         self.forces = list[float | None]()
         self._sent = np.zeros(_KEPT, [("stamp", float), ("clock", float)])
         self._rows, self._driven, self._trouble = list[Array](), list[bool](), ""
@@ -266,7 +263,7 @@ class SimulatedCell:
     @property
     def _seed(self) -> int:
         """Seed of the plant in the present throw, or of the next."""
-        return self._source.trial_seed(self._next)
+        return self._feed.seed(self._next)
 
     @property
     def t(self) -> float:
@@ -323,45 +320,50 @@ class SimulatedCell:
         self._world.apply(command)
         if len(self._rows) >= 100:
             self._check()
-        self._go_on(command, q, dq)
+        self._go_on(command, truth)
 
-    def _go_on(self, command: Command, q: Array, dq: Array) -> None:
-        """Throw a ball, judge it, take it away."""
+    def _go_on(self, command: Command, truth: Truth) -> None:
+        """Let a ball or a part come, judge what became of it, take it away."""
         world = self._world
+        if self._ticks % _LATELY == 0:
+            self._was, self._moved = truth.q, truth.q - self._was
+        # A light wrist with dry friction trembles from step to step, and stays where it is.
+        speed = np.minimum(np.abs(truth.dq), np.abs(self._moved) / (_LATELY * TICK))
+        still = bool(np.all(speed < 0.05))  # [rad/s]
+        near = bool(np.all(np.abs(truth.q - self._arm.q_ready) < 0.05))  # [rad]
+        waits = still and near and self._controller.commanded and not command.brakes
+        self._settled = self._settled + 1 if waits else 0
+        ready = self._settled * TICK >= 0.8
         if self._flying:
-            if world.over(longest=LONGEST, held=HELD_AFTER):
+            if self._feed.over(world, truth, ready=ready):
                 self._judge()
-            return
-        still = bool(np.all(np.abs(dq) < 0.05))  # [rad/s]
-        near = bool(np.all(np.abs(q - self._arm.q_ready) < 0.05))  # [rad]
-        ready = still and near and self._controller.commanded and not command.brakes
-        self._settled = self._settled + 1 if ready else 0
-        if self._settled * TICK >= 0.8 and self._next < self._source.count:
+        elif ready and self._next < self._feed.count:
             self._settled, self._flying = 0, True
-            self._put(self._source.ball(self._next))
+            self._put(self._feed.bring(self._next))
         elif world.t >= 10.0:  # put there anew [s]
             self._put(self._aside)
 
     def _judge(self) -> None:
-        """Say how the throw ended, and take the ball away."""
+        """Say what became of a ball or a part, and take it away."""
         world = self._world
-        status = status_of(world, Phase.WATCH, was_held=was_held(self._arm, world))
+        ended = self._feed.ended(world)
         self._check()
         self.violations += overheated(continuous_shares(self._arm, self._squares, self._summed))
         self._flying = False
-        self.statuses.append(status)
+        self.statuses.append(ended["status"])
+        self.placed += ended.get("placed", False)
         self.forces.append(None if world.first_contact is None else world.peak_force)
         self._next += 1
         self._put(self._aside)
-        self.done = self._next >= self._source.count
+        self._settled, self.done = 0, self._next >= self._feed.count
         self._port.result(json.dumps({
-            "throw": self._next - 1, "status": status, "limit_violations": self.violations,
+            "throw": self._next - 1, **ended, "limit_violations": self.violations,
             "peak_contact_force_n": self.forces[-1],
             "command_age_us": self.ages.percentiles_us(), "done": self.done,
         }))  # fmt: skip
 
-    def _put(self, ball: Throw | BallPath) -> None:
-        """Put a ball somewhere; arm and hand stay as they are."""
+    def _put(self, ball: Throw | BallPath | Ride) -> None:
+        """Put a ball or a part somewhere; arm and hand stay as they are."""
         self._check()
         self._squares[:], self._summed = 0.0, 0
         self._base = self.t

@@ -18,11 +18,14 @@ from mitt.cell.readings import STRAY, Counts, Positions, Stamps
 from mitt.cell.recorder import Recorder
 from mitt.errors import InputError
 from mitt.eyes.clock_offset import FARTHEST, Catch, ClockOffset, LearnedClock, caught_offset
-from mitt.signals import TICK, ArmState, Array, Command, Frame, Senses
+from mitt.signals import TICK, ArmState, Array, Command, Frame, Senses, Sighting
 
 #: How far a joint has to have moved before a row of angles that repeats is no reading [rad], beside
 #: a step of its encoder.
 _MOVED = 5e-5
+#: Age to which a sighting says where a part is [s], and how far from the tool one that it holds may
+#: be seen [m].
+_RECENT, _AT_TOOL = 0.3, 0.06
 #: Ticks and sightings that are kept: the longest brake takes a second, and a clock may be off.
 _KEPT = 1500
 
@@ -99,7 +102,8 @@ class Ticks:
         An arm that ``obeys`` does at once what it is told: by torques, not by setpoints. Its
         readings come a ``period`` apart [s].
         """
-        self._period = period
+        self._period, self._arm = period, arm
+        self._seen: Sighting | None = None
         self.catcher, self.stamps, self.recorded = first, Stamps(), False
         self._again, self._sight, self._counts, self._recorder = again, sight, counts, recorder
         self._positions, self._begun, self._last = positions, 0.0, 0.0
@@ -128,6 +132,19 @@ class Ticks:
         """Whether the arm is commanded to rest, and does."""
         return self.told_to_rest and bool(np.all(np.abs(self.catcher.estimated[1]) < 0.05))
 
+    @property
+    def closed(self) -> bool:
+        """Whether the hand was told to close."""
+        return bool(self.catcher.state.fingers[0]["t_begun"] < np.inf)
+
+    def holds(self, now: float) -> bool:
+        """Say whether the tool holds what it closed on: it is not seen elsewhere at ``now`` [s]."""
+        seen = self._seen
+        if seen is None or seen.t < now - _RECENT:
+            return True
+        tool = self._arm.position(self.catcher.estimated[0])
+        return bool(np.linalg.norm(seen.r_o - tool) < _AT_TOOL)
+
     def restart(self) -> None:
         """Forget the stamps so far, as after a stop, and take a fresh catcher."""
         self.stamps, self._last, self._read, self.frozen = Stamps(), 0.0, np.zeros(0), False
@@ -137,7 +154,7 @@ class Ticks:
     def fresh(self) -> None:
         """Take a fresh catcher, whose time begins now."""
         self.catcher, self.recorded = self._again(self.catcher), False
-        self._begun = self.stamps.t
+        self._begun, self._seen = self.stamps.t, None
         self._sight.fresh()
 
     def answer(self, reading: ArmState, arrived: float, shown: FrameSet | None) -> Command | None:
@@ -157,6 +174,7 @@ class Ticks:
         seen = tuple(
             replace(p, t=p.t + shift + self._offset) for p in self._positions.upto(reading.t)
         )
+        self._seen = seen[-1] if seen else self._seen
         frames: tuple[Frame, ...] = ()
         if shown is not None and -STRAY < shown.t + shift - t < STRAY:
             frames = self._sight.show(self.catcher, shown, shown.t + shift + self._offset)

@@ -7,10 +7,10 @@ from typing import Any
 import mitt
 from mitt.cell.drivers import check_driver, connect
 from mitt.cell.prepare import (
+    CellMap,
     PreparedCell,
     about_of,
-    balls_of,
-    endless,
+    feed_of,
     map_of,
     prepare,
     scene_of_cell,
@@ -34,7 +34,6 @@ from mitt.errors import InputError
 from mitt.files.cell import read_cell
 from mitt.files.writing import Leaves, check_folder, check_ours, claim_folder, file_name
 from mitt.interrupts import notice, status_of, tell
-from mitt.map.mapping import DirectMap
 from mitt.trials.result import spread_words
 
 #: Core of the loop among those allowed: the last; ``mitt sim`` takes the first.
@@ -104,7 +103,7 @@ def _value_in_words(value: object) -> str:
 
 
 def recording(
-    prepared: PreparedCell, f: DirectMap, options: RunOptions
+    prepared: PreparedCell, f: CellMap, options: RunOptions
 ) -> AbstractContextManager[Recorder | None]:
     """Return what records the catches, for ``mitt replay`` and ``mitt view``, if there is a DIR."""
     out = options.out
@@ -140,14 +139,14 @@ def sim(options: SimOptions) -> int:
     if prepared.cell.robot.driver != "ros2":
         raise InputError("mitt sim", "a cell with the driver ros2", prepared.cell.robot.driver)
     scene = scene_of_cell(prepared.cell, options.scene)
-    source = balls_of(prepared, scene, seed=options.seed, count=options.throws or endless())
+    feed = feed_of(prepared, scene, seed=options.seed, count=options.throws)
     check_driver(prepared.cell, prepared.arm)
     if options.check:
         checked(f"{prepared.cell.name}, scene {scene.base}")
         tell(timekeeping(CORE))
         return 0
     tell_of_kernels()
-    status, served = 0, serve(prepared, scene, source, tell)
+    status, served = 0, serve(prepared, scene, feed, tell)
     try:
         served.run()
     except KeyboardInterrupt as stop:

@@ -12,6 +12,7 @@ from pydantic import Field
 from mitt.arm.arm import Arm
 from mitt.arm.description import ArmModel
 from mitt.arm.limits import Limits
+from mitt.catcher.meeting import Meeting, MeetingSettings
 from mitt.catcher.settings import CatcherSettings
 from mitt.errors import FileError, MittError
 from mitt.eyes.camera import Rig
@@ -19,8 +20,12 @@ from mitt.eyes.eyes import EyesConfig
 from mitt.files.maps import map_content, map_of
 from mitt.files.schema import Part, from_plain, parsed, to_plain
 from mitt.files.writing import json_digest
+from mitt.map.demand import Tolerance
 from mitt.map.learn import Learned
 from mitt.map.mapping import DirectMap
+from mitt.map.meeting import MeetingMap
+from mitt.map.polynomial import CatchBasis
+from mitt.signals import Array
 from mitt.version import __version__
 
 SCHEMA = "mitt.recording/1"
@@ -36,7 +41,8 @@ class About:
     Attributes:
         arm: The arm, as its maps were learned for it.
         generator: Name of the generator, as of ``mitt catch --generator``.
-        maps: Its maps, the preferred one first; for a rival the map that it was made from.
+        maps: Its maps, the preferred one first; for a rival the map that it was made from; none
+            where it meets parts.
         settings: Of the catcher.
         rig: Its cameras, also where it is given points.
         eyes: What it knows of its images.
@@ -44,6 +50,7 @@ class About:
         refines: Whether a direct map is refined in each tick.
         version: Of mitt.
         notes: What else a reader should know: texts by name.
+        meeting: How it meets parts, before it has met any; None where it catches balls.
     """
 
     arm: Arm
@@ -56,6 +63,7 @@ class About:
     refines: bool = False
     version: str = __version__
     notes: Mapping[str, str] = field(default_factory=dict)
+    meeting: Meeting | None = None
 
     @property
     def shapes(self) -> tuple[tuple[int, int], ...]:
@@ -83,6 +91,8 @@ class About:
             "eyes": to_plain(self.eyes),
             "notes": dict(self.notes),
         }
+        if self.meeting is not None:
+            content["meeting"] = _meeting_content(self.meeting)
         return json.dumps(content | {"digest": json_digest(content)}, allow_nan=False)
 
 
@@ -98,7 +108,8 @@ class _About(Part):
     driven: dict[str, Any] | None
     generator: str = Field(max_length=200)
     refines: bool
-    maps: list[dict[str, Any]] = Field(min_length=1, max_length=64)
+    maps: list[dict[str, Any]] = Field(max_length=64)
+    meeting: dict[str, Any] | None = None
     settings: dict[str, Any]
     rig: dict[str, Any]
     eyes: dict[str, Any]
@@ -122,6 +133,8 @@ def about_of(text: str, *, place: str) -> About:
     except (ValueError, RecursionError) as error:
         raise FileError(place, f"JSON of schema {SCHEMA}", str(error)[:80], do=do) from None
     content = parsed(_About, raw, place=place, wanted=f"a recording of schema {SCHEMA}", do=do)
+    if not content.maps and content.meeting is None:
+        raise FileError(place, "a map, or a way of meeting", "neither", do=do)
     if json_digest({k: x for k, x in raw.items() if k != "digest"}) != content.digest:
         raise FileError(place, "a recording that matches its digest", "one that was altered", do=do)
     try:
@@ -141,6 +154,7 @@ def about_of(text: str, *, place: str) -> About:
             refines=content.refines,
             version=content.version,
             notes=content.notes,
+            meeting=None if content.meeting is None else _meeting_of(content.meeting, arm),
         )
     except (MittError, ValueError, RecursionError, OverflowError) as error:
         raise FileError(place, "a catcher that can be made again", error) from None
@@ -153,6 +167,41 @@ def _as_learned(f: DirectMap) -> Learned:
     """
     f = replace(f, region=np.clip(f.region, -_FAR, _FAR))
     return Learned(map=f, maps=(f,), steps=(), flights=0, left_out=0, status="recorded")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Met:
+    """What a way of meeting says of itself; as of :class:`MeetingMap` and :class:`Meeting`."""
+
+    free: tuple[int, ...]
+    frame: Array
+    basis: CatchBasis
+    alpha: Array
+    H: Array
+    coupling: Array | None
+    settings: MeetingSettings
+    tolerance: Tolerance
+
+
+def _meeting_content(meeting: Meeting) -> Any:  # noqa: ANN401 (any JSON value)
+    """Return what makes a way of meeting again, but for its arm."""
+    f = meeting.map
+    return to_plain(_Met(
+        free=f.free, frame=f.frame, basis=f.basis, alpha=f.alpha, H=f.H, coupling=f.coupling,
+        settings=meeting.settings, tolerance=meeting.tolerance,
+    ))  # fmt: skip
+
+
+def _meeting_of(raw: dict[str, Any], arm: Arm) -> Meeting:
+    """Return a way of meeting for an arm."""
+    of = from_plain(_Met, raw, place="meeting")
+    if not all(0 <= k < arm.n for k in of.free):
+        raise FileError("meeting.free", f"joints in 0..{arm.n - 1}", str(of.free))
+    f = MeetingMap(
+        arm=arm, free=of.free, frame=of.frame, basis=of.basis, alpha=of.alpha, H=of.H,
+        coupling=of.coupling,
+    )  # fmt: skip
+    return Meeting(f, of.settings, of.tolerance)
 
 
 def _endless(f: DirectMap) -> DirectMap:

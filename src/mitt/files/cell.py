@@ -1,6 +1,6 @@
 """Cell files: an arm, what it is thrown, who sees it, how the robot is reached (docs/cell.md)."""
 
-from dataclasses import replace
+from math import pi
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -9,7 +9,7 @@ from pydantic import Field
 from mitt import checks
 from mitt.arm.arm import Arm
 from mitt.arm.description import Capsule
-from mitt.arm.limits import Limits
+from mitt.arm.limits import slowed
 from mitt.arm.shapes import Surroundings, shapes_of
 from mitt.errors import FileError, InputError, meant
 from mitt.eyes.camera import Rig, fixed_rig
@@ -31,6 +31,7 @@ _TICKS = (1, 2, 4)
 _FileName = Annotated[str, Field(pattern=r"^\w[\w .+-]{0,59}$")]
 _Point = tuple[Finite, Finite, Finite]
 _Positive = Annotated[float, Field(gt=0.0, le=1e4)]
+_Side = Annotated[float, Field(ge=0.005, le=0.5)]
 
 
 class ArmPart(Part):
@@ -67,6 +68,66 @@ class BallPart(Part):
     drag_spread: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.3
     restitution: Annotated[float, Field(ge=0.0, le=0.95)] = 0.2
     friction: Annotated[float, Field(gt=0.0, le=3.0)] = 1.0
+
+
+class CatchTask(Part):
+    """Balls are caught that somebody throws."""
+
+    kind: Literal["catch"] = "catch"
+
+
+class BeltPart(Part):
+    """A level, straight belt.
+
+    Attributes:
+        middle: Its middle, seen from above [m].
+        direction: Where it leads, from +x towards +y [rad].
+        height: Of its surface [m].
+        width: Across [m].
+        length: Of the straight part [m].
+        speed: Mean speed, for a simulated cell [m/s].
+    """
+
+    middle: tuple[Finite, Finite]
+    direction: Annotated[float, Field(ge=-7.0, le=7.0)] = 0.5 * pi
+    height: Finite
+    width: Annotated[float, Field(ge=0.02, le=10.0)] = 0.3
+    length: Annotated[float, Field(ge=0.2, le=100.0)] = 6.0
+    speed: Annotated[float, Field(ge=0.0, le=5.0)] = 0.3
+
+
+class AreaPart(Part):
+    """Where parts may be met: its lowest and its highest corner in the arm's base frame [m]."""
+
+    low: _Point
+    high: _Point
+
+
+class MeetTask(Part):
+    """Parts are met on a belt, or in a hand, taken, and put down.
+
+    Attributes:
+        target: What moves the part.
+        tool: What takes it.
+        gripper_delay: Time from the command until the tool acts [s].
+        tool_speed: Largest speed of the tool [m/s].
+        sides: Of a part: along and across the belt, and its height [m].
+        mass: Of a part [kg].
+        belt: The belt; a part in a hand needs none.
+        area: Where parts may be met; about the middle of the belt if left out.
+        put: Where the middle of a part is put down, in the arm's base frame [m].
+    """
+
+    kind: Literal["meet"]
+    target: Literal["belt", "hand"] = "belt"
+    tool: Literal["suction", "jaw"] = "suction"
+    gripper_delay: Annotated[float, Field(ge=0.0, le=2.0)] = 0.05
+    tool_speed: Annotated[float, Field(ge=0.01, le=20.0)] = 0.25
+    sides: tuple[_Side, _Side, _Side] = (0.05, 0.06, 0.04)
+    mass: Annotated[float, Field(ge=0.001, le=50.0)] = 0.1
+    belt: BeltPart | None = None
+    area: AreaPart | None = None
+    put: _Point
 
 
 class SourcePart(Part):
@@ -178,6 +239,7 @@ class Cell(Part):
     name: _FileName
     arm: ArmPart = ArmPart()
     map: Name | None = None
+    task: CatchTask | MeetTask = Field(default=CatchTask(), discriminator="kind")
     ball: BallPart = BallPart()
     source: SourcePart = SourcePart()
     robot: RobotPart = RobotPart()
@@ -216,11 +278,26 @@ def cell_of(raw: Any, *, place: str, folder: Path = Path()) -> Cell:  # noqa: AN
                         do="let the driver fill in readings")  # fmt: skip
     if cell.robot.takes == "torque" and cell.robot.ticks > 1:
         raise FileError(f"{place} key 'robot.rate'", "1000 Hz for torques", f"{cell.robot.rate:g}")
+    _check_task(cell, place)
     named = {"file": _beside(folder, cell.arm.file), "limits": _beside(folder, cell.arm.limits)}
     arm = cell.arm.model_copy(update=named)
     source = cell.source.model_copy(update={"rig": _beside(folder, cell.source.rig)})
     beside = {"arm": arm, "source": source, "map": _beside(folder, cell.map)}
     return cell.model_copy(update=beside)
+
+
+def _check_task(cell: Cell, place: str) -> None:
+    """Refuse what a task does not go with."""
+    if not isinstance(cell.task, MeetTask):
+        return
+    if cell.task.target == "belt" and cell.task.belt is None:
+        raise FileError(f"{place} key 'task.belt'", "the belt that brings the parts", "none")
+    given = {"map": cell.map, "arm.tip": cell.arm.tip, "arm.joints": cell.arm.joints}
+    images = "images" if cell.source.kind == "images" else None
+    for key, value in (given | {"source.kind": images}).items():
+        if value is not None:
+            raise FileError(f"{place} key {key!r}", "none where parts are met", str(value)[:60],
+                            do="leave it out")  # fmt: skip
 
 
 def _beside(folder: Path, name: str | None) -> str | None:
@@ -244,18 +321,18 @@ def arm_and_file(cell: Cell) -> tuple[Arm, ArmFile | None]:
     if arm.model.hand is None:
         do = 'say name = "three-finger" in its table [hand]'
         raise InputError(f"{cell.name} arm", "an arm with a hand", "none", do=do)
+    check_names(cell, arm)
+    scale = cell.motion.speed_scale
+    return (arm if scale == 1.0 else Arm(arm.model, slowed(arm.limits, scale))), file
+
+
+def check_names(cell: Cell, arm: Arm) -> None:
+    """Refuse names of joints at the robot that do not fit an arm, by InputError."""
     names = cell.robot.joints
     if names is not None and (len(names) != arm.n or len(set(names)) != arm.n):
         raise InputError(f"{cell.name} robot.joints",
                          f"{arm.n} different names, one for each of {', '.join(arm.names)}",
                          ", ".join(names))  # fmt: skip
-    scale = cell.motion.speed_scale
-    return (arm if scale == 1.0 else Arm(arm.model, _slower(arm.limits, scale))), file
-
-
-def _slower(limits: Limits, scale: float) -> Limits:
-    """Return a limit set with a share of its speeds."""
-    return replace(limits, name=f"{limits.name} x{scale:g}", dq_max=scale * limits.dq_max)
 
 
 def around_of(cell: Cell, arm: Arm) -> Surroundings:

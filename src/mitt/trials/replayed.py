@@ -19,6 +19,7 @@ from mitt import checks
 from mitt.ball.filter import update
 from mitt.catcher.catcher import Catcher
 from mitt.catcher.generators import Direct, Generator, refining
+from mitt.catcher.meeting import Meeting
 from mitt.catcher.settings import CatcherSettings
 from mitt.catcher.several import Several
 from mitt.catcher.state import Result, copied, gathered, room_for
@@ -93,6 +94,8 @@ def recorded_generator(about: About) -> Generator:
     Raises:
         InputError: It knew what no recording holds, or is not installed.
     """
+    if (meeting := about.meeting) is not None:
+        return Meeting(meeting.map, meeting.settings, meeting.tolerance)
     name, f = about.generator, about.maps[0]
     if name == "several":
         return Several(tuple(Direct(x) for x in about.maps))
@@ -121,6 +124,8 @@ def changed(
         settings: TOML with keys of :class:`mitt.catcher.settings.CatcherSettings`.
         generator: Another generator, made from the first map.
     """
+    if about.meeting is not None and (map_file is not None or generator is not None):
+        raise InputError("a replay of parts that were met", "no other map or generator", "one")
     if map_file is not None:
         about = replace(about, maps=(read_map(map_file, about.arm).map,))
     if generator is not None:

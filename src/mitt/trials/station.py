@@ -13,6 +13,7 @@ import numpy as np
 
 from mitt.arm.arm import Arm
 from mitt.arm.kinematics import motion_of, sweep
+from mitt.arm.limits import slowed
 from mitt.arm.shapes import Shapes, Surroundings, clearance, shapes_of
 from mitt.arm.tools import Jaw, Suction
 from mitt.ball.filter import FilterConfig
@@ -96,12 +97,22 @@ class Station:
     @property
     def catcher(self) -> CatcherSettings:
         """Settings of its catcher."""
-        known = catcher_settings(self.arm, self.scene)
-        sides = np.array(self.scene.ball.sides or (2.0 * self.scene.ball.radius,) * 3)
-        return replace(
-            known, flight=CARRIED, sigma_ready=0.05, ball_radius=0.5 * float(sides[0]),
-            adapt_q=np.inf, adapt_dq=np.inf,
-        )  # fmt: skip
+        return for_parts(catcher_settings(self.arm, self.scene), self.scene.ball)
+
+    @property
+    def notes(self) -> dict[str, str]:
+        """What a recording says of the world, for who draws it: texts by name."""
+        scene = self.scene.model_dump_json(include={"ball", "belt", "floor"})
+        return {"target": self.target, "scene": scene}
+
+
+def for_parts(settings: CatcherSettings, part: Ball) -> CatcherSettings:
+    """Return a catcher's settings for parts that are met, not for balls that fly."""
+    across = part.sides[0] if part.sides else 2.0 * part.radius
+    return replace(
+        settings, flight=CARRIED, sigma_ready=0.05, ball_radius=0.5 * across, adapt_q=np.inf,
+        adapt_dq=np.inf,
+    )  # fmt: skip
 
     def generator(self, name: str, *, rate: float = 100.0) -> Generator:
         """Return what meets things here, by name; see :func:`mitt.rivals.meeting.make_meeter`."""
@@ -113,7 +124,7 @@ class Station:
 
 def station(
     name: str, tool: Suction | Jaw, target: Target, scene: Scene, *, limits: str | None = None,
-    speed: float = np.inf,
+    speed: float = np.inf, speed_scale: float = 1.0,
 ) -> Station:  # fmt: skip
     """Return the station of an arm.
 
@@ -124,6 +135,7 @@ def station(
         scene: The world; what it does not say of part and belt is filled in.
         limits: Limit set; that of the arm if left out.
         speed: Largest speed of the tool [m/s].
+        speed_scale: Share of the joints' speed limits that is used at all.
 
     Raises:
         ModelError: No pose brings the tool over the work area.
@@ -133,6 +145,7 @@ def station(
     half = 0.5 * (scene.ball.sides or (0.04,) * 3)[2]
     tool = replace(tool, half=half) if isinstance(tool, Suction) else tool
     raw, free = _raw(name, tool, limits)
+    raw = Arm(raw.model, slowed(raw.limits, speed_scale))
     shoulder, reach = _shoulder(raw)
     higher = -0.12 if target == "belt" else 0.05
     places = [shoulder + np.array([share * reach, 0.0, higher]) for share in _SHARES]

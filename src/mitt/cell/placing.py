@@ -1,0 +1,107 @@
+"""What the arm does with a part that it has met: back along the tool's axis, over, down, let go."""
+
+from enum import Enum
+from typing import final
+
+import numpy as np
+
+from mitt.catcher.catcher import Catcher
+from mitt.control.slow_motion import slow_motion
+from mitt.errors import InputError
+from mitt.map.meeting import MeetingMap
+from mitt.signals import TICK, Array
+
+#: How far back the tool goes along its axis, from the target and from the place [m].
+_BACK = 0.1
+#: Time for which the part is left alone after the tool has let go [s].
+_LETS_GO = 0.3
+#: Most slow motions that are tried until the tool is slow enough.
+_TRIES = 4
+
+
+class Leg(Enum):
+    """A motion on the way, in this order."""
+
+    BACK = 0
+    """Back from the target, along the tool's axis."""
+    OVER = 1
+    """To above the place, slowly, straight in the joints."""
+    DOWN = 2
+    """Down to it."""
+    LET_GO = 3
+    """At rest, the tool open."""
+    UP = 4
+    """Back again."""
+
+
+@final
+class Placing:
+    """Puts parts down at one place."""
+
+    def __init__(self, f: MeetingMap, put: Array, *, pause: float, speed: float) -> None:
+        """Find the poses above the place and at it.
+
+        Args:
+            f: The map of the arm.
+            put: Where the middle of a part is put down [m], shape (3,).
+            pause: Time that the tool takes to let go [s].
+            speed: Largest speed of the tool [m/s].
+
+        Raises:
+            InputError: The arm does not reach it.
+        """
+        self._f, self._pause, self._speed = f, pause + _LETS_GO, speed
+        self._back = -_BACK * f.frame[:, 2]
+        self._over = self._pose(put + self._back)
+        self._down = self._pose(put)
+
+    def _pose(self, place: Array) -> Array:
+        """Return the pose in which the tool is at a place [rad], shape (n,)."""
+        arm, q = self._f.arm, self._brought(place, self._f.arm.q_ready)
+        if q is None or np.any((q < arm.q_min) | (q > arm.q_max)):
+            said = ", ".join(f"{x:.3g}" for x in place)
+            raise InputError("task.put", "a place that the tool reaches, and 0.1 m above it", said)
+        return q
+
+    def _brought(self, place: Array, start: Array) -> Array | None:
+        """Return the pose, near to a start, in which the tool is at a place [rad], shape (n,)."""
+        inside, rows = self._f.virtual(np.array([place, np.zeros(3), np.zeros(3)]), start)
+        return rows[0].copy() if inside else None
+
+    def go(self, catcher: Catcher, leg: Leg, share: float) -> float:
+        """Let a catcher that rests begin a motion; return how long that takes [s].
+
+        Args:
+            catcher: The catcher.
+            leg: Which one.
+            share: Share of the joints' speeds that is used.
+
+        Raises:
+            InputError: A limit forbids it.
+        """
+        q = catcher.result.command[0].copy()
+        if leg is Leg.LET_GO:
+            still = np.array([q, 0.0 * q, 0.0 * q])
+            way = np.repeat(still[None], round(self._pause / TICK), axis=0)
+        else:
+            way = self._slow(q, self._end(leg, q), share)
+        catcher.move(way)
+        return len(way) * TICK
+
+    def _end(self, leg: Leg, q: Array) -> Array:
+        """Return the pose in which a motion from another ends [rad], shape (n,)."""
+        if leg is Leg.BACK:
+            back = self._brought(self._f.arm.position(q) + self._back, q)
+            return q if back is None else back
+        return self._down if leg is Leg.DOWN else self._over
+
+    def _slow(self, start: Array, end: Array, share: float) -> Array:
+        """Return a motion whose tool is no faster than it may be."""
+        arm = self._f.arm
+        for _ in range(_TRIES):
+            way = slow_motion(arm, start, end, share)
+            fastest = max(float(np.linalg.norm(arm.jacobian(a) @ b)) for a, b, _ in way[::20])
+            if fastest <= self._speed:
+                return way
+            share *= 0.95 * self._speed / fastest
+        raise InputError("the tool's speed", f"at most {self._speed:g} m/s", f"{fastest:.2g}")
