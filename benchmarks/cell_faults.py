@@ -28,7 +28,7 @@ from typing import Any
 
 import numpy as np
 
-from mitt.cell.prepare import PreparedCell, balls_of, endless, prepare, scene_of_cell
+from mitt.cell.prepare import PreparedCell, feed_of, prepare, scene_of_cell
 from mitt.cell.robot import ReceivedCommand
 from mitt.cell.session import Server
 from mitt.control.stop import plan_brake
@@ -168,7 +168,7 @@ def serve(name: str, lose: float, seed: int) -> None:
     """Be the cell."""
     prepared = prepare(read_cell(name))
     scene = scene_of_cell(prepared.cell, None)
-    source = balls_of(prepared, scene, seed=seed, count=endless())
+    source = feed_of(prepared, scene, seed=seed, count=None)
     Server(prepared, scene, source, tell, lambda: FaultyPort(prepared, lose)).run()
 
 

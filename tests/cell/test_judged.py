@@ -14,10 +14,11 @@ from mitt.catcher.catcher import Catcher
 from mitt.catcher.generators import Direct
 from mitt.cell.drivers import LocalPort
 from mitt.cell.live import Mode
-from mitt.cell.prepare import PreparedCell, balls_of, map_of, prepare, scene_of_cell
+from mitt.cell.prepare import PreparedCell, feed_of, map_of, prepare, scene_of_cell
 from mitt.cell.robot import ReceivedCommand
 from mitt.cell.simulated import SimulatedCell
 from mitt.files.cell import cell_of
+from mitt.map.mapping import DirectMap
 from mitt.signals import Array
 from mitt.trials.runner import TrialRunner
 from mitt.trials.score import continuous_shares, drive_loads, overheated, ticks_beyond
@@ -63,6 +64,7 @@ def test_an_environment_judges_as_mitt_catch_does(
     if hand == "basket":
         prepared = request.getfixturevalue("basket")
         f = map_of(prepared)
+        assert isinstance(f, DirectMap)
     else:
         f = request.getfixturevalue("learned").map
     thrown = list[tuple[Any, int]]()
@@ -112,7 +114,7 @@ def test_a_cell_counts_the_ticks_that_a_trial_counts(
     port = LocalPort(1e-3)
     monkeypatch.setattr(LocalPort, "command", commander(arm, np.random.default_rng(seed)))
     cell = SimulatedCell(
-        replace(basket, arm=arm), scene, balls_of(basket, scene, seed=seed, count=1), port,
+        replace(basket, arm=arm), scene, feed_of(basket, scene, seed=seed, count=1), port,
         clock=lambda: 0.0,
     )  # fmt: skip
     port.braked = False

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from ruckig import InputParameter, Ruckig, Synchronization, Trajectory
 
 from mitt.arm.load import build_arm
-from mitt.cell.live import sampled, slow_motion
+from mitt.control.slow_motion import sampled, slow_motion
 from mitt.signals import TICK
 
 ARM = build_arm("wam", limits="paper")

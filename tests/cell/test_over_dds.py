@@ -11,7 +11,7 @@ from local_cell import FaultyRobot
 
 from mitt.cell.drivers import Connection
 from mitt.cell.live import Mode
-from mitt.cell.prepare import balls_of, map_of, prepare, scene_of_cell
+from mitt.cell.prepare import feed_of, map_of, prepare, scene_of_cell
 from mitt.cell.robot import Robot
 from mitt.cell.session import loop_of
 from mitt.cell.simulated import SimulatedCell
@@ -95,7 +95,7 @@ def test_a_ball_is_caught_over_dds(takes: str, monkeypatch: pytest.MonkeyPatch) 
     cell, arm, scene = prepared.cell, prepared.arm, scene_of_cell(prepared.cell, None)
     port, inner = Ros2Cell(cell, arm), Ros2Robot(cell, arm)
     simulated = SimulatedCell(
-        prepared, scene, balls_of(prepared, scene, seed=3, count=count), port,
+        prepared, scene, feed_of(prepared, scene, seed=3, count=count), port,
         clock=lambda: simulated.t, started=1.7e9,
     )  # fmt: skip
     robot = WaitsForCommands(inner, simulated, port)

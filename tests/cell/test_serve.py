@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mitt.cell.prepare import balls_of, prepare, scene_of_cell
+from mitt.cell.prepare import feed_of, prepare, scene_of_cell
 from mitt.cell.session import Server
 from mitt.files.cell import read_cell
 from mitt.signals import TICK
@@ -43,7 +43,7 @@ def test_time_that_was_lost_is_made_up_for_little_by_little(
     """By ticks that are a quarter shorter: within 50 ms the stamps are those of real time again."""
     cell, prepared = Cell(), prepare(read_cell("wam-sim"))
     scene = scene_of_cell(prepared.cell, None)
-    source = balls_of(prepared, scene, seed=0, count=1)
+    source = feed_of(prepared, scene, seed=0, count=1)
     server = Server(prepared, scene, source, lambda _: None, lambda: None)  # type: ignore[arg-type, return-value]
     monkeypatch.setattr("mitt.cell.session.monotonic", lambda: cell.now)
     monkeypatch.setattr("mitt.cell.session.sleep_until", cell.sleep_until)

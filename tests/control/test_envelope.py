@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from mitt.arm.arm import Arm
 from mitt.arm.load import build_arm
-from mitt.cell.live import slow_motion
 from mitt.control.envelope import (
     bound_acceleration,
     bounds_of,
@@ -20,6 +19,7 @@ from mitt.control.envelope import (
     clamp,
     slow_down,
 )
+from mitt.control.slow_motion import slow_motion
 from mitt.errors import InputError
 from mitt.kernels import Record
 from mitt.signals import TICK, Array

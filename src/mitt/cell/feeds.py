@@ -31,9 +31,11 @@ class Feed(Protocol):
 
     Attributes:
         count: How many there are.
+        ends: How they may end.
     """
 
     count: int
+    ends: tuple[str, ...]
 
     def seed(self, index: int) -> int:
         """Return the seed of the plant and all noise while a thing is there."""
@@ -51,6 +53,8 @@ class Feed(Protocol):
 @final
 class Throws:
     """Balls that are thrown."""
+
+    ends: tuple[str, ...] = ("caught", "dropped", "missed", "aborted")
 
     def __init__(self, source: Source, arm: Arm) -> None:
         """Take the balls, and the arm that they are thrown to."""
@@ -80,6 +84,8 @@ class Parts:
     ``met``: the tool held the part by contact while it was moved by 5 cm; ``slipped``: touched, not
     held; ``missed``: never touched. ``placed``: it was let go, and lies where it was to.
     """
+
+    ends: tuple[str, ...] = ("met", "slipped", "missed", "aborted")
 
     def __init__(
         self, at: Station, *, speed: float, seed: int, count: int, put: tuple[float, float, float]

@@ -48,7 +48,8 @@ class Rules:
     """When a throw, or a part that comes by, is one, and when it is over.
 
     Attributes:
-        slowest: Slowest ball that is a throw [m/s].
+        slowest: Slowest ball that is a throw, at its fastest, or part that is one, when it is seen
+            last [m/s].
         longest: Longest time for which one is seen [s].
         held: How long what was caught is held before the arm moves on [s].
     """
@@ -58,7 +59,7 @@ class Rules:
     held: float = 0.6
 
 
-_PARTS = Rules(slowest=0.0, longest=60.0, held=0.05)
+_PARTS = Rules(slowest=0.05, longest=60.0, held=0.05)
 
 
 class Mode(Enum):
@@ -125,6 +126,11 @@ class LiveLoop:
         catcher = self._ticks.catcher
         watches = self.mode is Mode.CATCHING and catcher.phase is Phase.WATCH
         return watches and catcher.tick is not None
+
+    @property
+    def meets(self) -> bool:
+        """Whether parts are met, and no balls caught."""
+        return self._placing is not None
 
     @property
     def clock(self) -> LearnedClock:
@@ -394,7 +400,8 @@ class LiveLoop:
             return
         if not result["tracked"]:
             return
-        self._fastest = max(self._fastest, float(np.linalg.norm(catcher.result.ball[1])))
+        before = self._fastest if self._placing is None else 0.0
+        self._fastest = max(before, float(np.linalg.norm(catcher.result.ball[1])))
         gone = now - result["t_seen"] > _GONE or now - result["t_first"] > self._rules.longest
         if gone and phase is Phase.FOLLOW:
             self._missed = True
@@ -425,9 +432,11 @@ class LiveLoop:
 
     def _over(self, *, refused: bool = False) -> None:
         """Count a throw, or a part, and put a part down, then go to the ready pose."""
-        if self._fastest > self._rules.slowest:
+        took = self._placing is not None and self._ticks.closed
+        if took or self._fastest > self._rules.slowest:
             self.counts.throws += 1
             self.counts.refused += refused
+        took = took and self._ticks.catcher.phase is Phase.BRAKE
         if self._ticks.catcher.phase is Phase.BRAKE:  # a braked one still holds the ball
             self._ticks.learn()
             if warning := self.clock.warning:
@@ -437,8 +446,7 @@ class LiveLoop:
         else:
             self._ticks.fresh()
         self._fastest, self._missed = 0.0, False
-        took = self._ticks.catcher.phase is Phase.BRAKE and self._ticks.closed
-        self.mode = Mode.PLACING if took and self._placing is not None else Mode.MOVING
+        self.mode = Mode.PLACING if took else Mode.MOVING
         self._leg, self._until = Leg.BACK, np.inf
 
     def _halt(self) -> None:

@@ -1,10 +1,14 @@
 """What the arm does with a part that it has met: back along the tool's axis, over, down, let go."""
 
+from dataclasses import replace
 from enum import Enum
 from typing import final
 
 import numpy as np
 
+from mitt.arm.arm import Arm
+from mitt.arm.description import rotation
+from mitt.arm.kinematics import motion_of, sweep
 from mitt.catcher.catcher import Catcher
 from mitt.control.slow_motion import slow_motion
 from mitt.errors import InputError
@@ -13,6 +17,8 @@ from mitt.signals import TICK, Array
 
 #: How far back the tool goes along its axis, from the target and from the place [m].
 _BACK = 0.1
+#: Cosine of the first axis with the vertical from which it stands upright.
+_UPRIGHT = 0.999
 #: Time for which the part is left alone after the tool has let go [s].
 _LETS_GO = 0.3
 #: Most slow motions that are tried until the tool is slow enough.
@@ -34,12 +40,48 @@ class Leg(Enum):
     """Back again."""
 
 
+def _turn(arm: Arm, put: Array) -> tuple[float, float]:
+    """Return by how much the first axis turns from the ready pose towards a place, and the tool.
+
+    Both about the vertical [rad]; nothing where that axis does not stand upright.
+    """
+    m = motion_of(arm.n)
+    sweep(arm.chain, arm.q_ready, np.zeros(arm.n), m)
+    up = float(m.line[0, 0, 2])
+    if abs(up) < _UPRIGHT:
+        return 0.0, 0.0
+    away = np.array([arm.position(arm.q_ready), put]) - m.origin[0, 0]
+    here, there = np.arctan2(away[:, 1], away[:, 0])
+    turn = float(np.sign(up) * (there - here))
+    low, high = arm.q_min[0] - arm.q_ready[0], arm.q_max[0] - arm.q_ready[0]
+    turn = min((turn + k * 2.0 * np.pi for k in (-1, 0, 1)),
+               key=lambda x: (not low < x < high, abs(x)))  # fmt: skip
+    return turn, turn * float(np.sign(up))
+
+
+def _pose(f: MeetingMap, place: Array, start: Array) -> Array:
+    """Return the pose in which the tool is at a place [rad], shape (n,)."""
+    arm, q = f.arm, _brought(f, place, start)
+    if q is None or np.any((q < arm.q_min) | (q > arm.q_max)):
+        said = ", ".join(f"{x:.3g}" for x in place)
+        raise InputError("task.put", "a place that the tool reaches, and 0.1 m above it", said)
+    return q
+
+
+def _brought(f: MeetingMap, place: Array, start: Array) -> Array | None:
+    """Return the pose, near to a start, in which the tool is at a place [rad], shape (n,)."""
+    inside, rows = f.virtual(np.array([place, np.zeros(3), np.zeros(3)]), start)
+    return rows[0].copy() if inside else None
+
+
 @final
 class Placing:
     """Puts parts down at one place."""
 
     def __init__(self, f: MeetingMap, put: Array, *, pause: float, speed: float) -> None:
         """Find the poses above the place and at it.
+
+        The tool is turned with the arm's first axis, so that the arm stays as clear of itself.
 
         Args:
             f: The map of the arm.
@@ -52,21 +94,13 @@ class Placing:
         """
         self._f, self._pause, self._speed = f, pause + _LETS_GO, speed
         self._back = -_BACK * f.frame[:, 2]
-        self._over = self._pose(put + self._back)
-        self._down = self._pose(put)
-
-    def _pose(self, place: Array) -> Array:
-        """Return the pose in which the tool is at a place [rad], shape (n,)."""
-        arm, q = self._f.arm, self._brought(place, self._f.arm.q_ready)
-        if q is None or np.any((q < arm.q_min) | (q > arm.q_max)):
-            said = ", ".join(f"{x:.3g}" for x in place)
-            raise InputError("task.put", "a place that the tool reaches, and 0.1 m above it", said)
-        return q
-
-    def _brought(self, place: Array, start: Array) -> Array | None:
-        """Return the pose, near to a start, in which the tool is at a place [rad], shape (n,)."""
-        inside, rows = self._f.virtual(np.array([place, np.zeros(3), np.zeros(3)]), start)
-        return rows[0].copy() if inside else None
+        turn, angle = _turn(f.arm, put)
+        start = f.arm.q_ready.copy()
+        start[0] += turn
+        turned = rotation(np.array([0.0, 0.0, 1.0]), angle)
+        g = replace(f, frame=turned @ f.frame)
+        self._over = _pose(g, put + turned @ self._back, start)
+        self._down = _pose(g, put, self._over)
 
     def go(self, catcher: Catcher, leg: Leg, share: float) -> float:
         """Let a catcher that rests begin a motion; return how long that takes [s].
@@ -91,7 +125,7 @@ class Placing:
     def _end(self, leg: Leg, q: Array) -> Array:
         """Return the pose in which a motion from another ends [rad], shape (n,)."""
         if leg is Leg.BACK:
-            back = self._brought(self._f.arm.position(q) + self._back, q)
+            back = _brought(self._f, self._f.arm.position(q) + self._back, q)
             return q if back is None else back
         return self._down if leg is Leg.DOWN else self._over
 

@@ -74,8 +74,8 @@ class Counts:
         stray: Positions of the ball, and images, with impossible stamps.
         repeated: Readings of a moving arm, and positions of the ball, that repeat the ones before
             to the last digit: their source is slower than its publisher.
-        empty: Parts that the tool closed on and did not take, as they are seen afterwards.
         stops: Why the arm was stopped and stayed so, each time.
+        empty: Parts that the tool closed on and did not take, as they are seen afterwards.
     """
 
     ticks: int = 0
@@ -86,8 +86,8 @@ class Counts:
     stopped: int = 0
     stray: int = 0
     repeated: int = 0
-    empty: int = 0
     stops: list[str] = field(default_factory=list)
+    empty: int = 0
 
 
 @final

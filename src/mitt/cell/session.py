@@ -35,7 +35,8 @@ from mitt.cell.simulated import Port, SimulatedCell
 from mitt.clock import hurried, monotonic, pinned, sleep_until, time_of_day, uncollected
 from mitt.interrupts import SIGNALS, notice
 from mitt.signals import TICK
-from mitt.trials.result import STATUSES, spread_of
+from mitt.trials.result import STATUSES as THROWN
+from mitt.trials.result import spread_of
 from mitt.world.scene import Scene
 
 #: Time between two lines on what is waited for [s].
@@ -46,6 +47,8 @@ STATES = tuple(mode.value for mode in Mode)
 """What the first of them counts, in words."""
 #: Room for the line of the live table on what is odd [bytes].
 _WORDS = 240
+#: How a simulated cell says that throws and parts ended.
+_ENDS = (*THROWN, "met", "slipped")
 CORE = 0
 """Core of the simulated cell among those allowed: the first; ``mitt run`` takes the last."""
 
@@ -260,8 +263,9 @@ class Session:
                 self._deaf = True
                 self._loop.notes["news"] = f"what became of throws is not told: {error}"[:_WORDS]
         for said in heard:
-            if said.get("status") in STATUSES:
+            if said.get("status") in _ENDS:
                 self._told[said["status"]] += 1
+                self._told["placed"] += said.get("placed") is True
                 self._forces.append(said.get("peak_contact_force_n"))
                 self._last, self._done = said, said.get("done") is True
 
@@ -288,7 +292,8 @@ class Session:
         passed = max(monotonic() - self._begun, 1e-3)
         self.shown[:] = [
             STATES.index(loop.mode.value), counts.ticks / passed, 1e6 * loop.age, counts.late,
-            counts.lost, counts.throws, self._told["caught"], self._told.total(),
+            counts.lost, counts.throws, self._told["caught"] + self._told["met"],
+            sum(self._told[end] for end in _ENDS),
         ]  # fmt: skip
         self.words.value = self._odd.encode()[: _WORDS - 1]
 
@@ -307,18 +312,19 @@ class Session:
     def summary(self) -> dict[str, Any]:
         """Return what happened, as ``mitt.run/1``; without a simulated cell what cannot be known.
 
-        Whether a ball was caught, and how hard it pressed, is known of a simulated cell alone,
-        which says so.
+        Whether a ball was caught, or a part met, and how hard it pressed, is known of a simulated
+        cell alone, which says so.
         """
-        counts, said, last = self._loop.counts, self._told.total(), self._last
+        counts, last = self._loop.counts, self._last
+        said = sum(self._told[end] for end in _ENDS)
+        ends = ("met", "placed", "slipped") if self._loop.meets else ("caught", "dropped")
         throws, untouched = max(counts.throws, said), self._told["missed"]
         refused = min(counts.refused, untouched) if said else counts.refused
         stopped = min(counts.stopped, untouched - refused) if said else counts.stopped
         return {
             "schema": "mitt.run/1",
             "throws": throws,
-            "caught": self._told["caught"],
-            "dropped": self._told["dropped"],
+            **{end: self._told[end] for end in ends},
             "missed": untouched - refused - stopped if said else 0,
             "unreachable": refused,
             "stopped": stopped,
@@ -328,6 +334,7 @@ class Session:
             "command_age_us": last.get("command_age_us"),
             "late_ticks": counts.late,
             "lost_readings": counts.lost,
+            **({"not_taken": counts.empty} if self._loop.meets else {}),
             "repeated": counts.repeated,
             "stray": counts.stray,
             "ticks": counts.ticks,
@@ -409,7 +416,8 @@ class Server:
         said = cell.statuses
         return {
             "throws": len(said),
-            **{name: said.count(name) for name in ("caught", "dropped", "missed", "aborted")},
+            **{name: said.count(name) for name in cell.ends},
+            **({"placed": cell.placed} if "met" in cell.ends else {}),
             "force_n": spread_of(cell.forces),
             "limit_violations": cell.violations,
             "command_age_us": cell.ages.percentiles_us(),

@@ -41,8 +41,6 @@ _LEAST, _RATIO = 1e-6, 1.01
 _CLASSES = 1640
 #: Relative error of a rate by stamps that are times of the day: they are rounded to 2.4e-7 s.
 _STAMPS = 1e-3
-#: Ticks over which a speed is looked at besides.
-_LATELY = 20
 #: Readings whose times are kept to tell the age of the command that answers them.
 _KEPT = 256
 
@@ -248,7 +246,6 @@ class SimulatedCell:
         self._every = prepared.cell.robot.ticks
         self._base, self._ticks, self._next, self._flying = started, 0, 0, False
         self._settled, self.done = 0, False
-        self._was, self._moved = arm.q_ready.copy(), np.full(arm.n, np.inf)
         self.statuses, self.violations, self.ages = list[str](), 0, Ages()
         self.placed = 0
         self.forces = list[float | None]()
@@ -269,6 +266,11 @@ class SimulatedCell:
     def t(self) -> float:
         """Time of the cell [s], as its stamps say it."""
         return self._base + self._world.t
+
+    @property
+    def ends(self) -> tuple[str, ...]:
+        """How balls or parts may end."""
+        return self._feed.ends
 
     @property
     def released(self) -> bool:
@@ -325,11 +327,7 @@ class SimulatedCell:
     def _go_on(self, command: Command, truth: Truth) -> None:
         """Let a ball or a part come, judge what became of it, take it away."""
         world = self._world
-        if self._ticks % _LATELY == 0:
-            self._was, self._moved = truth.q, truth.q - self._was
-        # A light wrist with dry friction trembles from step to step, and stays where it is.
-        speed = np.minimum(np.abs(truth.dq), np.abs(self._moved) / (_LATELY * TICK))
-        still = bool(np.all(speed < 0.05))  # [rad/s]
+        still = bool(np.all(np.abs(truth.dq) < 0.05))  # [rad/s]
         near = bool(np.all(np.abs(truth.q - self._arm.q_ready) < 0.05))  # [rad]
         waits = still and near and self._controller.commanded and not command.brakes
         self._settled = self._settled + 1 if waits else 0

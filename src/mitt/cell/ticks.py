@@ -23,6 +23,9 @@ from mitt.signals import TICK, ArmState, Array, Command, Frame, Senses, Sighting
 #: How far a joint has to have moved before a row of angles that repeats is no reading [rad], beside
 #: a step of its encoder.
 _MOVED = 5e-5
+#: Time after which the speeds that a fresh catcher estimates do not rest on its first reading [s]:
+#: one in which an encoder has just counted on says that the arm moves.
+_SETTLES = 0.03
 #: Age to which a sighting says where a part is [s], and how far from the tool one that it holds may
 #: be seen [m].
 _RECENT, _AT_TOOL = 0.3, 0.06
@@ -198,7 +201,8 @@ class Ticks:
         An arm at rest repeats itself. One that moves does not, once a joint has moved by more than
         its encoder tells apart.
         """
-        if self.catcher.tick is None or not np.array_equal(reading.q, self._read):
+        new = self.catcher.tick is None or self.t < _SETTLES
+        if new or not np.array_equal(reading.q, self._read):
             self._read, self._moved = np.array(reading.q), np.zeros(len(reading.q))
             self._run, self._travel, self.frozen = 0, 0.0, False
             return False

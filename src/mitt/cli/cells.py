@@ -164,7 +164,8 @@ def sim(options: SimOptions) -> int:
 def _in_words(said: dict[str, Any]) -> str:
     """Return what was thrown and what became of it as a line for a person."""
     ages = said.get("command_age_us")
-    ends = [f"{said[name]} {name}" for name in ("caught", "dropped", "missed", "aborted")
+    ends = [f"{said[name]} {name}"
+            for name in ("caught", "dropped", "met", "placed", "slipped", "missed", "aborted")
             if said.get(name)]  # fmt: skip
     parts = [f"{said['cell']}, seed {said['seed']}: {said['throws']} throws", *ends]
     if said.get("force_n"):

@@ -50,6 +50,10 @@ from mitt.world.scene import Belt, Material, Scene
 #: harder, so many do.
 STEP, _PADDLE_STEPS = 0.0005, 20
 
+#: Deceleration by dry friction beyond which a light joint would tremble from step to step
+#: [rad/s^2]: the speed at which that friction begins (mitt.world.motion.STICTION_SPEED) in a tick.
+_STEADY = 50.0
+
 #: Thickness [m] and mass [kg] of a belt: nothing on it changes its speed.
 _BELT_THICK, _BELT_MASS = 0.05, 1e5
 
@@ -425,7 +429,10 @@ class PlantDraw:
             self._resize(nominal.radius * larger)
         mujoco.mj_setConst(model, data)
         most = np.array([[mismatch.viscous], [mismatch.coulomb]])
-        friction = most * rng.uniform(0.0, 1.0, (2, self._built.joints))
+        n = self._built.joints
+        friction = most * rng.uniform(0.0, 1.0, (2, n))
+        if nominal.sides is not None:  # tools that take parts are light about their axis
+            friction[1] = np.minimum(friction[1], _STEADY / model.dof_invweight0[:n])
         drag = nominal.mass * nominal.drag * (1.0 + mismatch.drag * rng.uniform(-1.0, 1.0))
         return Drawn(
             friction=friction,
