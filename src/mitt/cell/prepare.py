@@ -29,7 +29,6 @@ from mitt.files.about import About
 from mitt.files.arm_file import ArmFile
 from mitt.files.cell import (
     BallPart,
-    CatchTask,
     Cell,
     MeetTask,
     arm_and_file,
@@ -106,7 +105,7 @@ def prepare(cell: Cell) -> PreparedCell:
     Raises:
         MittError: Something does not fit; the message says what.
     """
-    if isinstance(cell.task, MeetTask):
+    if cell.task is not None:
         return _meeting(cell, cell.task)
     arm, file = arm_and_file(cell)
     around = around_of(cell, arm)
@@ -173,7 +172,7 @@ def about_of(prepared: PreparedCell, f: CellMap) -> About:
     """Return what makes the catcher of a cell, as its recordings say it."""
     cell, arm, work = prepared.cell, prepared.arm, prepared.work
     task, ball = cell.task, cell.ball
-    ball = ball if isinstance(task, CatchTask) else BallPart(mass=task.mass, drag=0.0)
+    ball = ball if task is None else BallPart(mass=task.mass, drag=0.0)
     settings = CatcherSettings(
         ball_mass=ball.mass, ball_radius=ball.radius,
         ball_restitution=rebound(arm, ball.restitution),
@@ -242,13 +241,13 @@ def scene_of_cell(cell: Cell, scene: str | None) -> Scene:
         if read.actuation.takes != "torque":  # what a cell's robot takes is said by the cell
             raise InputError("actuation.takes of the scene", "torque", read.actuation.takes,
                              do="say robot.takes in the cell's file")  # fmt: skip
-        return read if isinstance(cell.task, CatchTask) else _with_parts(cell.task, read)
+        return read if cell.task is None else _with_parts(cell.task, read)
     lab, ball = named_scene("lab"), cell.ball
     same = {"radius": ball.radius, "mass": ball.mass, "drag": ball.drag}
     thrown = Ball.model_validate(lab.ball.model_copy(update=same))
     sees = {"point_noise": cell.source.sigma}
     lab = lab.model_copy(update={"ball": thrown, "floor": cell.floor})
-    if isinstance(cell.task, MeetTask):
+    if cell.task is not None:
         lab, sees = _with_parts(cell.task, lab), sees | {"latency": 30, "frame_rate": 60.0}
     return lab.model_copy(update={"sensing": lab.sensing.model_copy(update=sees)})
 
@@ -266,7 +265,7 @@ def feed_of(prepared: PreparedCell, scene: Scene, *, seed: int, count: int | Non
     """Return what comes to a simulated cell: throws, or parts; without an end where no count is."""
     work, task = prepared.work, prepared.cell.task
     if isinstance(work, Station):
-        assert isinstance(task, MeetTask)
+        assert task is not None
         speed = _HAND if task.belt is None else task.belt.speed
         return Parts(work, speed=speed, seed=seed, count=count or endless(), put=task.put)
     f = unlearned(prepared.arm, work.design)

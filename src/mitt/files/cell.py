@@ -70,12 +70,6 @@ class BallPart(Part):
     friction: Annotated[float, Field(gt=0.0, le=3.0)] = 1.0
 
 
-class CatchTask(Part):
-    """Balls are caught that somebody throws."""
-
-    kind: Literal["catch"] = "catch"
-
-
 class BeltPart(Part):
     """A level, straight belt.
 
@@ -97,7 +91,12 @@ class BeltPart(Part):
 
 
 class AreaPart(Part):
-    """Where parts may be met: its lowest and its highest corner in the arm's base frame [m]."""
+    """Where parts may be met, in the arm's base frame.
+
+    Attributes:
+        low: Its lowest corner [m].
+        high: Its highest corner [m].
+    """
 
     low: _Point
     high: _Point
@@ -107,6 +106,7 @@ class MeetTask(Part):
     """Parts are met on a belt, or in a hand, taken, and put down.
 
     Attributes:
+        kind: What is done; without this table balls are caught that somebody throws.
         target: What moves the part.
         tool: What takes it.
         gripper_delay: Time from the command until the tool acts [s].
@@ -226,8 +226,9 @@ class Cell(Part):
         name: Letters, digits, spaces and ``_ . + -``; its recordings are called so.
         arm: The arm.
         map: MAP.json of ``mitt learn``; learned if left out, and kept for the next start.
+        task: Parts that are met; balls are caught if left out.
         ball: What is thrown.
-        source: Where the ball is seen.
+        source: Where the ball, or the middle of a part, is seen.
         robot: How the robot is reached.
         zones: Tables ``[[zones]]``: what no part of the arm may enter.
         floor: Height of the floor [m].
@@ -239,7 +240,7 @@ class Cell(Part):
     name: _FileName
     arm: ArmPart = ArmPart()
     map: Name | None = None
-    task: CatchTask | MeetTask = Field(default=CatchTask(), discriminator="kind")
+    task: MeetTask | None = None
     ball: BallPart = BallPart()
     source: SourcePart = SourcePart()
     robot: RobotPart = RobotPart()
@@ -288,7 +289,7 @@ def cell_of(raw: Any, *, place: str, folder: Path = Path()) -> Cell:  # noqa: AN
 
 def _check_task(cell: Cell, place: str) -> None:
     """Refuse what a task does not go with."""
-    if not isinstance(cell.task, MeetTask):
+    if cell.task is None:
         return
     if cell.task.target == "belt" and cell.task.belt is None:
         raise FileError(f"{place} key 'task.belt'", "the belt that brings the parts", "none")
