@@ -105,6 +105,13 @@ class Station:
         scene = self.scene.model_dump_json(include={"ball", "belt", "floor"})
         return {"target": self.target, "scene": scene}
 
+    def generator(self, name: str, *, rate: float = 100.0) -> Generator:
+        """Return what meets things here, by name; see :func:`mitt.rivals.meeting.make_meeter`."""
+        belt, along = self.scene.belt, None
+        if belt is not None and self.target == "belt":
+            along = np.array([np.cos(belt.direction), np.sin(belt.direction), 0.0])
+        return make_meeter(name, Meeting(self.map, self.settings), rate=rate, along=along)
+
 
 def for_parts(settings: CatcherSettings, part: Ball) -> CatcherSettings:
     """Return a catcher's settings for parts that are met, not for balls that fly."""
@@ -113,13 +120,6 @@ def for_parts(settings: CatcherSettings, part: Ball) -> CatcherSettings:
         settings, flight=CARRIED, sigma_ready=0.05, ball_radius=0.5 * across, adapt_q=np.inf,
         adapt_dq=np.inf,
     )  # fmt: skip
-
-    def generator(self, name: str, *, rate: float = 100.0) -> Generator:
-        """Return what meets things here, by name; see :func:`mitt.rivals.meeting.make_meeter`."""
-        belt, along = self.scene.belt, None
-        if belt is not None and self.target == "belt":
-            along = np.array([np.cos(belt.direction), np.sin(belt.direction), 0.0])
-        return make_meeter(name, Meeting(self.map, self.settings), rate=rate, along=along)
 
 
 def station(
