@@ -128,6 +128,11 @@ class Glide:
         self.calm = inf
         self.pose: Array | None = None
 
+    @property
+    def motion(self) -> Array:
+        """r_o, dr_o, ddr_o as followed at last, shape (3, 3)."""
+        return self._motion.copy()
+
     def to(self, t: float, given: Array, across: Array) -> Array:
         """Return r_o, dr_o, ddr_o of the followed target at a time, (3, 3).
 
@@ -144,7 +149,7 @@ class Glide:
         off = given - self._motion
         if np.linalg.norm(off[0]) > _NEAR or np.linalg.norm(off[1]) > _SLOW:
             self.calm = t
-        return self._motion.copy()
+        return self.motion
 
 
 def _rise(x: Array, T: float) -> Array:
@@ -216,7 +221,7 @@ class Meeting(Generator):
         along = self.settings.along
         return np.zeros((3, 3)) if along is None else np.eye(3) - np.outer(along, along)
 
-    def _known(self, ball: BallState) -> Array:
+    def known(self, ball: BallState) -> Array:
         """Return r_o, dr_o, ddr_o of an estimate, as far as it can move, shape (3, 3)."""
         moves = np.eye(3) - self._across
         return np.array([ball.r_o, moves @ ball.dr_o, moves @ ball.ddr_o])
@@ -240,7 +245,7 @@ class Meeting(Generator):
         The shortest time is tried at first, then the longest, then times in between: the longer it
         takes, the less is asked of the arm.
         """
-        r_o, dr_o, ddr_o = self._known(ball)
+        r_o, dr_o, ddr_o = self.known(ball)
         target = replace(ball, r_o=r_o, dr_o=dr_o, ddr_o=ddr_o)
         times, why = self._times(target)
         tried = [(self._judged(target, q, T), T) for T in times[:1].tolist()]
@@ -344,7 +349,7 @@ class Meeting(Generator):
         if after == inf:
             return self
         glide = Glide()
-        target = self.placed(glide.to(ball.t, self._known(ball), self._across), after)
+        target = self.placed(glide.to(ball.t, self.known(ball), self._across), after)
         f = self.map.adapt(target, np.array([q, 0.0 * q, 0.0 * q]), self.approach(after))
         if f is None:
             return self
@@ -353,7 +358,7 @@ class Meeting(Generator):
     def reference(self, ball: BallState) -> JointReference:
         """Evaluate the map at the target as it is, and at the time to go."""
         since, glide = ball.t - self.start, self.glide
-        followed = glide.to(ball.t, self._known(ball), self._across)
+        followed = glide.to(ball.t, self.known(ball), self._across)
         target = self.placed(followed, self.after - since)
         clock, whole = self._clock(np.array([since]), self.after)
         found = self.map.motion_along(target[None], clock, whole, glide.pose)

@@ -1,12 +1,13 @@
-"""Rivals that meet what moves within reach, with the filter, time and way down of the map.
+"""Rivals that meet what moves within reach, with the filter, times and way down of the map.
 
 All are one generator, :class:`MeetingRival`; they differ in their :class:`Way` alone.
 
 ``quintic``, ``ruckig`` and ``mpc`` plan to where the target will be at the meeting, again and
 again: each plan goes on from where the last one has brought the arm, in position, velocity and
-acceleration, to those of the target as it is foreseen for the end. Shortly before the meeting, and
-while the tool stays with the target, the end of a plan lies ``AHEAD`` before it: a plan without
-time left would ask for any acceleration.
+acceleration, to those of the target as it is foreseen for the end: the target as the map follows
+it, so that the plan alone differs. Shortly before the meeting, and while the tool stays with the
+target, the end of a plan lies ``AHEAD`` before it: a plan without time left would ask for any
+acceleration.
 
 ``ds`` is a dynamical system of second order in the joints that the moving target attracts, its rate
 rising towards the meeting, as that of :mod:`mitt.rivals.servo`.
@@ -38,7 +39,7 @@ from mitt.rivals.servo import Bounds, bounds_of, follow, rate_of
 from mitt.signals import TICK, Array, BallState, JointReference, MapStatus
 from mitt.verdict.feasibility import Verdict
 
-AHEAD: Final = 0.04
+AHEAD: Final = 0.1
 """Least time from a plan to its end [s]."""
 
 #: Smallest rate of ``ds`` [rad/s], and its largest: that with which the map follows a target.
@@ -57,8 +58,18 @@ class Way(Protocol):
         """Return the way that starts in q, dq, ddq (3, n) at the time of an estimate."""
         ...
 
-    def motion(self, meeting: Meeting, ball: BallState) -> Array | None:
-        """Return q, dq, ddq at the time of an estimate, (3, n); None where there is no way."""
+    def target(self, ball: BallState) -> BallState:
+        """Return where it believes the target to be, at the time of an estimate."""
+        ...
+
+    def motion(self, meeting: Meeting, ball: BallState, followed: JointReference) -> Array | None:
+        """Return q, dq, ddq at a time, (3, n); None where there is no way.
+
+        Args:
+            meeting: What chose the time, and knows way down and inverse.
+            ball: The target as it is believed to move.
+            followed: What the map does.
+        """
         ...
 
 
@@ -103,21 +114,27 @@ class MeetingRival(Generator):
         """
         if self.meeting.start < inf:
             return self
-        begun = self.way.begin(np.array([q, dq, 0.0 * q]), ball)
+        begun = self.way.begin(np.array([q, 0.0 * q, 0.0 * q]), ball)
         return replace(self, meeting=self.meeting.adapt(ball, q, dq), way=begun, q_hold=q.copy())
+
+    def unsettled(self, ball: BallState, q: Array) -> bool:
+        """Return what the meeting map says."""
+        return self.meeting.unsettled(ball, q)
 
     def leaving(self, motion: Array) -> Array | None:
         """Return what the meeting map says."""
         return self.meeting.leaving(motion)
 
     def reference(self, ball: BallState) -> JointReference:
-        """Return the motion of the way at the time of the estimate."""
-        m, motion = self.meeting, self.way.motion(self.meeting, ball)
-        left = m.start + m.after + m.settings.window - ball.t
+        """Return the motion of the way; the tool closes when it would with the map."""
+        target = self.way.target(ball)
+        followed = self.meeting.reference(target)
+        motion = self.way.motion(self.meeting, target, followed)
         q, dq, ddq = np.array([self.q_hold] + [0.0 * self.q_hold] * 2) if motion is None else motion
         return JointReference(
             t=ball.t, status=MapStatus.DOMAIN if motion is None else MapStatus.INSIDE, q_d=q,
-            dq_d=dq, ddq_d=ddq, q_o=q, dq_o=dq, time_to_catch=inf if motion is None else left,
+            dq_d=dq, ddq_d=ddq, q_o=q, dq_o=dq,
+            time_to_catch=inf if motion is None else followed.time_to_catch,
         )  # fmt: skip
 
 
@@ -155,7 +172,11 @@ class Replanned:
         """Forget the plan."""
         return replace(self, memory=_Memory(ball.t, state))
 
-    def motion(self, meeting: Meeting, ball: BallState) -> Array | None:
+    def target(self, ball: BallState) -> BallState:
+        """Return the estimate."""
+        return ball
+
+    def motion(self, meeting: Meeting, ball: BallState, followed: JointReference) -> Array | None:  # noqa: ARG002
         """Follow the plan, after a new one if it is due."""
         w = self.memory
         if ball.t - w.planned >= 1.0 / self.rate - 1e-9:
@@ -177,7 +198,8 @@ class Replanned:
         w, t_c = self.memory, meeting.start + meeting.after
         above = meeting.start + meeting.approach(meeting.after)
         T = max(above - ball.t, AHEAD, 1.0 / self.rate)
-        ahead = flown(ball, np.array([T]))[0]
+        r_o, dr_o, ddr_o = meeting.glide.motion
+        ahead = flown(replace(ball, r_o=r_o, dr_o=dr_o, ddr_o=ddr_o), np.array([T]))[0]
         start = self._at(ball.t)
         inside, end = meeting.map.virtual(meeting.placed(ahead, t_c - ball.t - T), start[0])
         if not inside:
@@ -205,14 +227,18 @@ class Attracted:
         """Start from a motion."""
         return replace(self, memory=_Memory(ball.t, state))
 
-    def motion(self, meeting: Meeting, ball: BallState) -> Array | None:
+    def target(self, ball: BallState) -> BallState:
+        """Return the estimate."""
+        return ball
+
+    def motion(self, meeting: Meeting, ball: BallState, followed: JointReference) -> Array | None:  # noqa: ARG002
         """Advance the joints to the time of the estimate."""
         w, t_c = self.memory, meeting.start + meeting.after
-        here = np.array([ball.r_o, ball.dr_o, ball.ddr_o])
-        inside, goal = meeting.map.virtual(meeting.placed(here, t_c - ball.t), w.motion[0])
+        here = meeting.placed(meeting.known(ball), t_c - ball.t)
+        inside, goal = meeting.map.virtual(here, w.motion[0])
         if not inside:
             return None
-        left = t_c - meeting.settings.down - ball.t
+        left = t_c - meeting.settings.descent - ball.t
         if ball.t > w.t:
             rows = w.motion.copy()
             follow(self.most, goal, rate_of(left, _SLOWEST, _RATE), ball.t - w.t, rows)
@@ -293,13 +319,12 @@ class LineTracking:
         """Wait for the next answer of the camera."""
         return replace(self, latch=_Latch(ball.t_seen))
 
-    def motion(self, meeting: Meeting, ball: BallState) -> Array | None:
-        """Evaluate the map at the part's place by the encoder."""
-        answer = meeting.reference(self._tracked(ball))
-        inside = answer.status is MapStatus.INSIDE
-        return np.array([answer.q_d, answer.dq_d, answer.ddq_d]) if inside else None
+    def motion(self, meeting: Meeting, ball: BallState, followed: JointReference) -> Array | None:  # noqa: ARG002
+        """Return what the map does at the part's place by the encoder."""
+        inside = followed.status is MapStatus.INSIDE
+        return np.array([followed.q_d, followed.dq_d, followed.ddq_d]) if inside else None
 
-    def _tracked(self, ball: BallState) -> BallState:
+    def target(self, ball: BallState) -> BallState:
         """Return the part's motion by the encoder; as estimated until the camera has answered."""
         w, e = self.latch, self.encoder
         if w.r is None and ball.t_seen > w.seen:
