@@ -6,7 +6,7 @@ it. All that is scored is taken from the true states of the world.
 
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, final
 
 import numpy as np
@@ -96,12 +96,18 @@ class MeetRunner:
         self.world = World(station.scene, station.arm.model, limits=station.arm.limits)
         self.stopwatch = Stopwatch()
 
+    @property
+    def _presented(self) -> Array:
+        """How a person presents a thing: its upper side towards the tool, (3, 3)."""
+        return self._station.map.frame * [1.0, -1.0, -1.0]
+
     def target(self, index: int) -> Ride | HandReach:
         """Return what comes by in a trial."""
         rng, s = np.random.default_rng([self._seed, index, 1]), self._station
         if s.scene.belt is not None and s.target == "belt":
-            return drawn_ride(rng, s.scene.belt, speed=self._speed, height=float(s.place[2]))
-        return drawn_reach(rng, to=s.place + 0.03 * rng.standard_normal(3), speed=self._speed)
+            return drawn_ride(rng, s.place, s.scene.belt.direction, speed=self._speed)
+        reach = drawn_reach(rng, to=s.place + 0.03 * rng.standard_normal(3), speed=self._speed)
+        return replace(reach, orientation=self._presented)
 
     def trial(self, index: int) -> MeetTrial:
         """Run one trial; run again, it gives the same."""

@@ -1,5 +1,7 @@
 """What happens to the ball: wind, spin, drag, kicks, plates in the way, springs, somebody's hand.
 
+And to a part that is met: its belt changes its speed, it is turned, or taken away.
+
 A fault is one entry of a plan: a class with its fields, and with what it does. :meth:`Fault.begun`
 makes of the entry the fault of one trial, which remembers what it did under names that begin with
 an underscore. Rows are those of the tests in ``tests/faults``.
@@ -16,9 +18,11 @@ from pydantic import Field
 
 from mitt.arm.limits import Limits
 from mitt.ball.flight import advance
+from mitt.errors import InputError
 from mitt.files.schema import Settings
 from mitt.signals import TICK, Array
 from mitt.world.flights import BallPath
+from mitt.world.targets import Ride
 from mitt.world.throws import Throw, fly
 
 Chance = Annotated[float, Field(ge=0.0, le=1.0)]
@@ -82,18 +86,21 @@ class Fault(Settings):
 
     Attributes:
         start: When it begins, after release [s].
+        later: It begins up to so much later, drawn for each trial [s].
         length: How long it lasts [s]; to the end if left out.
     """
 
     magnitude: float
     start: Annotated[float, Field(ge=0.0, le=60.0)] = 0.0
+    later: Annotated[float, Field(ge=0.0, le=60.0)] = 0.0
     length: Annotated[float, Field(gt=0.0, le=60.0)] | None = None
 
     _rng: np.random.Generator
 
     def begun(self, rng: np.random.Generator, trial: Trial) -> Self:
         """Return a fresh copy that acts in a trial, with a source of randomness of its own."""
-        fresh = self.model_copy()
+        begins = self.start + (rng.uniform(0.0, self.later) if self.later > 0.0 else 0.0)
+        fresh = self.model_copy(update={"start": begins})
         fresh._rng = rng
         fresh._begin(trial)
         return fresh
@@ -287,12 +294,72 @@ class Bounce(Push):
         return self._over
 
 
+class Taken(Push):
+    """A part that somebody takes away, up and to a random side; magnitude: speed [m/s].
+
+    What the tool has touched before is left to it.
+
+    Attributes:
+        soon: Time in which that speed is reached [s].
+    """
+
+    kind: Literal["taken"] = "taken"
+    magnitude: Annotated[float, Field(gt=0.0, le=5.0)] = 0.5
+    soon: Annotated[float, Field(gt=0.0, le=2.0)] = 0.1
+    _along: Array
+
+    def _begin(self, trial: Trial) -> None:  # noqa: ARG002
+        angle = self._rng.uniform(-pi, pi)
+        self._along = np.array([cos(angle), sin(angle), 1.0]) / sqrt(2.0)
+
+    def act(self, t: float, h: float, r: Array, dr: Array) -> bool:  # noqa: ARG002
+        """Give it the speed of the hand that takes it."""
+        if not self.is_active(t):
+            return False
+        share = h / max(self.start + self.soon - t, h)
+        dr += share * (self.magnitude * self._along - dr)
+        return True
+
+    def is_inactive(self, t: float, until: float) -> bool:
+        """Tell whether it is not its time."""
+        return until <= self.start or t >= self.end
+
+
+class Turned(Fault):
+    """A part that is turned about the vertical; magnitude: angle [rad]."""
+
+    kind: Literal["turned"] = "turned"
+    magnitude: Annotated[float, Field(ge=-pi, le=pi)] = pi / 4.0
+    length: Annotated[float, Field(gt=0.0, le=60.0)] = 0.2
+
+    def rate(self, t: float) -> float | None:
+        """Return how fast it is turned at a time [rad/s]; None where it is let alone."""
+        return self.magnitude / self.length if self.is_active(t) else None
+
+
 class Replacement(Fault):
     """A ball that is led along a path instead of being thrown."""
 
     @abstractmethod
     def path(self, flight: Undisturbed) -> BallPath:
         """Return its path in place of a flight."""
+
+
+class BeltChange(Replacement):
+    """A belt of another speed; magnitude: factor, 0 for one that stops, negative to run back."""
+
+    kind: Literal["belt"] = "belt"
+    magnitude: Annotated[float, Field(ge=-5.0, le=5.0)] = 0.0
+
+    def path(self, flight: Undisturbed) -> BallPath:
+        """Return the ride on such a belt.
+
+        Raises:
+            InputError: No belt carries what comes.
+        """
+        if not isinstance(flight.ball, Ride):
+            raise InputError("fault belt", "a part that rides on a belt", "another target")
+        return flight.ball.changed(self.magnitude, self.start, self.end)
 
 
 class Spring(Replacement):

@@ -21,6 +21,7 @@ from mitt.errors import InputError
 from mitt.eyes.camera import Rig
 from mitt.signals import TICK, Array, Command, Frame, Senses, Sighting
 from mitt.world.disturbances import (
+    BeltChange,
     Bounce,
     Carried,
     Chance,
@@ -33,7 +34,9 @@ from mitt.world.disturbances import (
     Replacement,
     Spin,
     Spring,
+    Taken,
     Trial,
+    Turned,
     direction,
     disturbed_flight,
 )
@@ -487,7 +490,7 @@ class Payload(Fault):
 AnyFault = (
     Noise | Outlier | Dropout | Frozen | Latency | Late | Duplicate | Calibration
     | NotNumber | Clock | Encoder | Torque | CommandFault | Payload | Drag | Spin | Gust | Kick
-    | Bounce | Spring | Carried
+    | Bounce | Spring | Carried | BeltChange | Turned | Taken
 )  # fmt: skip
 """One entry of a plan."""
 
@@ -563,6 +566,7 @@ class ActiveFaults:
         self._late: list[ChannelFault] = []
         self._weak: list[ChannelFault] = []
         self._pushes: list[Push] = []
+        self._turns: list[Turned] = []
         for fault in begun(plan, seed, trial):
             match fault:
                 case SensorFault():
@@ -575,8 +579,10 @@ class ActiveFaults:
                     self.payload += fault.magnitude
                 case Push():
                     self._pushes.append(fault)
+                case Turned():
+                    self._turns.append(fault)
                 case Replacement():
-                    self.ball = fault.path(trial.flight)
+                    self.ball = fault.path(replace(trial.flight, ball=self.ball))
                 case _:
                     assert_never(fault)
 
@@ -608,6 +614,10 @@ class ActiveFaults:
         for fault in (*self._late, *self._weak):
             command = fault.through(t, command)
         return command
+
+    def turn(self, t: float) -> float | None:
+        """Return how fast what is met is turned at a time [rad/s]; None where it is let alone."""
+        return next((x for turned in self._turns if (x := turned.rate(t)) is not None), None)
 
     def pushes(self, t: float, until: float) -> bool:
         """Tell whether anything may disturb the flying ball between two times [s]."""

@@ -189,22 +189,29 @@ def place_flight(
         drag: Drag after the last sample [1/m]; 0.09 to 0.15 fitted to these balls.
     """
     pieces = smooth(recording.t, recording.r)
+    anchor = pieces.at(CATCH_FRACTION * float(recording.t[-1]))[0]
+    rotation, shift = placing(recording, anchor, catch_point, rng)
+    return PlacedFlight(
+        name=recording.name, pieces=pieces, rotation=rotation, shift=shift, drag=drag
+    )
+
+
+def placing(
+    recording: Recording, anchor: Array, place: Array, rng: np.random.Generator | None
+) -> tuple[Array, Array]:
+    """Return rotation, shape (3, 3), and shift [m], shape (3,), of a recording before an arm.
+
+    Its chord comes from +x then, and a point of it, the ``anchor``, is at a place [m], shape (3,);
+    both but for the jitter.
+    """
     chord = recording.r[-1] - recording.r[0]
     yaw = np.pi - np.arctan2(chord[1], chord[0])
-    target = catch_point
     if rng is not None:
-        target = catch_point + rng.uniform(-JITTER_POSITION, JITTER_POSITION, 3)
+        place = place + rng.uniform(-JITTER_POSITION, JITTER_POSITION, 3)
         yaw += rng.uniform(-JITTER_YAW, JITTER_YAW)
     c, s = np.cos(yaw), np.sin(yaw)
     rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    anchor = pieces.at(CATCH_FRACTION * float(recording.t[-1]))[0]
-    return PlacedFlight(
-        name=recording.name,
-        pieces=pieces,
-        rotation=rotation,
-        shift=target - rotation @ anchor,
-        drag=drag,
-    )
+    return rotation, place - rotation @ anchor
 
 
 def smooth(t: Array, r: Array) -> Pieces:

@@ -14,7 +14,7 @@ from mitt.arm.hands import FingerDrive, HandModel
 from mitt.arm.limits import Limits
 from mitt.arm.tools import Jaw, Suction
 from mitt.errors import InputError
-from mitt.signals import TICK, Array, Command, Frame, Senses
+from mitt.signals import GRAVITY, TICK, Array, Command, Frame, Senses
 from mitt.world.build import Drawn, PlantDraw, build_scene
 from mitt.world.capsules import Body, body_of, lay_capsules
 from mitt.world.disturbances import Trial, Undisturbed
@@ -22,11 +22,12 @@ from mitt.world.drives import brakes_of, finger_servo, fresh_drives, servo_of
 from mitt.world.engine import Plant, hand_names, plant_of, released
 from mitt.world.faults import ActiveFaults, Sensor
 from mitt.world.flights import BallPath
+from mitt.world.giver import Giver
 from mitt.world.imaging import Imager
 from mitt.world.motion import move_led, note, note_stop, over
 from mitt.world.scene import Scene
 from mitt.world.sensors import CameraMaker, Sensors, encoder_steps
-from mitt.world.targets import Ride
+from mitt.world.targets import InHand, Ride
 from mitt.world.throws import Throw, fly
 from mitt.world.truth import FirstContact, Trace, TraceBuffer, Truth, truth_of
 
@@ -104,6 +105,8 @@ class World:
         self._pulls = isinstance(hand, Suction)
         self._waiting: deque[float] = deque()
         self._ride: Ride | None = None
+        self._giver: Giver | None = None
+        self._part = int(self.model.geom_bodyid[self._built.ball])
         self._belt = None if scene.belt is None else self.model.joint("belt").id
         d, n, ball = self.data, self._n, self._n + self._f
         self._plant = plant_of(self.model, d, self._built.site, n, fine=self._built.fine)
@@ -112,6 +115,7 @@ class World:
         self._senses = qpos[:n], qvel[:n], qpos[ball : ball + 3], qvel[ball : ball + 3]
         self._body, self._steps = body_of(self.model, d), encoder_steps(scene, arm)
         self._ball = self._senses[2:]
+        self._pose, self._spin = qpos[ball : ball + 7], qvel[ball + 3 : ball + 6]
         self._trace = TraceBuffer(ball + 7, ball + 6, n)
         self._path: BallPath | None = None
         self._start(None, self._draw.nominal)
@@ -155,6 +159,11 @@ class World:
         """Largest single contact force on the ball so far [N]."""
         return float(self._plant.state["peak"][0])
 
+    @property
+    def hand_force(self) -> float | None:
+        """Largest force on the hand that hands something over [N]; None where there is none."""
+        return None if self._giver is None else self._giver.force
+
     def watch_on(self) -> None:
         """Go on for :data:`mitt.world.motion.WATCHED` from now on: the catcher has stopped."""
         note_stop(self._plant.state, bool(self._plant.state["braked"][0] >= 0.0), True)
@@ -172,14 +181,13 @@ class World:
         """Start a trial.
 
         Args:
-            ball: A throw, which flies freely, a path, which leads the ball until it is touched, or
-                a ride on the scene's belt.
+            ball: A throw, which flies freely, a path, which leads the ball until it is touched, a
+                ride on the scene's belt, or a thing in a hand that holds it until the tool does.
             seed: Seed of the plant mismatch and of all noise in this trial.
             stay: Whether arm and fingers go on from where they are, not from the ready pose.
         """
         seed = checks.whole("seed", seed, least=0)
-        self._ride = ball if isinstance(ball, Ride) else None
-        if self._ride is not None and self._belt is None:
+        if isinstance(ball, Ride) and self._belt is None:
             raise InputError("ball", "a scene with a belt, for a ride on it", "one without")
         if not isinstance(ball, Throw | BallPath | Ride):
             raise InputError("ball", "a Throw, a BallPath or a Ride", checks.shown(ball))
@@ -204,17 +212,16 @@ class World:
         self.data.qpos[: self._n] = self._arm.q_ready
         if stay:
             self.data.qpos[:size], self.data.qvel[:size] = kept
-        if isinstance(ball, Throw):
-            self._ball[0][:], self._ball[1][:] = ball.r, ball.dr
-            self._start(None, drawn)
-        elif isinstance(ball, Ride):
-            self._ball[0][:], self._ball[1][:] = ball.at(0.0)
-            at = self._n + self._f + 3
-            self.data.qpos[at : at + 4] = np.cos(0.5 * ball.yaw), 0.0, 0.0, np.sin(0.5 * ball.yaw)
-            self._start(None, drawn)
-        else:
-            self._ball[0][:], self._ball[1][:] = ball.at(0.0)
-            self._start(ball, drawn)
+        self._ride = ball if isinstance(ball, Ride) else None
+        self._giver = self._person(ball, drawn) if isinstance(ball, InHand) else None
+        freely = isinstance(ball, Throw)
+        self._ball[0][:], self._ball[1][:] = (ball.r, ball.dr) if freely else ball.at(0.0)
+        if self._ride is not None:
+            turned = 0.5 * self._ride.yaw
+            self._pose[3:] = np.cos(turned), 0.0, 0.0, np.sin(turned)
+        elif self._giver is not None:
+            self._pose[3:] = self._giver.quaternion
+        self._start(None if freely or self._ride is not None else ball, drawn)
 
     def sense(self, *, look: bool = True) -> Senses:
         """Return what reaches the catcher in this tick; once a tick.
@@ -274,10 +281,34 @@ class World:
         if self._ride is not None and self._belt is not None:
             joint = self.model.jnt_qposadr[self._belt], self.model.jnt_dofadr[self._belt]
             self.data.qpos[joint[0]], self.data.qvel[joint[1]] = 0.0, self._ride.speed(self.t)
+        if self._giver is not None:
+            self._hand_over(self._giver, command.hand)
+        if self._faults is not None and (rate := self._faults.turn(self.t)) is not None:
+            self._spin[2] = rate
         note_stop(self._plant.state, command.brakes, False)
         asked = command.tau, command.hand, self._trace.reserve(self._ticks + 2)
         self._path = move_led(self._plant, *asked, path=self._path, faults=self._faults)
         self._sensors.turn(command.gaze, TICK)
+
+    def _person(self, path: InHand, drawn: Drawn) -> Giver:
+        """Return the person who holds what is drawn for a trial."""
+        return Giver(path, drawn.mass, float(self.model.body_inertia[self._part].min()))
+
+    def _hand_over(self, giver: Giver, hand: float) -> None:
+        """Let the person pull at what the tool has touched, and let go of what it holds.
+
+        It holds what all its fingers touch once they close, or the cup once it pulls.
+        """
+        if self._path is not None:
+            return
+        if self._plant.state["touched"][0] < 0.0:  # somebody has taken it away
+            self.data.xfrc_applied[self._part], self._giver = 0.0, None
+            return
+        acts = bool(self.data.ctrl[-1] > 0.0) if self._pulls else hand > 0.0
+        held = acts and int(np.sum(self._plant.touching)) >= self._f
+        weight = GRAVITY * float(self._plant.ball_mass)
+        motion = self._pose, np.concatenate([self._ball[1], self._spin])
+        self.data.xfrc_applied[self._part] = giver.pull(self.t, *motion, weight, held=held)
 
     def _worked(self, hand: float) -> float:
         """Return what reaches the fingers now of what was commanded a delay ago; a cup pulls."""
@@ -305,7 +336,7 @@ class World:
         """Return all true states since release."""
         return self._trace.trace(self._ticks + 1)
 
-    def _drawn_faults(self, ball: Throw | BallPath, seed: int) -> ActiveFaults | None:
+    def _drawn_faults(self, ball: Throw | BallPath | Ride, seed: int) -> ActiveFaults | None:
         """Return what goes wrong in a trial; None where the plan is empty."""
         plan = self._scene.faults
         if not plan:

@@ -6,19 +6,40 @@ way (E. Flash and T. Henis, J. Cognitive Neuroscience 3, 1991). A steady hand tr
 by a tenth of a millimetre to one (R. Elble and W. Koller, Tremor, 1990).
 """
 
-from dataclasses import dataclass
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from mitt.signals import Array
-from mitt.world.scene import Belt
+from mitt.world.flights import CATCH_FRACTION, Recording, placing
 
 #: Frequencies of a hand's tremor [Hz].
 _TREMOR = (8.0, 12.0)
+#: Times at which a recorded motion is smoothed, the half width of the window [s], and the least
+#: number of samples in it.
+_STEP, _WINDOW, _FEWEST = 0.005, 0.05, 7
+#: Time constant with which a thing comes to rest at the end of its recording [s].
+_FADES = 0.3
+
+
+class InHand(ABC):
+    """A thing in the hand of a person, who holds it until the tool has it.
+
+    Attributes:
+        orientation: How it is held: columns are its axes, shape (3, 3).
+    """
+
+    __slots__ = ()
+    orientation: Array
+
+    @abstractmethod
+    def at(self, t: float) -> tuple[Array, Array]:
+        """Position [m], shape (3,), and velocity [m/s], shape (3,), at ``t`` [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class HandReach:
+class HandReach(InHand):
     """A thing in a hand: from place to place by motions of least jerk.
 
     Attributes:
@@ -27,6 +48,7 @@ class HandReach:
         begin: When each begins [s], shape (k,).
         duration: How long each takes [s], shape (k,).
         tremor: Amplitude, frequency [rad/s] and phase of the tremor along each axis, shape (3, 3).
+        orientation: As of :class:`InHand`.
     """
 
     start: Array
@@ -34,6 +56,7 @@ class HandReach:
     begin: Array
     duration: Array
     tremor: Array
+    orientation: Array = field(default_factory=lambda: np.eye(3))
 
     def at(self, t: float) -> tuple[Array, Array]:
         """Position [m], shape (3,), and velocity [m/s], shape (3,), at ``t`` [s]."""
@@ -79,6 +102,62 @@ def drawn_reach(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Recorded(InHand):
+    """A thing that moves as one was recorded, and comes to rest after the last sample.
+
+    Attributes:
+        name: Name of the recording.
+        r: Positions at even times from 0 on [m], shape (k, 3).
+        dr: Velocities [m/s], shape (k, 3).
+        orientation: As of :class:`InHand`.
+    """
+
+    name: str
+    r: Array
+    dr: Array
+    orientation: Array = field(default_factory=lambda: np.eye(3))
+
+    def at(self, t: float) -> tuple[Array, Array]:
+        """Position [m], shape (3,), and velocity [m/s], shape (3,), at ``t`` [s]."""
+        k = min(max(int(t / _STEP), 0), len(self.r) - 2)
+        x = t / _STEP - k
+        if x > 1.0:
+            left = np.exp(-(x - 1.0) * _STEP / _FADES)
+            return self.r[-1] + (1.0 - left) * _FADES * self.dr[-1], left * self.dr[-1]
+        (a, b), (u, v) = self.r[k : k + 2], _STEP * self.dr[k : k + 2]
+        square, cube = 3.0 * (b - a) - 2.0 * u - v, 2.0 * (a - b) + u + v
+        r = a + x * (u + x * (square + x * cube))
+        return r, (u + x * (2.0 * square + 3.0 * x * cube)) / _STEP
+
+
+def recorded(recording: Recording, place: Array, rng: np.random.Generator | None) -> Recorded:
+    """Return a recorded motion before an arm, as recorded flights are placed.
+
+    It is smoothed by parabolas, each fitted to the samples about its time. Samples that are farther
+    apart than the window are few: then the window is as wide as it has to be.
+
+    Args:
+        recording: The motion.
+        place: Where it is after three quarters of its time [m], shape (3,).
+        rng: Source of the jitter; none if None.
+    """
+    t, rows = recording.t, []
+    for now in np.arange(0.0, float(t[-1]) + 0.5 * _STEP, _STEP):
+        k = int(np.searchsorted(t, now))
+        beside = np.sort(np.abs(t[max(k - _FEWEST, 0) : k + _FEWEST] - now))
+        wide = max(_WINDOW, 1.001 * float(beside[_FEWEST - 1]))
+        near = slice(*np.searchsorted(t, (now - wide, now + wide)).tolist())
+        weight = (1.0 - (np.abs(t[near] - now) / wide) ** 3) ** 1.5  # the root of the tricube
+        powers = weight[:, None] * np.vander(t[near] - now, 3, increasing=True)
+        given = weight[:, None] * recording.r[near]
+        rows.append(np.linalg.lstsq(powers, given, rcond=None)[0][:2])
+    r, dr = np.moveaxis(np.array(rows), 1, 0)
+    anchor = r[min(round(CATCH_FRACTION * float(t[-1]) / _STEP), len(r) - 1)]
+    rotation, shift = placing(recording, anchor, place, rng)
+    return Recorded(name=recording.name, r=r @ rotation.T + shift, dr=dr @ rotation.T)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Ride:
     """A part that rides on a belt.
 
@@ -111,25 +190,43 @@ class Ride:
         gone = float(self.speeds[0] * t + way @ np.diff(self.speeds))
         return self.start + gone * self.along, self.speed(t) * self.along
 
+    def changed(self, factor: float, begin: float, end: float) -> "Ride":
+        """Return the ride on a belt whose speed is multiplied between two times [s].
+
+        What the belt was to do meanwhile is left out; a factor of 0 stops it, a negative one runs
+        it back.
+        """
+        before, after = self.begin < begin, self.begin >= end
+        speeds = self.speeds[1:]
+        last = speeds[~after][-1:] if np.any(~after) else self.speeds[:1]
+        back = np.isfinite(end)
+        return replace(
+            self,
+            begin=np.concatenate([self.begin[before], [begin], [end] * back, self.begin[after]]),
+            speeds=np.concatenate([
+                self.speeds[:1], speeds[before], [factor * self.speed(begin)],
+                last if back else [], speeds[after],
+            ]),
+        )  # fmt: skip
+
 
 def drawn_ride(
-    rng: np.random.Generator, belt: Belt, *, speed: float, height: float, varies: float = 0.3,
-    ahead: float = 1.6,
+    rng: np.random.Generator, middle: Array, direction: float, *, speed: float,
+    varies: float = 0.3, ahead: float = 1.6,
 ) -> Ride:  # fmt: skip
     """Return a ride on a belt whose speed changes on the way.
 
     Args:
         rng: Source of the draw.
-        belt: The belt.
+        middle: Where the middle of a part comes by [m], shape (3,).
+        direction: Of the belt, from +x towards +y [rad].
         speed: Its mean speed [m/s].
-        height: Of the part's middle [m].
         varies: Half-width of the relative changes of speed.
         ahead: About how long before it comes by the middle the part appears [s].
     """
-    along = np.array([np.cos(belt.direction), np.sin(belt.direction), 0.0])
+    along = np.array([np.cos(direction), np.sin(direction), 0.0])
     across = np.array([-along[1], along[0], 0.0])
     speeds = speed * (1.0 + varies * rng.uniform(-1.0, 1.0, 5))
-    middle = np.array([*belt.middle, height])
     off = rng.uniform(-0.03, 0.03)
     start = middle + off * across - (0.25 + ahead * speed) * along
     begin = np.sort(rng.uniform(0.3, 3.0, 4))
