@@ -76,7 +76,7 @@ def kinds_of(union: object) -> Iterator[tuple[str, str, str, str]]:
     models = [x for x in get_args(union) if isinstance(x, type) and issubclass(x, BaseModel)]
     for model in models:
         said = parts_of(model)[0]
-        own = {"kind", "start", "length", "magnitude"}
+        own = {"kind", "start", "later", "length", "magnitude"}
         rows = {key: (span, does) for key, _, span, does in rows_of(model)}
         more = [f"`{key}` ({rows[key][0]}): {rows[key][1]}" for key in rows if key not in own]
         keys = ", ".join(f"`{key}`" for key in rows if key not in own)

@@ -119,6 +119,11 @@ class Hand(ABC):
         """Distance of the catch point beyond the plate [m]."""
 
     @property
+    def delay(self) -> float:
+        """From a command until it begins to act [s]."""
+        return 0.0
+
+    @property
     def stand(self) -> float:
         """Distance of the catch point from the arm's plate, on which its own may be tilted [m]."""
         return self.catch_offset

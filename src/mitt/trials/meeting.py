@@ -1,13 +1,18 @@
 """Trials of ``mitt meet``: a part comes by on a belt or in a hand, the arm meets and takes it.
 
-After the tool has closed the arm brakes, goes back along the tool's axis with the part, and holds
-it. All that is scored is taken from the true states of the world.
+After the tool has closed the arm brakes, goes back along the tool's axis with the part, carries it
+to a tray, puts it down, opens, and goes back to where it waits, ready for the next. All that is
+scored is taken from the true states of the world.
+
+Each trial begins anew, the arm where it waits: so each gives the same alone and among others, and
+may be run again to be looked at. What a next part on the same belt needs, the arm back at its place
+and the tool open, is part of what is scored as ``placed``.
 """
 
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Any, final
+from typing import Any, NamedTuple, final
 
 import numpy as np
 
@@ -15,28 +20,43 @@ from mitt.catcher.catcher import Catcher
 from mitt.catcher.generators import Generator
 from mitt.catcher.meeting import Meeting
 from mitt.catcher.settings import Phase
-from mitt.catcher.state import copied, gathered
+from mitt.catcher.state import Result, copied, gathered
 from mitt.clock import Stopwatch
+from mitt.control.health import Reason
 from mitt.errors import InputError
 from mitt.rivals.meeting import encoder_of
 from mitt.signals import TICK, Array
+from mitt.trials.placing import Placing, carried, lowered, placing_of
 from mitt.trials.score import measure, reason_of, stop_as_json
 from mitt.trials.station import Station
 from mitt.trials.statistics import wilson
+from mitt.world.engine import BALL_HAND
+from mitt.world.flights import Recording
 from mitt.world.simulation import World
-from mitt.world.targets import HandReach, Ride, drawn_reach, drawn_ride
+from mitt.world.targets import InHand, Recorded, Ride, drawn_reach, drawn_ride, recorded
+from mitt.world.truth import Trace
 
 SCHEMA = "mitt.meet/1"
 STATUSES = ("met", "slipped", "missed", "unreachable", "stopped", "aborted")
 
-#: Longest time from the start of a trial to the meeting, and how long a part is held [s].
-_LONGEST, _HELD = 7.0, 0.5
-#: Way back with the part [m] and its time [s].
-_BACK, _TIME_BACK = 0.1, 0.8
+#: Longest time from the start of a trial to the meeting [s], and from the end of a recording.
+_LONGEST, _BEYOND = 7.0, 3.0
+#: How long after it has closed the tool has to hold the part [s]; last ticks of that time in one of
+#: which it touches it.
+_HELD, _LAST = 0.5, 20
+#: Way back with the part [m].
+_BACK = 0.1
+#: Time that the arm is given to come to rest at the end of a trial, and that a tool is given to
+#: open, beyond its delay [s].
+_SETTLES, _OPENS = 0.5, 0.7
 #: In step with the target: position and velocity of tool and part so near [m, m/s].
 NEAR, SLOW = 0.005, 0.05
-#: How far a part that is held may be from where the tool holds it [m].
-_KEPT = 0.03
+#: How far a part that is held may be from where the tool holds it, how near to its place a part is
+#: put, seen from above [m], how slow it is there [m/s], and how near to its place a tool that
+#: waits again is [m].
+_KEPT, _PUT, _LIES, _WAITS = 0.03, 0.05, 0.02, 0.02
+#: Last ticks of a trial in which a joint that rests turns by no more than this [rad].
+_STILL, _RESTS = 100, 0.01
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,9 +65,9 @@ class MeetTrial:
 
     Attributes:
         index: Its number.
-        status: ``met``: the tool holds the part by contact 0.5 s after it has closed, moved away;
-            ``slipped``: touched, not held; ``missed``: never touched; ``unreachable``: the arm did
-            not start; ``stopped``, ``aborted``.
+        status: ``met``: the tool holds the part by contact 0.5 s after it has closed; ``slipped``:
+            touched, not held; ``missed``: never touched; ``unreachable``: the arm did not start;
+            ``stopped``: a controlled stop; ``aborted``: the physics diverged.
         t_met_s: When the tool had closed [s].
         in_sync_s: Longest time before that in which tool and part were within 5 mm and 0.05 m/s.
         position_error_mm: Distance of tool and part when it had closed.
@@ -56,7 +76,14 @@ class MeetTrial:
         peak_contact_force_n: Largest single contact force on the part.
         peak_acceleration: Largest commanded acceleration of each joint until then [rad/s^2].
         limit_violations: As of :class:`mitt.trials.score.Trial`.
-        binding_limit: The limit that the verdict found most used, or what ended the trial.
+        binding_limit: The limit that the verdict found most used, or what ended the trial;
+            ``area``: the part left the work area.
+        placed: Whether the part lies on its tray, the tool open and the arm back where it waits;
+            None where nothing was met, or there is no tray.
+        tool_speed_m_s: Largest speed of the tool.
+        over_force: Whether a contact pressed harder than the tool takes; None without a contact.
+        hand_force_n: Largest force on the hand that handed the part over; None without one.
+        at_rest: Whether the arm rests at the end.
         stopped_by: Why the catcher stopped; None where it did not.
     """
 
@@ -71,16 +98,49 @@ class MeetTrial:
     peak_acceleration: list[float]
     limit_violations: int
     binding_limit: str | None
+    placed: bool | None = None
+    tool_speed_m_s: float = 0.0
+    over_force: bool | None = None
+    hand_force_n: float | None = None
+    at_rest: bool = True
     stopped_by: dict[str, Any] | None = None
+
+
+class Course(NamedTuple):
+    """How a trial went, k instants.
+
+    Attributes:
+        t: Time [s], shape (k,).
+        gap: Distance of tool and part [m], shape (k,).
+        slip: Difference of their velocities [m/s], shape (k,).
+        force: Largest contact force on the part [N], shape (k,).
+        t_touched: When they first touched [s]; None where they did not.
+        t_met: When the tool had closed [s]; None where it did not.
+    """
+
+    t: Array
+    gap: Array
+    slip: Array
+    force: Array
+    t_touched: float | None
+    t_met: float | None
 
 
 @final
 class MeetRunner:
-    """A station and its world, built once and used for many trials."""
+    """A station and its world, built once and used for many trials.
+
+    Attributes:
+        world: The world.
+        stopwatch: Times of the catcher's ticks.
+        placing: Where parts are put; None where there is no place.
+        course: How the last trial went.
+    """
 
     def __init__(
-        self, station: Station, *, seed: int, speed: float, generator: Generator | None = None
-    ) -> None:
+        self, station: Station, *, seed: int, speed: float, generator: Generator | None = None,
+        recordings: tuple[Recording, ...] = (),
+    ) -> None:  # fmt: skip
         """Build the world.
 
         Args:
@@ -88,130 +148,188 @@ class MeetRunner:
             seed: Of all trials.
             speed: Of the belt, or the largest of the hand [m/s].
             generator: What moves the arm; the meeting map if left out.
+            recordings: Recorded motions, one after the other, instead of belt or hand.
         """
         self._station, self._seed, self._speed = station, seed, speed
+        self._recordings = recordings
         self._generator = generator or Meeting(station.map, station.settings)
         self._encoder = encoder_of(self._generator)
-        self._target: Ride | HandReach | None = None
-        self.world = World(station.scene, station.arm.model, limits=station.arm.limits)
+        self.placing, scene = placing_of(station), station.scene
+        if self.placing is not None:
+            scene = scene.model_copy(update={"tray": self.placing.tray})
+        self.world = World(scene, station.arm.model, limits=station.arm.limits)
         self.stopwatch = Stopwatch()
+        self.course: Course | None = None
 
-    @property
-    def _presented(self) -> Array:
-        """How a person presents a thing: its upper side towards the tool, (3, 3)."""
-        return self._station.map.frame * [1.0, -1.0, -1.0]
-
-    def target(self, index: int) -> Ride | HandReach:
+    def target(self, index: int) -> Ride | InHand:
         """Return what comes by in a trial."""
         rng, s = np.random.default_rng([self._seed, index, 1]), self._station
+        if self._recordings:
+            recording = self._recordings[index % len(self._recordings)]
+            return replace(recorded(recording, s.place, rng), orientation=s.presented)
         if s.scene.belt is not None and s.target == "belt":
             return drawn_ride(rng, s.place, s.scene.belt.direction, speed=self._speed)
-        reach = drawn_reach(rng, to=s.place + 0.03 * rng.standard_normal(3), speed=self._speed)
-        return replace(reach, orientation=self._presented)
+        to = s.place + 0.03 * rng.standard_normal(3)
+        return replace(drawn_reach(rng, to=to, speed=self._speed), orientation=s.presented)
 
     def trial(self, index: int) -> MeetTrial:
         """Run one trial; run again, it gives the same."""
-        world, s = self.world, self._station
-        self._target = self.target(index)
-        world.reset(self._target, int(np.random.default_rng([self._seed, index]).integers(2**31)))
+        world, s, target = self.world, self._station, self.target(index)
+        world.reset(target, int(np.random.default_rng([self._seed, index]).integers(2**31)))
         catcher = Catcher(s.arm, self._generator, settings=s.catcher)
-        results, closed = [], None
-        for _ in self._ticks(catcher, _LONGEST):
-            results.append(copied(catcher.result))
-            if catcher.done:
+        longest, results = _LONGEST, list[Result]()
+        if isinstance(target, Recorded):
+            longest = max(longest, target.duration + _BEYOND)
+        for _ in self._ticks(catcher, results, longest):
+            if catcher.done or _has_braked(catcher, world.t):
                 break
-        began = catcher.state.fingers[0]["t_begun"].item()
-        if np.isfinite(began):
-            closed = began + catcher.state.fingers[0]["duration"].item()
+        fingers, closed = catcher.state.fingers[0], None
+        if np.isfinite(fingers["t_begun"]):
+            closed = float(fingers["t_begun"] + fingers["duration"])
+        left = self._left_area() if catcher.phase is Phase.BRAKE and closed is None else None
+        last, put = catcher, None
         if catcher.phase is Phase.BRAKE and closed is not None:
-            self._go_back(catcher, results)
-        return self._scored(index, catcher, results, closed)
+            last, put = self._put_away(catcher, results, closed)
+        elif catcher.phase is Phase.FOLLOW:
+            catcher.stop()
+        for _ in self._ticks(last, results, _SETTLES, look=False):
+            pass
+        trial = self._scored(index, catcher, results, closed)
+        stops = last is not catcher and last.phase is Phase.STOPPED
+        return replace(
+            trial, placed=None if trial.status != "met" or put is None else self._lies(put),
+            binding_limit=left or trial.binding_limit,
+            stopped_by=stop_as_json(last.stopped_by) if stops else trial.stopped_by,
+        )  # fmt: skip
 
-    def _ticks(self, catcher: Catcher, longest: float) -> Iterator[None]:
-        """Make ticks for so long [s]."""
+    def _ticks(
+        self, catcher: Catcher, results: list[Result], longest: float, *, look: bool = True
+    ) -> Iterator[None]:
+        """Make ticks for so long [s], and keep what they bring about."""
         for _ in range(round(longest / TICK)):
-            senses = self.world.sense(look=catcher.looking)
+            senses = self.world.sense(look=look and catcher.looking)
             self._read_belt(senses.t)
             with self.stopwatch:
                 command = catcher.step(senses)
             self.world.apply(command)
             catcher.think()
+            results.append(copied(catcher.result))
             yield
             if self.world.diverged:
                 return
 
     def _read_belt(self, t: float) -> None:
         """Let a generator that follows the belt's encoder have its reading of this tick."""
-        if self._encoder is not None and isinstance(self._target, Ride):
-            way = self._target.at(t)[0] - self._target.start
-            self._encoder.read(t, float(way @ self._target.along))
+        ride = self.world.ride
+        if self._encoder is not None and ride is not None:
+            self._encoder.read(t, float((ride.at(t)[0] - ride.start) @ ride.along))
 
-    def _go_back(self, catcher: Catcher, results: list[Any]) -> None:
-        """Go back along the tool's axis with the part, as far as limits let it, and hold it."""
-        f, last = self._station.map, catcher.result.command[0].copy()
-        count = round(_TIME_BACK / TICK)
-        x = np.arange(1, count + 1) / count
-        way = np.stack([
-            x**3 * (10.0 - 15.0 * x + 6.0 * x * x), 30.0 * (x * (1.0 - x)) ** 2 / _TIME_BACK,
-            60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / _TIME_BACK**2,
-        ], axis=1)  # fmt: skip
-        start, rows = self._station.arm.position(last), [np.array([last, 0.0 * last, 0.0 * last])]
-        for step in way:
-            target = np.outer(step, -_BACK * f.frame[:, 2])
-            target[0] += start
-            inside, virtual = f.virtual(target, rows[-1][0])
-            if not inside:
-                break
-            rows.append(virtual)
-        if len(rows) == count + 1:
-            rows[-1][1:] = 0.0
-            with suppress(InputError):  # a limit forbids it: the part is held where it is
-                catcher.move(np.array(rows))
-        ticks = self._ticks(catcher, _TIME_BACK + _HELD)
-        results.extend(copied(catcher.result) for _ in ticks)
+    def _left_area(self) -> str | None:
+        """Return ``area`` where the part is outside the work area now."""
+        r_o, s = self.world.truth().r_o, self._station.settings
+        return None if np.all((r_o >= s.low) & (r_o <= s.high)) else "area"
+
+    def _put_away(
+        self, catcher: Catcher, results: list[Result], closed: float
+    ) -> tuple[Catcher, Placing | None]:
+        """Carry the part to the tray and put it down; go back to where the arm waits.
+
+        What is not held is not carried. Returns the catcher that made the last motions, and where
+        the part was put, if it was.
+        """
+        s = self._station
+        here = catcher.result.command[0].copy()
+        back = lowered(s.map, np.eye(3), s.arm.position(here) - _BACK * s.map.frame[:, 2], here)
+        self._move(catcher, results, here if back is None else back)
+        for _ in self._ticks(catcher, results, closed + _HELD - self.world.t):
+            pass
+        put = self.placing if self._holds(self.world.trace(), closed) else None
+        if put is not None:
+            self._move(catcher, results, put.over)
+            self._move(catcher, results, put.down)
+        opened = Catcher(s.arm, self._generator, settings=s.catcher)
+        delay = s.arm.model.hand.delay if s.arm.model.hand is not None else 0.0
+        for _ in self._ticks(opened, results, _OPENS + delay, look=False):
+            pass
+        if put is not None:
+            self._move(opened, results, put.over)
+        self._move(opened, results, s.arm.q_ready)
+        return opened, put
+
+    def _move(self, catcher: Catcher, results: list[Result], to: Array) -> None:
+        """Move to a pose as slowly as the station says; where a limit forbids it, stay."""
+        start = catcher.result.command[0].copy()
+        with suppress(InputError):
+            way = carried(self._station.arm, start, to, self._station.settings.speed)
+            catcher.move(way)
+            for _ in self._ticks(catcher, results, len(way) * TICK, look=False):
+                pass
+
+    def _holds(self, truth: Trace, closed: float) -> bool:
+        """Say whether the tool held the part for so long after it had closed."""
+        k = min(round((closed + _HELD) / TICK), len(truth.t) - 1)
+        gap = float(np.linalg.norm(truth.r_o[k] - truth.position[k]))
+        return gap <= _KEPT and bool(np.any(truth.seen[max(k - _LAST, 0) : k + 1] & BALL_HAND))
+
+    def _lies(self, put: Placing) -> bool:
+        """Say whether the part lies on its place, left alone by an arm that waits again."""
+        truth, arm = self.world.truth(), self._station.arm
+        waits = float(np.linalg.norm(truth.position - arm.position(arm.q_ready))) < _WAITS
+        away = truth.r_o - put.place
+        near = float(np.hypot(away[0], away[1])) < _PUT and abs(float(away[2])) < 2.0 * _PUT
+        slow = float(np.linalg.norm(truth.dr_o)) < _LIES
+        return near and slow and waits and not truth.touching
 
     def _scored(
-        self, index: int, catcher: Catcher, results: list[Any], closed: float | None
+        self, index: int, catcher: Catcher, results: list[Result], closed: float | None
     ) -> MeetTrial:
         """Score a finished trial."""
         world, ticks, truth = self.world, gathered(results), self.world.trace()
         gap = np.linalg.norm(truth.r_o - truth.position, axis=1)
         slip = np.linalg.norm(truth.dr_o - truth.velocity, axis=1)
-        contact, verdict = world.first_contact, catcher.verdict
+        contact, verdict, hand = world.first_contact, catcher.verdict, self._station.arm.model.hand
         k = None if closed is None else min(round(closed / TICK), len(gap) - 1)
         until = len(gap) if k is None else k
-        found = measure(self._station.arm, ticks, truth)
         stopped = stop_as_json(catcher.stopped_by)
         why = reason_of(stopped) or (None if verdict is None else verdict.binding_limit)
-        most = np.abs(ticks.command[:until, 2]).max(axis=0, initial=0.0)
+        touched = None if contact is None else contact.t
+        self.course = Course(truth.t, gap, slip, truth.force, touched, closed)
         return MeetTrial(
             index=index,
-            status=self._status(catcher, gap[-1], k),
+            status=self._status(catcher, truth, closed),
             t_met_s=closed,
             in_sync_s=_longest((gap[:until] <= NEAR) & (slip[:until] <= SLOW)) * TICK,
             position_error_mm=None if k is None else 1e3 * float(gap[k]),
             velocity_error_m_s=None if k is None else float(slip[k]),
             touch_m_s=None if contact is None else contact.velocity_error,
             peak_contact_force_n=None if contact is None else world.peak_force,
-            peak_acceleration=most.tolist(),
-            limit_violations=found.limit_violations,
+            peak_acceleration=np.abs(ticks.command[:until, 2]).max(axis=0, initial=0.0).tolist(),
+            limit_violations=measure(self._station.arm, ticks, truth).limit_violations,
             binding_limit=why,
+            tool_speed_m_s=float(np.linalg.norm(truth.velocity, axis=1).max()),
+            over_force=None if contact is None or hand is None else world.peak_force > hand.force,
+            hand_force_n=None if contact is None else world.hand_force,
+            at_rest=bool(np.ptp(truth.q[-_STILL:], axis=0).max() < _RESTS),
             stopped_by=stopped,
         )
 
-    def _status(self, catcher: Catcher, gap: float, closed: int | None) -> str:
+    def _status(self, catcher: Catcher, truth: Trace, closed: float | None) -> str:
         """Return how a trial has ended."""
         world = self.world
         if world.diverged:
             return "aborted"
-        if catcher.phase is Phase.STOPPED:
+        if catcher.stopped_by is not None and catcher.stopped_by.reason is not Reason.REQUESTED:
             return "stopped"
         if not np.isfinite(catcher.t_0):
             return "unreachable"
         if world.first_contact is None:
             return "missed"
-        held = closed is not None and gap <= _KEPT and len(world.truth().touching) > 0
-        return "met" if held else "slipped"
+        return "met" if closed is not None and self._holds(truth, closed) else "slipped"
+
+
+def _has_braked(catcher: Catcher, t: float) -> bool:
+    """Say whether an arm has braked at a time, though friction may still turn its joints [s]."""
+    return catcher.phase is Phase.BRAKE and t > float(catcher.state.scalars[0]["t_rest"])
 
 
 def _longest(inside: Array) -> int:
@@ -225,11 +343,18 @@ def summary(trials: list[MeetTrial], stopwatch: Stopwatch) -> dict[str, Any]:
     counts = {status: sum(t.status == status for t in trials) for status in STATUSES}
     low, high = wilson(counts["met"], len(trials))
     sync = [t.in_sync_s for t in trials]
+    force = [t.peak_contact_force_n for t in trials if t.peak_contact_force_n is not None]
+    hand = [t.hand_force_n for t in trials if t.hand_force_n is not None]
     return {
         "trials": len(trials),
         **counts,
+        "placed": sum(t.placed is True for t in trials),
         "meet_rate": counts["met"] / len(trials) if trials else 0.0,
         "ci95": [low, high],
         "in_sync_s_p50": float(np.median(sync)) if sync else None,
+        "force_n": max(force, default=None),
+        "hand_force_n": max(hand, default=None),
+        "over_force": sum(t.over_force is True for t in trials),
+        "at_rest": sum(t.at_rest for t in trials),
         "tick_us": stopwatch.percentiles_us(),
     }

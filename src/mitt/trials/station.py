@@ -95,6 +95,14 @@ class Station:
     target: Target
 
     @property
+    def presented(self) -> Array:
+        """How a part lies on the belt, or is presented by a person: columns its axes, (3, 3).
+
+        Its upper side is towards the tool.
+        """
+        return self.map.frame * [1.0, -1.0, -1.0]
+
+    @property
     def catcher(self) -> CatcherSettings:
         """Settings of its catcher."""
         return for_parts(catcher_settings(self.arm, self.scene), self.scene.ball)

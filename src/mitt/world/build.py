@@ -44,7 +44,7 @@ from mitt.world.hand_bodies import (
     add_seal,
     add_suction,
 )
-from mitt.world.scene import Belt, Material, Scene
+from mitt.world.scene import Belt, Material, Scene, Tray
 
 #: Simulation step near a contact [s]; two make a control tick. With a paddle, whose contact is
 #: harder, so many do.
@@ -54,7 +54,7 @@ STEP, _PADDLE_STEPS = 0.0005, 20
 #: [rad/s^2]: the speed at which that friction begins (mitt.world.motion.STICTION_SPEED) in a tick.
 _STEADY = 50.0
 
-#: Thickness [m] and mass [kg] of a belt: nothing on it changes its speed.
+#: Thickness [m] of belt and tray, and mass of a belt [kg]: nothing on it changes its speed.
 _BELT_THICK, _BELT_MASS = 0.05, 1e5
 
 _ORANGE = (0.95, 0.45, 0.10, 1.0)
@@ -182,6 +182,8 @@ def describe(scene: Scene, arm: ArmModel) -> tuple[mujoco.MjSpec, int]:
         _add_rubber(spec, scene, arm.hand)
     if scene.belt is not None:
         _add_belt(spec, scene.belt)
+    if scene.tray is not None:
+        _add_tray(spec, scene.tray)
     if isinstance(arm.hand, Suction):
         add_seal(spec, arm.hand)
     _let_neighbours_meet(spec, arm)
@@ -264,6 +266,18 @@ def _add_belt(spec: mujoco.MjSpec, belt: Belt) -> None:
     size = [0.5 * belt.length, 0.5 * belt.width, 0.5 * _BELT_THICK]
     geom = body.add_geom(name="belt", type=mujoco.mjtGeom.mjGEOM_BOX, size=size, mass=_BELT_MASS,
                          rgba=_WHITE)  # fmt: skip
+    geom.contype, geom.conaffinity = FLOOR, BALL | ARM | HAND
+
+
+def _add_tray(spec: mujoco.MjSpec, tray: Tray) -> None:
+    """Add a tray: a slab that stands still."""
+    geom = spec.worldbody.add_geom(
+        name="tray",
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        size=[0.5 * tray.side, 0.5 * tray.side, 0.5 * _BELT_THICK],
+        pos=[*tray.middle, tray.height - 0.5 * _BELT_THICK],
+        rgba=_WHITE,
+    )
     geom.contype, geom.conaffinity = FLOOR, BALL | ARM | HAND
 
 

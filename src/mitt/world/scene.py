@@ -195,6 +195,20 @@ class Belt(Settings):
     width: Annotated[float, Field(gt=0.02, le=10.0)] = 0.3
 
 
+class Tray(Settings):
+    """A level plate that stands still, for what was met.
+
+    Attributes:
+        middle: Its middle, seen from above [m].
+        height: Of its surface [m].
+        side: Length of each side [m].
+    """
+
+    middle: Annotated[tuple[float, float], Field(strict=False)] = (0.0, 0.6)
+    height: Annotated[float, Field(ge=-5.0, le=5.0)] = -0.1
+    side: Annotated[float, Field(gt=0.02, le=5.0)] = 0.24
+
+
 class Scene(Settings):
     """The world around the catcher; without arguments the scene ``ideal``.
 
@@ -207,6 +221,7 @@ class Scene(Settings):
         contact: Contact of ball and hand.
         floor: Height of the floor, or of the table that the arm stands on, in the base frame [m].
         belt: A belt that carries what is met; none if left out.
+        tray: A tray on which it is put; none if left out.
         faults: What goes wrong in every trial, in the order in which it acts.
     """
 
@@ -218,6 +233,7 @@ class Scene(Settings):
     contact: Contact = Contact()
     floor: Annotated[float, Field(ge=-10.0, le=0.0)] = -1.0
     belt: Belt | None = None
+    tray: Tray | None = None
     faults: FaultPlan = ()
 
 

@@ -160,6 +160,11 @@ class World:
         return float(self._plant.state["peak"][0])
 
     @property
+    def ride(self) -> Ride | None:
+        """How the part rides on the belt in this trial; None without one."""
+        return self._ride
+
+    @property
     def hand_force(self) -> float | None:
         """Largest force on the hand that hands something over [N]; None where there is none."""
         return None if self._giver is None else self._giver.force
@@ -214,14 +219,14 @@ class World:
             self.data.qpos[:size], self.data.qvel[:size] = kept
         self._ride = ball if isinstance(ball, Ride) else None
         self._giver = self._person(ball, drawn) if isinstance(ball, InHand) else None
-        freely = isinstance(ball, Throw)
-        self._ball[0][:], self._ball[1][:] = (ball.r, ball.dr) if freely else ball.at(0.0)
+        r, dr = (ball.r, ball.dr) if isinstance(ball, Throw) else ball.at(0.0)
+        self._ball[0][:], self._ball[1][:] = r, dr
         if self._ride is not None:
             turned = 0.5 * self._ride.yaw
             self._pose[3:] = np.cos(turned), 0.0, 0.0, np.sin(turned)
         elif self._giver is not None:
             self._pose[3:] = self._giver.quaternion
-        self._start(None if freely or self._ride is not None else ball, drawn)
+        self._start(None if isinstance(ball, Throw | Ride) else ball, drawn)
 
     def sense(self, *, look: bool = True) -> Senses:
         """Return what reaches the catcher in this tick; once a tick.

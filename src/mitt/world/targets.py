@@ -117,6 +117,11 @@ class Recorded(InHand):
     dr: Array
     orientation: Array = field(default_factory=lambda: np.eye(3))
 
+    @property
+    def duration(self) -> float:
+        """Time of the last sample [s]."""
+        return _STEP * (len(self.r) - 1)
+
     def at(self, t: float) -> tuple[Array, Array]:
         """Position [m], shape (3,), and velocity [m/s], shape (3,), at ``t`` [s]."""
         k = min(max(int(t / _STEP), 0), len(self.r) - 2)
@@ -202,7 +207,9 @@ class Ride:
         back = np.isfinite(end)
         return replace(
             self,
-            begin=np.concatenate([self.begin[before], [begin], [end] * back, self.begin[after]]),
+            begin=np.concatenate([
+                self.begin[before], [begin], [end] if back else [], self.begin[after],
+            ]),
             speeds=np.concatenate([
                 self.speeds[:1], speeds[before], [factor * self.speed(begin)],
                 last if back else [], speeds[after],

@@ -1,0 +1,76 @@
+"""Trials of `mitt meet`: what is met is put away, and what goes wrong ends at rest."""
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mitt.arm.tools import TOOLS
+from mitt.trials.meeting import MeetRunner, MeetTrial
+from mitt.trials.station import Target, station
+from mitt.world.flights import Recording
+from mitt.world.scene import scene_of
+
+SCENE = {"base": "lab", "sensing": {"latency": 30, "point_noise": 0.002, "frame_rate": 60.0}}
+
+
+@cache
+def runner_of(tool: str, target: Target, fault: str = "", **keys: float) -> MeetRunner:
+    """Return a runner of trials with a UR5e, one fault in each of them at most."""
+    faults = [{"kind": fault, **keys}] if fault else []
+    scene = scene_of({**SCENE, "faults": faults}, place="scene")
+    at = station("ur5e", TOOLS[tool], target, scene)
+    return MeetRunner(at, seed=2, speed=0.3)
+
+
+@pytest.mark.parametrize(("tool", "target"), [("suction", "belt"), ("jaw", "hand")])
+def test_what_is_met_is_put_away(tool: str, target: Target) -> None:
+    """Held by contact, put on the tray, the arm back where it waits; and the same once more."""
+    runner = runner_of(tool, target)
+    trial = runner.trial(0)
+    assert (trial.status, trial.placed, trial.at_rest) == ("met", True, True)
+    assert trial.limit_violations == 0
+    assert trial.over_force is False
+    assert (trial.hand_force_n is None) == (target == "belt")
+    course = runner.course
+    assert course is not None
+    assert course.t_met == trial.t_met_s
+    assert trial.peak_contact_force_n == pytest.approx(course.force.max())
+
+
+def test_a_recorded_thing_is_taken() -> None:
+    """It comes as it was recorded, is held by the person until then, and put away."""
+    t = np.linspace(0.0, 2.0, 121)
+    x = np.clip(t / 1.5, 0.0, 1.0)
+    way = 0.5 * x**3 * (10.0 - 15.0 * x + 6.0 * x * x)
+    r = np.array([1.0, 2.0, 0.5]) + np.outer(way, [0.6, -0.8, 0.1])
+    scene = scene_of(SCENE, place="scene")
+    at = station("ur5e", TOOLS["suction"], "hand", scene)
+    runner = MeetRunner(at, seed=2, speed=0.3, recordings=(Recording(name="a", t=t, r=r),))
+    path = runner.target(0)
+    ends = np.array([path.at(s)[0] for s in (0.0, 2.0)])
+    assert np.linalg.norm(ends[1] - ends[0]) == pytest.approx(0.5 * np.hypot(1.0, 0.1), abs=2e-3)
+    trial = runner.trial(0)
+    assert (trial.status, trial.placed) == ("met", True)
+
+
+FAULTS: list[dict[str, Any]] = [
+    {"fault": "belt", "magnitude": 0.0, "start": 0.9},
+    {"fault": "belt", "magnitude": -1.0, "start": 0.9},
+    {"fault": "turned", "start": 0.9},
+    {"fault": "taken", "start": 0.6},
+    {"fault": "dropout", "start": 0.9},
+]
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=lambda x: f"{x['fault']} {x.get('magnitude', '')}")
+def test_what_goes_wrong_ends_at_rest(fault: dict[str, Any]) -> None:
+    """Nothing is crushed, no limit passed, and what was not met has a reason."""
+    trial: MeetTrial = runner_of("suction", "belt", **fault).trial(0)
+    assert trial.at_rest
+    assert trial.limit_violations == 0
+    assert not trial.over_force
+    assert trial.status == "met" or trial.binding_limit
+    if fault["fault"] in ("taken", "dropout"):
+        assert trial.status != "met"
