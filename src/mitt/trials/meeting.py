@@ -26,7 +26,7 @@ from mitt.control.health import Reason
 from mitt.errors import InputError
 from mitt.rivals.meeting import encoder_of
 from mitt.signals import TICK, Array
-from mitt.trials.placing import Placing, carried, lowered, placing_of
+from mitt.trials.placing import Placing, brought, carried, placing_of
 from mitt.trials.score import measure, reason_of, stop_as_json
 from mitt.trials.station import Station
 from mitt.trials.statistics import wilson
@@ -239,7 +239,7 @@ class MeetRunner:
         """
         s = self._station
         here = catcher.result.command[0].copy()
-        back = lowered(s.map, np.eye(3), s.arm.position(here) - _BACK * s.map.frame[:, 2], here)
+        back = brought(s.map, s.map.frame, s.arm.position(here) - _BACK * s.map.frame[:, 2], here)
         self._move(catcher, results, here if back is None else back)
         for _ in self._ticks(catcher, results, closed + _HELD - self.world.t):
             pass
@@ -276,7 +276,7 @@ class MeetRunner:
         truth, arm = self.world.truth(), self._station.arm
         waits = float(np.linalg.norm(truth.position - arm.position(arm.q_ready))) < _WAITS
         away = truth.r_o - put.place
-        near = float(np.hypot(away[0], away[1])) < _PUT and abs(float(away[2])) < 2.0 * _PUT
+        near = float(np.hypot(away[0], away[1])) < _PUT and abs(float(away[2])) < 0.5 * _PUT
         slow = float(np.linalg.norm(truth.dr_o)) < _LIES
         return near and slow and waits and not truth.touching
 

@@ -2,6 +2,7 @@
 
 The place is that of the station, turned about the arm's first axis: the pose that waits over it is
 the one in which the arm waits for parts, turned by the same angle, and as clear of the arm itself.
+The tool points down there, so that the part lies flat.
 """
 
 from dataclasses import dataclass, replace
@@ -21,8 +22,8 @@ from mitt.world.scene import Scene, Tray
 #: of a belt, beyond half its width [m].
 _ANGLES = (1.57, -1.57, 1.2, -1.2, 2.0, -2.0, 2.6, -2.6)
 _BESIDE = 0.17
-#: How far above the tray a part is let go [m].
-_DROP = 0.003
+#: How far above the tray a part comes down from, and is let go [m].
+_ABOVE, _DROP = 0.1, 0.003
 #: Share of the joints' speeds with which a part is carried.
 _SHARE = 0.4
 #: Most slow motions that are tried until the tool is slow enough.
@@ -49,6 +50,7 @@ class Placing:
 def placing_of(s: Station) -> Placing | None:
     """Return where a station puts its parts; None where no place is clear of its belt."""
     arm, f = s.arm, s.map
+    frame = _down(f.frame)
     for angle in _ANGLES:
         turned = rotation(np.array([0.0, 0.0, 1.0]), angle)
         over, place = _turned_by(arm, turned, angle), turned @ s.place
@@ -57,11 +59,17 @@ def placing_of(s: Station) -> Placing | None:
             continue
         if not arm.q_min[0] + room < over[0] < arm.q_max[0] - room:
             continue
-        down = lowered(f, turned, place + np.array([0.0, 0.0, _DROP]), over)
-        if down is not None and np.all((down > arm.q_min) & (down < arm.q_max)):
-            low = float(place[2]) - _below(s)
-            middle = (float(place[0]), float(place[1]))
-            return Placing(tray=Tray(middle=middle, height=low), place=place, over=over, down=down)
+        poses = [over]
+        for above in (_ABOVE, _DROP):
+            q = brought(f, turned @ frame, place + np.array([0.0, 0.0, above]), poses[-1])
+            if q is None or np.any((q <= arm.q_min) | (q >= arm.q_max)):
+                break
+            poses.append(q)
+        else:
+            sides = s.scene.ball.sides
+            low = float(place[2]) - (s.scene.ball.radius if sides is None else 0.5 * sides[2])
+            tray = Tray(middle=(float(place[0]), float(place[1])), height=low)
+            return Placing(tray=tray, place=place, over=poses[1], down=poses[2])
     return None
 
 
@@ -75,25 +83,25 @@ def _turned_by(arm: Arm, turned: Array, angle: float) -> Array | None:
     return None
 
 
-def lowered(f: MeetingMap, turned: Array, place: Array, start: Array) -> Array | None:
+def _down(frame: Array) -> Array:
+    """Return a tool's frame whose z axis points down and whose x axis is level, shape (3, 3)."""
+    x, down = frame[:, 0] * [1.0, 1.0, 0.0], np.array([0.0, 0.0, -1.0])
+    x = x / np.linalg.norm(x)
+    return np.column_stack([x, np.cross(down, x), down])
+
+
+def brought(f: MeetingMap, frame: Array, place: Array, start: Array) -> Array | None:
     """Return the pose that brings the tool to a place [rad], (n,); None where there is none.
 
     Args:
         f: The meeting map.
-        turned: How far its frame is turned, shape (3, 3).
+        frame: Columns: where the tool's axes are to point, shape (3, 3).
         place: The place [m], shape (3,).
         start: Pose in which the inverse starts [rad], shape (n,).
     """
     target = np.array([place, np.zeros(3), np.zeros(3)])
-    inside, rows = replace(f, frame=turned @ f.frame).virtual(target, start)
+    inside, rows = replace(f, frame=frame).virtual(target, start)
     return rows[0].copy() if inside else None
-
-
-def _below(s: Station) -> float:
-    """Return how far the part reaches below its middle, as the tool holds it [m]."""
-    if s.scene.ball.sides is None:
-        return s.scene.ball.radius
-    return float(np.abs(s.presented[2]) @ np.array(s.scene.ball.sides)) / 2.0
 
 
 def _crosses(scene: Scene, place: Array) -> bool:

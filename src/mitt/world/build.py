@@ -405,6 +405,8 @@ class PlantDraw:
         self._scene, self._built = scene, built
         self._mass = built.model.body_mass.copy()
         self._inertia = built.model.body_inertia.copy()
+        m, ball = built.model, built.ball
+        self._sizes = m.geom_size[ball].copy(), m.geom_rbound[ball].copy(), m.geom_aabb[ball].copy()
 
     @property
     def nominal(self) -> Drawn:
@@ -440,7 +442,7 @@ class PlantDraw:
         model.body_mass[body] *= heavier
         model.body_inertia[body] *= heavier * larger**2
         if mismatch.ball_radius > 0.0:
-            self._resize(nominal.radius * larger)
+            self._resize(larger)
         mujoco.mj_setConst(model, data)
         most = np.array([[mismatch.viscous], [mismatch.coulomb]])
         n = self._built.joints
@@ -455,8 +457,9 @@ class PlantDraw:
             radius=nominal.radius * larger,
         )
 
-    def _resize(self, radius: float) -> None:
-        """Give the ball a radius [m]."""
+    def _resize(self, larger: float) -> None:
+        """Make the ball, or the part, larger than it was compiled by a factor."""
         model, ball = self._built.model, self._built.ball
-        model.geom_size[ball, 0] = model.geom_rbound[ball] = radius
-        model.geom_aabb[ball, 3:] = radius
+        sizes = model.geom_size, model.geom_rbound, model.geom_aabb
+        for values, compiled in zip(sizes, self._sizes, strict=True):
+            values[ball] = larger * compiled
