@@ -13,7 +13,7 @@ from mitt.trials.source import Source
 from mitt.trials.station import Station
 from mitt.world.flights import BallPath
 from mitt.world.simulation import World
-from mitt.world.targets import Ride, drawn_reach, drawn_ride
+from mitt.world.targets import Ride
 from mitt.world.throws import Throw
 from mitt.world.truth import Truth
 
@@ -109,12 +109,7 @@ class Parts:
     def bring(self, index: int) -> BallPath | Ride:
         """Return how a part comes, as of ``mitt meet``."""
         self._begin()
-        rng, at = np.random.default_rng([self._seed, index, 1]), self._at
-        if at.scene.belt is not None and at.target == "belt":
-            height = float(at.place[2])
-            return drawn_ride(rng, at.scene.belt, speed=self._speed, height=height)
-        to = at.place + 0.03 * rng.standard_normal(3)
-        return drawn_reach(rng, to=to, speed=self._speed)
+        return self._at.coming(np.random.default_rng([self._seed, index, 1]), self._speed)
 
     def over(self, world: World, truth: Truth, *, ready: bool) -> bool:
         """Say whether the arm is done with a part, or it has gone by."""

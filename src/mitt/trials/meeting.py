@@ -33,7 +33,7 @@ from mitt.trials.statistics import wilson
 from mitt.world.engine import BALL_HAND
 from mitt.world.flights import Recording
 from mitt.world.simulation import World
-from mitt.world.targets import InHand, Recorded, Ride, drawn_reach, drawn_ride, recorded
+from mitt.world.targets import InHand, Recorded, Ride, recorded
 from mitt.world.truth import Trace
 
 SCHEMA = "mitt.meet/1"
@@ -167,10 +167,7 @@ class MeetRunner:
         if self._recordings:
             recording = self._recordings[index % len(self._recordings)]
             return replace(recorded(recording, s.place, rng), orientation=s.presented)
-        if s.scene.belt is not None and s.target == "belt":
-            return drawn_ride(rng, s.place, s.scene.belt.direction, speed=self._speed)
-        to = s.place + 0.03 * rng.standard_normal(3)
-        return replace(drawn_reach(rng, to=to, speed=self._speed), orientation=s.presented)
+        return s.coming(rng, self._speed)
 
     def trial(self, index: int) -> MeetTrial:
         """Run one trial; run again, it gives the same."""

@@ -29,6 +29,7 @@ from mitt.rivals.meeting import make_meeter
 from mitt.signals import Array
 from mitt.trials.catcher_settings import catcher_settings
 from mitt.world.scene import Ball, Belt, Scene
+from mitt.world.targets import InHand, Ride, drawn_reach, drawn_ride
 
 Target = Literal["belt", "hand"]
 TARGETS: Final[tuple[Target, ...]] = ("belt", "hand")
@@ -101,6 +102,18 @@ class Station:
         Its upper side is towards the tool.
         """
         return self.map.frame * [1.0, -1.0, -1.0]
+
+    def coming(self, rng: np.random.Generator, speed: float) -> Ride | InHand:
+        """Return what comes by: a part on the belt, or a thing in a hand.
+
+        Args:
+            rng: Source of the draw.
+            speed: Mean speed of the belt, or largest of the hand [m/s].
+        """
+        if self.scene.belt is not None and self.target == "belt":
+            return drawn_ride(rng, self.place, self.scene.belt.direction, speed=speed)
+        to = self.place + 0.03 * rng.standard_normal(3)
+        return replace(drawn_reach(rng, to=to, speed=speed), orientation=self.presented)
 
     @property
     def catcher(self) -> CatcherSettings:
