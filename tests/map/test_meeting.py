@@ -5,10 +5,12 @@ from functools import cache
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from mitt.arm.arm import Arm
+from mitt.arm.tools import Suction
+from mitt.arm.wam import wrist_wam
 from mitt.errors import ModelError
 from mitt.files.arm_file import load_arm
 from mitt.map.meeting import MeetingMap, unlearned_meeting
@@ -98,6 +100,39 @@ def test_six_joints_hold_the_tool_as_it_was_asked(seed: int) -> None:
     inside, virtual = f.virtual(target)
     assert inside
     assert np.allclose(f.arm.orientation(virtual[0]), f.frame, atol=1e-9)
+
+
+@given(seed=seeds)
+@settings(max_examples=20)
+def test_a_wrist_that_follows_two_joints_keeps_the_direction_of_the_tool(seed: int) -> None:
+    """Three joints of the WAM reach the target; joint 6 turns back what 2 and 4 turn."""
+    rng, arm = np.random.default_rng(seed), wrist_wam(Suction())
+    q = np.array([0.1, 0.5, 2.0, np.pi - 2.5])
+    arm = Arm(replace(arm.model, q_ready=q), arm.limits)
+    f = unlearned_meeting(arm, (0, 1, 2), coupling=np.array([[0.0, -1.0, -1.0]]))
+    f = replace(f, alpha=0.3 * rng.standard_normal(f.alpha.shape))
+    r = arm.position(q) + 0.1 * rng.standard_normal(3)
+    target = np.array([r, rng.uniform(-1.0, 1.0, 3), rng.uniform(-3.0, 3.0, 3)])
+    rows = f.motion(target, 0.0, 1.0)
+    assert rows is not None
+    assert np.allclose(arm.position(rows[0]), r, atol=1e-9)
+    assert np.allclose(arm.jacobian(rows[0]) @ rows[1], target[1], atol=1e-8)
+    assert np.allclose(arm.orientation(rows[0])[:, 2], [0.0, 0.0, -1.0], atol=1e-9)
+
+
+@given(name=arms, seed=seeds)
+@settings(max_examples=10)
+def test_a_motion_is_the_same_at_once_and_instant_by_instant(name: str, seed: int) -> None:
+    """Where the inverse goes on from the instant before, and where it starts anew."""
+    f, target, _ = drawn(name, seed)
+    t = np.linspace(0.0, 0.04, 5)
+    path = target + np.array([[[x], [0.0], [0.0]] for x in t]) * target[1]
+    s = 1.0 - t
+    rows = f.motion_along(path, s, 1.0)
+    assume(rows is not None)
+    assert rows is not None
+    for k in range(5):
+        assert np.allclose(rows[k], f.motion(path[k], float(s[k]), 1.0), atol=1e-6)
 
 
 def test_a_target_out_of_reach_has_no_motion() -> None:

@@ -1,4 +1,4 @@
-"""The 4-DOF Barrett WAM from its published figures.
+"""The 4-DOF Barrett WAM from its published figures, and the WAM with its wrist.
 
 Kinematics, masses, inertias: ``config/wam4.conf`` of BarrettTechnology/libbarrett, commit 109faf6
 ("inertial specifications, Sept 2008"). Joint ranges and drives: WAM User's Manual D1001 AH.00,
@@ -10,10 +10,11 @@ joint's rotation; here a link's frame is the one right after that rotation, so t
 part of the D-H step moves the figures into it.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mitt.arm.arm import Arm
 from mitt.arm.description import ArmModel, Brake, Capsule, Hand, Link, rotation, transform
 from mitt.arm.limits import Limits, joint_level
 from mitt.errors import UnknownNameError
@@ -106,6 +107,32 @@ _RATIO = np.abs(TRANSMISSION).max(axis=0)
 _BRAKE_TORQUE = _PAPER_TAU
 _BRAKE_DAMPING = _TORQUE_CONSTANT**2 / _RESISTANCE * (TRANSMISSION**2).sum(axis=0)
 
+#: The wrist, joints 5 to 7, and the link that carries it (``config/wam7w.conf`` of libbarrett);
+#: rotors of 1.472e-5 and 1.349e-6 kg m^2 (as for the motors above), two of them turn joint 6.
+_WRIST = (
+    _Row(
+        np.pi / 2, -0.045, 0.0, -0.9, 3.1, 2.17266212, (5.53408, 0.06822, 119.27695),
+        (10674.91, 10586.59, 2820.36, 45.03, -1355.57, -110.02), 0.0346,
+        (Capsule(start=(-0.045, -0.10, 0.0), end=(-0.045, -0.25, 0.0), radius=0.042),),
+    ),
+    _Row(
+        -np.pi / 2, 0.0, 0.3, -4.76, 1.24, 0.35655692, (0.05483, 28.86286, 1.48493),
+        (371.12, 194.34, 382.09, -0.08, -0.03, -16.13), 0.00277,
+    ),
+    _Row(
+        np.pi / 2, 0.0, 0.0, -1.57, 1.57, 0.40915886, (-0.05923, -16.86123, 24.19052),
+        (548.89, 238.46, 451.33, 0.19, -0.10, -44.30), 0.00277,
+    ),
+    _Row(
+        0.0, 0.0, 0.0609, -3.0, 3.0, 0.0754827, (0.14836, 0.07252, -3.35185),
+        (39.11, 38.77, 76.14, 0.19, 0.0, 0.0), 0.0003,
+    ),
+)  # fmt: skip
+#: Ratios of its joints, and its idealised torques [N m] and speeds [rad/s]: the continuous torques
+#: of its motors (0.356 and 0.091 N m), and half of their speeds without load.
+_WRIST_RATIO = np.array([9.7, 9.7, 14.93])
+_WRIST_TAU, _WRIST_SPEED = np.array([6.9, 6.9, 1.36]), np.array([9.9, 9.9, 19.0])
+
 LIMIT_SETS = ("paper", *_VOLTS)
 
 
@@ -124,6 +151,29 @@ def wam(hand: Hand | None, *, held_3: float | None = 0.0) -> ArmModel:
         base_capsules=(_BASE,),
         mount=np.eye(4),
     )
+
+
+def wrist_wam(hand: Hand | None) -> Arm:
+    """Return the WAM with its wrist and idealised limits; joints 3, 5 and 7 are held straight.
+
+    Joints 2, 4 and 6 are parallel, so that 6 can keep the pitch of the hand.
+    """
+    rows, held = (*_TABLE[:3], *_WRIST), (2, 4, 6)
+    ratio = np.concatenate([_RATIO, _WRIST_RATIO])
+    tau = np.concatenate([_PAPER_TAU, _WRIST_TAU])
+    links = []
+    for k, row in enumerate(rows):
+        placement = np.eye(4) if k == 0 else _step(rows[k - 1])
+        link = _link(min(k, 3), row, 0.0 if k in held else None, placement)
+        step = 2.0 * np.pi / (_COUNTS * float(ratio[k]))
+        brake = link.brake if k < 4 else Brake(torque=float(tau[k]), damping=0.1)
+        links.append(replace(link, name=f"j{k + 1}", encoder_step=step, brake=brake))
+    model = ArmModel(
+        name="wam", links=tuple(links), tool=_step(rows[-1]), hand=hand,
+        q_ready=np.array([0.0, np.pi / 4, 0.0, 0.0]), base_capsules=(_BASE,), mount=np.eye(4),
+    )  # fmt: skip
+    speed = np.concatenate([_PAPER_SPEED, _WRIST_SPEED])
+    return Arm(model, joint_level("paper", tau=tau, speed=speed))
 
 
 def wam_limits(name: str) -> Limits:

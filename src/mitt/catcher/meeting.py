@@ -35,7 +35,7 @@ _HALVINGS = 2
 #: Ticks from one verdict to the next while there is nothing to meet.
 _EVERY = 8
 #: Times in which the tool lifts what it has grasped and comes to rest [s].
-_LEAVES = (0.3, 0.4, 0.6, 0.9)
+_LEAVES = (0.2, 0.3, 0.4, 0.6, 0.9)
 #: Least time from the start until the way down begins [s].
 _LEAST = 0.1
 #: Rates at which the followed target closes up to the estimate, along a belt and across it [1/s].
@@ -93,7 +93,7 @@ class MeetingSettings:
 
 @kernel
 def _glide(given: Array, across: Array, dt: float, motion: Array) -> None:
-    """Let a followed motion go on for one tick towards what is given some time ``dt`` later."""
+    """Let a followed motion go on for one tick towards what is given a time ``dt`` later [s]."""
     moves, rests = np.zeros(3), np.zeros(3)
     for i in range(3):
         r, dr, ddr = given[0, i] - motion[0, i], motion[1, i], motion[2, i]
@@ -144,7 +144,7 @@ class Glide:
         if not 0.0 <= t - self._t < 0.1:
             self._t, self._motion, self.calm = t, given.copy(), t
         while t - self._t > 0.5 * TICK:
-            _glide(given, across, t - self._t - TICK, self._motion)
+            _glide(given, across, t - self._t, self._motion)
             self._t += TICK
         off = given - self._motion
         if np.linalg.norm(off[0]) > _NEAR or np.linalg.norm(off[1]) > _SLOW:
@@ -293,19 +293,23 @@ class Meeting(Generator):
     def shares(self, motion: Array, step: float) -> dict[str, float]:
         """Return the shares of all limits of the arm that a motion asks for, in tolerances.
 
-        Those of :func:`mitt.map.demand.shares_of`, and where the limit set bounds jerks or torque
-        rates ``jerk:NAME`` of what the catcher's commands keep, by differences.
+        Those of :func:`mitt.map.demand.shares_of`, and by differences the jerk in shares of what
+        the catcher's commands keep: ``jerk:NAME``, or ``torque_rate:NAME`` where that comes from
+        the torque rates.
 
         Args:
             motion: q, dq, ddq at K instants, shape (K, 3, n).
             step: Time from one to the next [s].
         """
-        arm = self.map.arm
-        found, most = shares_of(arm, motion, self.tolerance), bounds_of(arm)["jerk"]
+        arm, tolerance = self.map.arm, self.tolerance
+        found, most = shares_of(arm, motion, tolerance), bounds_of(arm)["jerk"]
+        own = np.full(arm.n, inf) if arm.limits.jerk is None else arm.active(arm.limits.jerk)
+        by_rate = (most < own) & (arm.limits.torque_rate is not None)
         jerk = np.abs(np.diff(motion[:, 2], axis=0)).max(axis=0) / step
-        kept = jerk / (most * self.tolerance.acceleration)
-        shares = zip(arm.names, kept.tolist(), most.tolist(), strict=True)
-        return found | {f"jerk:{name}": x for name, x, limit in shares if limit < inf}
+        for k in np.flatnonzero(np.isfinite(most)).tolist():
+            kind = "torque_rate" if by_rate[k] else "jerk"
+            found[f"{kind}:{arm.names[k]}"] = float(jerk[k] / most[k] / tolerance.acceleration)
+        return found
 
     def _tool_speed(self, motion: Array) -> float:
         """Return the largest speed of the tool along a motion [m/s]."""

@@ -37,6 +37,10 @@ from mitt.signals import Array
 
 #: Power of s that each monomial of b has: position, velocity and acceleration match.
 _LOWEST = 3
+#: Instants of the way at which the metric weighs b and its rates in s, and the weights of their
+#: squares: where accelerations and jerks are bounded those count, else accelerations and speeds.
+_GRID = 81
+_WEIGHTS = {True: np.array([0.0, 0.0, 1.0, 0.003]), False: np.array([0.0, 30.0, 1.0, 0.0])}
 #: Share of the trace of a metric that is added to its diagonal.
 _RIDGE = 1e-9
 
@@ -233,7 +237,10 @@ def unlearned_meeting(
     arm: Arm, free: tuple[int, ...], *, frame: Array | None = None,
     coupling: Array | None = None, order: int = 7, across: int = 0,
 ) -> MeetingMap:  # fmt: skip
-    """Return the map with alpha = 0 and a metric that keeps accelerations small.
+    """Return the map with alpha = 0 and a metric that keeps small what the arm's limits bound.
+
+    Nothing is learned: coefficients learned by eq. (22) over 80 targets, with their metric, asked
+    100 others for 1.04 (UR5e), 1.11 (iiwa 14) and 1.48 times (FR3) the largest share of a limit.
 
     Args:
         arm: The arm.
@@ -246,12 +253,14 @@ def unlearned_meeting(
     centre, scale = np.append(arm.q_ready[list(free)], 0.0), np.ones(len(free) + 1)
     basis = CatchBasis(order, len(free), centre, scale, lowest=_LOWEST, across=across)
     m, n = len(basis.powers), arm.n
-    bent, still = np.zeros((m, m)), np.zeros((3, len(free) + 1))
+    still, jets = np.zeros((3, len(free) + 1)), np.zeros((_GRID, 4, m))
     still[0], still[1, -1] = centre, -1.0
-    for s in np.linspace(0.0, 1.0, 40):  # the square of the second derivative, over the way
+    for row, s in zip(jets, np.linspace(0.0, 1.0, _GRID), strict=True):
         still[0, -1] = s
-        rate = basis.jets(*still)[2]
-        bent += np.outer(rate, rate) / 40.0
+        row[:3] = basis.jets(*still)
+    jets[:, 3] = np.gradient(jets[:, 2], 1.0 / (_GRID - 1), axis=0)
+    weight = _WEIGHTS[bool(arm.limits.smooth)]
+    bent = np.einsum("d,tda,tdb->ab", weight, jets, jets) / _GRID
     metric = np.kron(bent, np.diag(arm.tau_max.max() / arm.tau_max))
     return MeetingMap(
         arm=arm, free=free, basis=basis, alpha=np.zeros((m, n)), coupling=coupling,

@@ -16,6 +16,7 @@ from mitt.arm.kinematics import motion_of, sweep
 from mitt.arm.limits import slowed
 from mitt.arm.shapes import Shapes, Surroundings, clearance, shapes_of
 from mitt.arm.tools import Jaw, Suction
+from mitt.arm.wam import wrist_wam
 from mitt.ball.filter import FilterConfig
 from mitt.catcher.generators import Generator
 from mitt.catcher.meeting import Meeting, MeetingSettings
@@ -48,7 +49,7 @@ PART: Final = Ball(sides=(0.05, 0.06, 0.04), mass=0.1, drag=0.0)
 #: How far above its place the tool waits, and where its way down begins [m].
 _WAITS, _ABOVE = 0.15, 0.06
 #: Time from the meeting until the tool begins to close [s].
-_SETTLE = 0.15
+_SETTLE = 0.2
 #: Times of the way down that are tried [s], and the share of each limit that it may take.
 _DOWN = (0.2, 0.25, 0.3, 0.4, 0.5, 0.7, 1.0)
 #: Least of them: a person is touched gently [s].
@@ -165,17 +166,17 @@ def station(
         scene = scene.model_copy(update={"ball": PART})
     half = 0.5 * (scene.ball.sides or (0.04,) * 3)[2]
     tool = replace(tool, half=half) if isinstance(tool, Suction) else tool
-    raw, free = _raw(name, tool, limits)
+    raw, free, coupling = _raw(name, tool, limits, target)
     raw = Arm(raw.model, slowed(raw.limits, speed_scale))
     shoulder, reach = _shoulder(raw)
     higher = -0.12 if target == "belt" else 0.05
     places = [shoulder + np.array([share * reach, 0.0, higher]) for share in _SHARES]
     if scene.belt is not None:
         places = [np.array([*scene.belt.middle, scene.belt.height + half])]
-    found = None
+    inverse, found = reach_of(raw, free, coupling), None
     for wide, place in product(_WIDE[target], places):
         room = np.array([0.06, wide * reach, 0.05 if target == "belt" else 0.1])
-        found = waiting_pose(raw, free, _FRAMES[target], place, room, scene.floor)
+        found = waiting_pose(raw, inverse, _FRAMES[target], place, room, scene.floor)
         if found is not None:
             break
     if found is None:
@@ -187,7 +188,7 @@ def station(
     arm = Arm(replace(raw.model, q_ready=q), raw.limits)
     low, high = place - room - 0.02, place + room + 0.02
     takes = tool.delay if isinstance(tool, Suction) else _takes(tool, scene)
-    f = unlearned_meeting(arm, free, frame=frame)
+    f = unlearned_meeting(arm, free, frame=frame, coupling=coupling)
     settings = MeetingSettings(
         low=tuple(low.tolist()), high=tuple(high.tolist()), above=_ABOVE, settle=_SETTLE,
         closing=takes, speed=speed, along=_along(scene) if target == "belt" else None,
@@ -224,11 +225,20 @@ def _takes(jaw: Jaw, scene: Scene) -> float:
     return float(jaw.closing_on(0.5 * sides[0], 0.0, np.zeros(1)).takes[0])
 
 
-def _raw(name: str, tool: Suction | Jaw, limits: str | None) -> tuple[Arm, tuple[int, ...]]:
-    """Return an arm with a tool, and the joints that bring it to a target.
+def _raw(
+    name: str, tool: Suction | Jaw, limits: str | None, target: Target
+) -> tuple[Arm, tuple[int, ...], Array | None]:
+    """Return an arm with a tool, the joints that bring it to a target, and how others follow.
 
-    Of seven joints the third is held, where it is straight.
+    Of seven joints the third is held, where it is straight. The WAM carries the tool on its wrist,
+    whose pitch follows two joints, so that three reach the target and the tool's direction stays.
     """
+    if name == "wam" and limits in (None, "paper"):
+        arm = wrist_wam(tool)
+        pitch = float(np.arccos(_FRAMES[target][2, 2])) - arm.q_ready[1]
+        ready = np.array([0.0, arm.q_ready[1], 0.5 * pitch, 0.5 * pitch])
+        bent = Arm(replace(arm.model, q_ready=ready), arm.limits)
+        return bent, (0, 1, 2), np.array([[0.0, -1.0, -1.0]])
     whole = load_arm(name, hand=tool, limits=limits)
     names = whole.names
     if len(names) == 7:
@@ -237,7 +247,7 @@ def _raw(name: str, tool: Suction | Jaw, limits: str | None) -> tuple[Arm, tuple
     free = tuple(range(len(names)))
     if len(free) not in (3, 5, 6):
         raise ModelError(f"arm {name}", "3, 5, 6 or 7 joints", f"{len(free)}")
-    return whole, free
+    return whole, free, None
 
 
 def _shoulder(arm: Arm) -> tuple[Array, float]:
@@ -251,7 +261,7 @@ def _shoulder(arm: Arm) -> tuple[Array, float]:
 
 
 def waiting_pose(
-    arm: Arm, free: tuple[int, ...], frame: Array, place: Array, room: Array, floor: float
+    arm: Arm, inverse: Reach, frame: Array, place: Array, room: Array, floor: float
 ) -> tuple[Array, Array] | None:
     """Return the pose in which an arm waits for what comes to a place [rad], (n,), and its frame.
 
@@ -260,13 +270,12 @@ def waiting_pose(
 
     Args:
         arm: The arm.
-        free: Its joints that bring the tool to a target.
+        inverse: What brings its tool to a target.
         frame: Columns: where the tool's axes are to point, but for such a turn, shape (3, 3).
         place: Middle of the work area [m], shape (3,).
         room: Half of its sizes [m], shape (3,).
         floor: Height of the floor [m].
     """
-    inverse = reach_of(arm, free)
     w = reach_scratch(inverse)
     rng, above = np.random.default_rng(_SEED), place - _WAITS * frame[:, 2]
     corners = [place + room * x for x in product((-1.0, 1.0), repeat=3)]
@@ -277,7 +286,7 @@ def waiting_pose(
         w.frame[:] = turned = turns[k % len(turns)]
         start = rng.uniform(np.maximum(arm.q_min, -2.6), np.minimum(arm.q_max, 2.6))
         q = _brought(inverse, w, above, start)
-        if q is None or not _is_sound(arm, q, turned, len(free)):
+        if q is None or not _is_sound(arm, inverse, q, turned):
             continue
         worth = _ease(arm, inverse, w, corners, q)
         if (best is None or worth > best[0]) and worth > 0.0 and _is_clear(arm, shapes, q):
@@ -293,13 +302,14 @@ def _brought(inverse: Reach, w: ReachScratch, to: Array, start: Array) -> Array 
     return rows[0].copy() if reach_target(inverse, target, rows, w) else None
 
 
-def _is_sound(arm: Arm, q: Array, frame: Array, rows: int) -> bool:
+def _is_sound(arm: Arm, inverse: Reach, q: Array, frame: Array) -> bool:
     """Say whether a pose is in the joints' ranges, its tool pointing as wanted, not opposite."""
     room = 0.03 * (arm.q_max - arm.q_min)
     inside = bool(np.all((q > arm.q_min + room) & (q < arm.q_max - room)))
     turned = arm.orientation(q)
     along = np.sum(turned * frame, axis=0)  # cosines of the tool's axes with those wanted
-    told = {3: along[:0], 5: along[2:], 6: along}[rows]
+    k = len(inverse.free)
+    told = along if k == 6 else along[2:] if k == 5 or k < arm.n else along[:0]
     return inside and bool(np.all(told > 0.9))
 
 

@@ -1,0 +1,144 @@
+"""Meeting as a generator: what its verdict says before moving, and how it follows and leaves."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from math import inf
+
+import numpy as np
+import pytest
+
+from mitt.arm.arm import Arm
+from mitt.catcher.meeting import Glide, Meeting, MeetingSettings
+from mitt.files.arm_file import load_arm
+from mitt.map.demand import Tolerance
+from mitt.map.meeting import unlearned_meeting
+from mitt.signals import TICK, Array, BallState
+from mitt.verdict.feasibility import Outcome
+
+Q = np.array([0.2, -1.3, 1.8, -2.1, -1.5, 0.3])
+ENDLESS = Tolerance(torque=1e6, speed=1e6, acceleration=1e6)
+
+
+@cache
+def bare() -> Arm:
+    """Return a UR5e that waits in a pose."""
+    arm = load_arm("ur5e", hand="none", joints=None)
+    return Arm(replace(arm.model, q_ready=Q), arm.limits)
+
+
+def meeting(arm: Arm | None = None, *, width: float = 0.3, **of: object) -> Meeting:
+    """Return a generator whose work area is about the tool's place, with other settings."""
+    arm = bare() if arm is None else arm
+    place, room = bare().position(Q), np.array([0.2, width, 0.2])
+    low, high = (tuple((place + x * room).tolist()) for x in (-1.0, 1.0))
+    settings = MeetingSettings(low=low, high=high, above=0.05, **of)  # type: ignore[arg-type]
+    return Meeting(unlearned_meeting(arm, tuple(range(6))), settings)
+
+
+def part(speed: float = 0.2, ahead: float = 0.3, x: float = 0.0) -> BallState:
+    """Return a part that comes along y, as far before the tool's place as is said."""
+    r = bare().position(Q) + np.array([x, -ahead, -0.05])
+    covariance = 1e-8 * np.eye(6)
+    return BallState(t=0.0, r_o=r, dr_o=np.array([0.0, speed, 0.0]), led=True,
+                     ddr_o=np.zeros(3), covariance=covariance)  # fmt: skip
+
+
+def with_limits(**of: float) -> Arm:
+    """Return the arm with further limits, the same of each joint."""
+    return Arm(bare().model, replace(bare().limits, **{k: np.full(6, x) for k, x in of.items()}))
+
+
+def narrow() -> Arm:
+    """Return the arm with a first joint that hardly turns."""
+    first, *rest = bare().model.links
+    short = replace(first, q_min=Q[0] - 0.02, q_max=Q[0] + 0.02)
+    return Arm(replace(bare().model, links=(short, *rest)), bare().limits)
+
+
+def test_a_part_that_can_be_met_is_met_as_soon_as_all_limits_allow() -> None:
+    """The motion that the verdict has looked at begins in the pose and ends with the part."""
+    g = meeting()
+    verdict = g.verdict(part(), Q)
+    assert verdict.outcome is Outcome.FEASIBLE
+    assert verdict.share <= 1.0
+    assert verdict.approach is not None
+    first, last = verdict.approach.motion[0], verdict.approach.motion[-1]
+    assert np.allclose(first, [Q, 0.0 * Q, 0.0 * Q], atol=1e-6)
+    end = verdict.t_catch + g.settings.window
+    met = part().r_o + end * part().dr_o
+    assert np.allclose(bare().position(last[0]), met, atol=1e-8)
+    assert np.allclose(bare().jacobian(last[0]) @ last[1], part().dr_o, atol=1e-7)
+
+
+#: What cannot be met, by the limit that binds.
+REFUSED: dict[str, Callable[[], tuple[Meeting, BallState]]] = {
+    "area": lambda: (meeting(), part(speed=0.2, ahead=-0.4)),
+    "window": lambda: (meeting(closing=2.0), part(speed=1.0)),
+    "domain": lambda: (meeting(width=5.0), part(speed=0.1, ahead=-3.0)),
+    "tool": lambda: (meeting(speed=0.02), part()),
+    "speed:": lambda: (replace(meeting(), tolerance=replace(ENDLESS, speed=0.01)), part()),
+    "torque:": lambda: (replace(meeting(), tolerance=replace(ENDLESS, torque=0.01)), part()),
+    "acceleration:": lambda: (meeting(with_limits(acceleration=0.2)), part()),
+    "jerk:": lambda: (meeting(with_limits(jerk=1.0)), part()),
+    "torque_rate:": lambda: (meeting(with_limits(torque_rate=0.5)), part()),
+    "range:shoulder_pan": lambda: (replace(meeting(narrow()), tolerance=ENDLESS), part()),
+}
+
+
+@pytest.mark.parametrize("binding", REFUSED)
+def test_a_part_that_cannot_be_met_is_refused_with_the_limit_that_binds(binding: str) -> None:
+    """Too fast for a limit, out of reach, or gone before the tool has closed; it does not start."""
+    g, ball = REFUSED[binding]()
+    verdict = g.verdict(ball, Q)
+    assert verdict.outcome is Outcome.UNSETTLED
+    assert verdict.binding_limit.startswith(binding)
+    assert g.adapt(ball, Q, np.zeros(6)).start == inf
+
+
+def test_under_way_the_tool_is_with_the_part_whatever_it_does_and_lifts_it_to_rest() -> None:
+    """A part that is slowed down on the way is met with its position and velocity all the same."""
+    ball = part(speed=0.3)
+    g = meeting(settle=0.05).adapt(ball, Q, np.zeros(6))
+    assert g.start == 0.0
+    r, speed, left, rows = ball.r_o.copy(), 0.3, inf, np.zeros((3, 6))
+    for tick in range(1, 3000):
+        slower = -0.3 if 200 < tick <= 500 else 0.0
+        speed += TICK * slower
+        r[1] += TICK * speed
+        now = replace(ball, t=tick * TICK, r_o=r.copy(), dr_o=np.array([0.0, speed, 0.0]),
+                      ddr_o=np.array([0.0, slower, 0.0]))  # fmt: skip
+        said = g.reference(now)
+        left, rows = said.time_to_catch, np.array([said.q_d, said.dq_d, said.ddq_d])
+        if left <= 0.0:
+            break
+    assert left <= 0.0
+    assert np.linalg.norm(bare().position(rows[0]) - r) < 2e-4
+    assert np.linalg.norm(bare().jacobian(rows[0]) @ rows[1] - [0.0, speed, 0.0]) < 2e-3
+    away = g.leaving(rows)
+    assert away is not None
+    assert np.allclose(away[0], rows, atol=1e-6)
+    assert np.allclose(away[-1, 1:], 0.0, atol=1e-7)
+    lifted = bare().position(away[-1, 0]) - bare().position(rows[0])
+    lifted -= 0.5 * TICK * (len(away) - 1) * bare().jacobian(rows[0]) @ rows[1]
+    assert np.allclose(lifted, -0.05 * g.map.frame[:, 2], atol=1e-9)
+    steps = np.diff(away[:, 0], axis=0) - TICK * 0.5 * (away[1:, 1] + away[:-1, 1])
+    assert np.abs(steps).max() < 1e-6
+
+
+def test_an_estimate_that_jumps_is_followed_without_a_jump_and_without_a_lag() -> None:
+    """Not even of the acceleration; and across a belt what jumps is closed more slowly."""
+    glide, along = Glide(), np.array([0.0, 1.0, 0.0])
+    across = np.eye(3) - np.outer(along, along)
+
+    def given(t: float) -> Array:
+        r = np.array([0.0, 0.4 * t, 0.0]) + (0.003 if t > 0.1005 else 0.0)
+        return np.array([r, 0.4 * along, np.zeros(3)])
+
+    rows = np.array([glide.to(k * TICK, given(k * TICK), across) for k in range(1500)])
+    change = np.abs(np.diff(rows[:, 2], axis=0)).max()
+    assert 0.0 < change < 0.3
+    assert np.allclose(rows[-1, 0], given(1.499)[0], atol=1e-5)
+    assert np.allclose(rows[-1, 1], 0.4 * along, atol=1e-4)
+    off = np.abs(rows[250, 0] - given(0.25)[0])
+    assert off[1] < 0.5 * off[0]
