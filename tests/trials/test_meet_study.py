@@ -46,7 +46,7 @@ def test_a_study_writes_its_table_summary_and_page(tmp_path: Path) -> None:
     assert all(row["status"] == "met" for row in table)
     summary = json.loads(folder.summary.read_text())
     assert [row["met"] for row in summary["rows"]] == [1, 1, 1]
-    assert summary["answer"][0].startswith("belt: the map met 1 of 1")
+    assert summary["answer"][0].startswith("belt, targets met: the map (1 of 1) is not told apart")
     again = run_meet_study(study, folder, engine, progress=quiet)
     assert again.rows == summary["rows"]
     assert len(engine.done) == len(table)
@@ -83,12 +83,13 @@ def test_the_answer_says_who_is_better_and_of_whom_that_is_not_known() -> None:
                             for x, of in (("a", sure), ("b", behind), ("c", level))),
     ]  # fmt: skip
     rows = [
-        {"condition": "belt", "generator": name, "met": 20, "trials": 20, "meet_rate": 1.0,
-         "ci95": [0.8, 1.0], "against_direct": of}
+        {"condition": "belt", "generator": name, "met": 20, "trials": 20,
+         "against_direct": of} | {x: {"median": 1.0} for x in names[1:]}
         for name, of in pairs
     ]  # fmt: skip
     said = answer(rows)
-    assert said[1] == (
-        "belt, targets met: the map is better than a; the map is worse than b; "
-        "not told apart from c."
+    assert said[0] == (
+        "belt, targets met: the map (20 of 20) is better than a (20 of 20); worse than b (20 of "
+        "20); not told apart from c (20 of 20)."
     )
+    assert said[1].startswith("belt, error at the grasp [mm]: the map (1) is better than a (1);")

@@ -64,6 +64,10 @@ MEASURES: Final[dict[str, tuple[str, Callable[[Row], float | None]]]] = {
 """What is measured in each trial: words, and where a row of the table has it."""
 
 
+#: Below this p a difference counts.
+_SURE = 0.05
+
+
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeetJob:
@@ -271,31 +275,29 @@ def _counted(pairs: Sequence[tuple[float, float]]) -> dict[str, float]:
 def answer(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return what the figures say, a sentence for each condition and measure."""
     out = []
+    words = {"met": "targets met"} | {name: text for name, (text, _) in MEASURES.items()}
     for condition in dict.fromkeys(row["condition"] for row in rows):
-        cells = [row for row in rows if row["condition"] == condition]
-        pairs = {r["generator"]: r["against_direct"] for r in cells if r["against_direct"]}
-        own = next((r for r in cells if r["generator"] == REFERENCE), None)
-        if own is None or not pairs:
-            continue
-        low, high = (100.0 * x for x in own["ci95"])
-        out.append(f"{condition}: the map met {own['met']} of {own['trials']}, "
-                   f"{100.0 * own['meet_rate']:.0f} % ({low:.0f} to {high:.0f}).")  # fmt: skip
-        words = {"met": "targets met"} | {name: text for name, (text, _) in MEASURES.items()}
-        for name, text in words.items():
-            out.append(f"{condition}, {text}: {_places(pairs, name)}.")
+        cells = {row["generator"]: row for row in rows if row["condition"] == condition}
+        if REFERENCE in cells and any(row["against_direct"] for row in cells.values()):
+            out += [f"{condition}, {text}: {_places(cells, name)}." for name, text in words.items()]
     return out
 
 
-def _places(pairs: Mapping[str, Mapping[str, Mapping[str, float]]], name: str) -> str:
+def _places(cells: Mapping[str, Mapping[str, Any]], name: str) -> str:
     """Return in words whom the map is better than in a measure, and who is better than it."""
-    groups: dict[str, list[str]] = {"better": [], "worse": [], "level": []}
-    for label, pair in pairs.items():
-        of = pair[name]
-        sure = of["p_holm"] < 0.05
-        kind = ("better" if of["direct"] > of["this"] else "worse") if sure else "level"
-        groups[kind].append(label)
-    said = [f"the map is {kind} than {', '.join(labels)}"
-            for kind, labels in groups.items() if labels and kind != "level"]  # fmt: skip
-    if groups["level"]:
-        said.append(f"not told apart from {', '.join(groups['level'])}")
-    return "; ".join(said)
+    groups: dict[str, list[str]] = {"better than": [], "worse than": [], "not told apart from": []}
+    for label, row in cells.items():
+        if row["against_direct"]:
+            of = row["against_direct"][name]
+            kind = "better than" if of["direct"] > of["this"] else "worse than"
+            kind = kind if of["p_holm"] < _SURE else "not told apart from"
+            groups[kind].append(f"{label} ({_figure(row, name)})")
+    said = [f"{kind} {', '.join(labels)}" for kind, labels in groups.items() if labels]
+    return f"the map ({_figure(cells[REFERENCE], name)}) is {'; '.join(said)}"
+
+
+def _figure(row: Mapping[str, Any], name: str) -> str:
+    """Return the figure of a cell: how many were met, or the median."""
+    if name == "met":
+        return f"{row['met']} of {row['trials']}"
+    return "none" if row[name] is None else f"{row[name]['median']:.3g}"
