@@ -122,6 +122,35 @@ def test_the_map_as_a_policy_of_torques_catches(map_file: Path) -> None:
     assert caught >= 2
 
 
+@pytest.mark.parametrize("action", ["torque", "residual"])
+def test_parts_are_met_by_the_rules_of_gymnasium(action: str) -> None:
+    """Its checker passes; a seed gives the same episode; the map meets the part, and is rewarded.
+
+    One that does nothing is rewarded for less, and by how far it is away, from the first step on.
+    """
+    env = gymnasium.make("mitt/Meet-v0", action=action, ticks=1 if action == "torque" else 20)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(env.unwrapped, skip_render_check=True)
+    policy, first = mitt.gym.map_policy(env), list[Any]()
+    for _ in range(2):
+        obs, _ = env.reset(seed=3)
+        total, over = 0.0, False
+        while not over:
+            obs, reward, terminated, truncated, info = env.step(policy(obs))
+            total, over = total + float(reward), terminated or truncated
+        first.append((total, obs))
+        assert info["status"] == "met"
+        assert total > 8.0
+    assert first[0][0] == first[1][0]
+    assert _same(first[0][1], first[1][1])
+    env.reset(seed=4)
+    still = np.zeros(env.action_space.shape or (), np.float32)
+    rewards = [float(env.step(still)[1]) for _ in range(10)]
+    assert len(set(rewards)) > 5
+    assert max(rewards) < 0.0
+
+
 @pytest.mark.parametrize("vector", [SyncVectorEnv, AsyncVectorEnv])
 def test_vector_environments_of_gymnasium_work(vector: Any) -> None:  # noqa: ANN401 (their classes)
     """Two at once, in this process or in two others, give what each gives alone."""

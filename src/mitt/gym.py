@@ -1,4 +1,6 @@
-"""Catching as a Gymnasium environment: ``mitt/Catch-v0`` and ``mitt/CatchPixels-v0``.
+"""Catching and meeting as Gymnasium environments: ``mitt/Catch-v0``, ``mitt/CatchPixels-v0``.
+
+Parts on a belt, or in a hand, are met in ``mitt/Meet-v0``, with keywords of its own: :class:`Meet`.
 
     import gymnasium, mitt.gym
     env = gymnasium.make("mitt/Catch-v0", scene="lab", action="residual", map="MAP.json")
@@ -37,8 +39,12 @@ except ImportError:
 from mitt.arm.arm import Arm
 from mitt.arm.hands import HandModel
 from mitt.arm.limits import saturate
+from mitt.arm.tools import TOOLS, Jaw
+from mitt.catcher.catcher import Catcher
 from mitt.catcher.generators import Direct, check_arm
+from mitt.catcher.meeting import Meeting
 from mitt.catcher.settings import Phase
+from mitt.cell.feeds import Parts
 from mitt.files.arm_file import arm_with_hand
 from mitt.files.maps import read_map
 from mitt.map.learn import Learned
@@ -59,10 +65,12 @@ from mitt.trials.score import (
     was_held,
 )
 from mitt.trials.source import source_of, widened
-from mitt.world.scene import Scene, scene_from
+from mitt.trials.station import TARGETS, station
+from mitt.world.scene import Scene, scene_from, scene_of
+from mitt.world.simulation import World
 from mitt.world.throws import ThrowRanges, default_throw
 
-__all__ = ["Catch", "CatchPixels", "Environment", "map_policy"]
+__all__ = ["Catch", "CatchPixels", "Driven", "Environment", "Meet", "map_policy"]
 
 Observation: TypeAlias = Any
 Numbers: TypeAlias = NDArray[np.float32]
@@ -74,13 +82,150 @@ _RESIDUAL = 0.2
 #: Rewards: for a ball that is held, for the first touch, per second and metre of distance, per
 #: second of full torque; choices of this project.
 _HELD, _TOUCH, _DISTANCE, _EFFORT = 10.0, 1.0, 1.0, 0.05
+#: The same per second and m/s of difference in velocity, for a part that is to be met; time after
+#: which a part has not been taken [s].
+_SLIP, _LATE = 0.5, 10.0
 
 
-class Environment(gymnasium.Env[Observation, Numbers]):
-    """What both environments share."""
+class Driven(gymnasium.Env[Observation, Numbers]):
+    """What all environments share: an arm that an agent drives, a tick or some at a time.
+
+    Attributes:
+        arm: The arm.
+        world: Its world.
+        scene: Settings of the world.
+        ticks: Milliseconds that an action lasts.
+        senses: What was sensed in the last action, where somebody asked.
+        watched: Whether somebody asks.
+    """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 200}  # noqa: RUF012
     pixels = False
+
+    def _set_up(self, render_mode: str | None, scene: Scene, action: str, ticks: int) -> None:
+        """Take what every environment is told."""
+        checks.one_of("action", action, ("torque", "residual"))
+        if render_mode is not None:
+            checks.one_of("render_mode", render_mode, self.metadata["render_modes"])
+        self.render_mode, self._action, self.scene = render_mode, action, scene
+        if scene.actuation.takes != "torque":
+            raise InputError("scene", "a robot that takes torques", scene.actuation.takes)
+        self.ticks = checks.whole("ticks", ticks, least=1)
+        self.metadata = {**self.metadata, "render_fps": max(round(1.0 / (TICK * ticks)), 1)}
+
+    def _take(self, arm: Arm, world: World, closed: float) -> None:
+        """Take the arm, its world, and the closing of the hand that closes it."""
+        self.arm, self.world, self._closed = arm, world, closed
+        ball = world.model.joint("ball")
+        self._free, self._fast = int(ball.qposadr[0]), int(ball.dofadr[0])
+        self._drawn: tuple[mujoco.MjModel, list[Faces]] | None = None
+        sides = arm.n + 1 if self._action == "torque" else arm.n
+        self.action_space = spaces.Box(-1.0, 1.0, (sides,), np.float32)
+        self.observation_space = self._space()
+        self.senses: list[Senses] = []
+        self.watched = False
+        self._links, self._active = np.zeros((3, len(arm.model.links))), [*arm.model.active]
+
+    def fresh_catcher(self) -> Catcher:
+        """Return a catcher that has seen nothing yet."""
+        raise NotImplementedError
+
+    def _command(self, senses: Senses | None, given: Array) -> Command:
+        """Return what arm and hand are told in a tick."""
+        n, tau = self.arm.n, np.zeros((4, self.arm.n))
+        if senses is None or not self.residual:
+            tau[3] = self._within(given[:n] * self.arm.tau_max)
+            return Command(self.world.t, tau, self._closing(given[n]))
+        command = self._catcher.step(senses)
+        if self._catcher.stopped_by is not None:
+            self.world.watch_on()
+        self._catcher.think()
+        if not np.any(given) or command.brakes:
+            return command
+        joints = command.joints.copy()
+        joints[3] = self._within(joints[3] + _RESIDUAL * given * self.arm.tau_max)
+        return command._replace(joints=joints)
+
+    def _closing(self, given: float) -> float:
+        """Return how far the hand is told to close."""
+        return float(0.5 * (1.0 + given) * self._closed)
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """Return a picture, drawn in software, shape (262, 340, 3)."""
+        if self.render_mode is None:
+            return None
+        if self._drawn is None:
+            model = self.world.model
+            faces = [body_faces(model, b, self.arm, self.scene) for b in range(model.nbody)]
+            self._drawn = model, faces
+        qpos = self.world.data.qpos.copy()
+        picture = painted(*placed(*self._drawn, qpos, np.zeros((0, 3))), self.scene.floor)
+        return np.array(picture, np.uint8)
+
+    @property
+    def residual(self) -> bool:
+        """Whether actions are added to what the catcher commands."""
+        return self._action == "residual"
+
+    def as_action(self, tau: Array, hand: float) -> Numbers:
+        """Return a torque [N m], shape (n,), and a closing angle [rad] as an action ``torque``."""
+        tau = checks.vector("tau", tau, self.arm.n, finite=True)
+        hand = checks.number("hand", hand, finite=True)
+        shares = [*(tau / self.arm.tau_max), 2.0 * hand / self._closed - 1.0]
+        out: Numbers = np.clip(shares, -1.0, 1.0).astype(np.float32)
+        return out
+
+    def _within(self, tau: Array) -> Array:
+        """Return torques as the drives can give them at the joints' speeds."""
+        links, active = self._links, self._active
+        links[0, active], links[1, active] = tau, self.world.data.qvel[: self.arm.n]
+        saturate(self.arm.limits.packed, links[0], links[1], links[2])
+        return links[2, active]
+
+    def joints(self) -> Numbers:
+        """Return joint angles in their ranges, speeds in shares of their limits, catch point."""
+        arm, n, data = self.arm, self.arm.n, self.world.data
+        middle, half = 0.5 * (arm.q_max + arm.q_min), 0.5 * (arm.q_max - arm.q_min)
+        q = np.clip((data.qpos[:n] - middle) / half, -2.0, 2.0)
+        dq = np.clip(data.qvel[:n] / arm.dq_max, -_SPIN, _SPIN)
+        fingers = np.clip(data.qpos[n : self._free], -_SPIN, _SPIN)
+        place = np.clip(self.world.catch_point, -FAR, FAR)
+        return np.concatenate([q, dq, fingers, place]).astype(np.float32)
+
+    def bounds(self) -> Numbers:
+        """Return the upper bounds of :meth:`joints`; the lower ones are their negatives."""
+        n, fingers = self.arm.n, self._free - self.arm.n
+        sides = [np.full(n, 2.0), np.full(n + fingers, _SPIN), np.full(3, FAR)]
+        return np.concatenate(sides).astype(np.float32)
+
+    def thing(self) -> tuple[Array, Array]:
+        """Return the true position [m] and velocity [m/s] of ball or part, shape (3,) each."""
+        r, dr = self._free, self._fast
+        return self.world.data.qpos[r : r + 3], self.world.data.qvel[dr : dr + 3]
+
+    def whole(self) -> Numbers:
+        """Return joints, and ball or part."""
+        r, dr = self.thing()
+        ball = np.clip(r, -FAR, FAR), np.clip(dr, -FAST, FAST)
+        return np.concatenate([self.joints(), *ball]).astype(np.float32)
+
+    def whole_space(self) -> spaces.Box:
+        """Return the space of :meth:`whole`."""
+        ball = np.array([FAR] * 3 + [FAST] * 3, np.float32)
+        high = np.concatenate([self.bounds(), ball])
+        return spaces.Box(-high, high, dtype=np.float32)
+
+    def _space(self) -> spaces.Space[Any]:
+        """Return the space of what is observed."""
+        raise NotImplementedError
+
+    def _observed(self) -> Observation:
+        """Return what is observed now."""
+        raise NotImplementedError
+
+
+class Environment(Driven):
+    """What both environments of catching share."""
 
     def __init__(
         self,
@@ -94,14 +239,7 @@ class Environment(gymnasium.Env[Observation, Numbers]):
         ticks: int = 5,
     ) -> None:
         """Build the world; arguments as of :mod:`mitt.gym`."""
-        checks.one_of("action", action, ("torque", "residual"))
-        if render_mode is not None:
-            checks.one_of("render_mode", render_mode, self.metadata["render_modes"])
-        self.render_mode, self._action, self.scene = render_mode, action, scene_from(scene)
-        if self.scene.actuation.takes != "torque":
-            raise InputError("scene", "a robot that takes torques", self.scene.actuation.takes)
-        self.ticks = checks.whole("ticks", ticks, least=1)
-        self.metadata = {**self.metadata, "render_fps": max(round(1.0 / (TICK * ticks)), 1)}
+        self._set_up(render_mode, scene_from(scene), action, ticks)
         limits = None if limits is None else checks.text("limits", limits)
         self.arm, said = (arm, None) if isinstance(arm, Arm) else arm_with_hand(arm, limits=limits)
         self._design = default_design(self.arm, base=None if said is None else said.map)
@@ -111,22 +249,12 @@ class Environment(gymnasium.Env[Observation, Numbers]):
         self._aim = source.aim
         self._ranges = replace(source.ranges or ThrowRanges(), drag=source.drag)
         self._map = self._checked(map)
-        n, f = self.arm.n, None if action == "torque" else self.map
+        f = None if action == "torque" else self.map
         base = f or unlearned(self.arm, self._design)
         self._runner = TrialRunner(self.arm, Direct(base), self.scene, pixels=self.pixels)
-        self.world, self._catcher = self._runner.world, self._runner.catcher()
-        self._drawn: tuple[mujoco.MjModel, list[Faces]] | None = None
-        hand = self.arm.model.hand
-        self._hand = 1.2 * (hand.drive.closed if isinstance(hand, HandModel) else 1.0)
-        sides = n + 1 if action == "torque" else n
-        self.action_space = spaces.Box(-1.0, 1.0, (sides,), np.float32)
-        self.observation_space = self._space()
-        self.senses: list[Senses] = []
-        self.watched = False
-        self._links, self._active = (
-            np.zeros((3, len(self.arm.model.links))),
-            [*self.arm.model.active],
-        )
+        hand, self._catcher = self.arm.model.hand, self._runner.catcher()
+        closed = 1.2 * (hand.drive.closed if isinstance(hand, HandModel) else 1.0)
+        self._take(self.arm, self._runner.world, closed)
 
     @property
     def map(self) -> DirectMap:
@@ -184,35 +312,15 @@ class Environment(gymnasium.Env[Observation, Numbers]):
         reward += _HELD if info.get("status") == "caught" else 0.0
         return self._observed(), reward, over and not late, late, info
 
-    def render(self) -> NDArray[np.uint8] | None:
-        """Return a picture, drawn in software, shape (262, 340, 3)."""
-        if self.render_mode is None:
-            return None
-        if self._drawn is None:
-            model = self.world.model
-            faces = [body_faces(model, b, self.arm, self.scene) for b in range(model.nbody)]
-            self._drawn = model, faces
-        qpos = self.world.data.qpos.copy()
-        picture = painted(*placed(*self._drawn, qpos, np.zeros((0, 3))), self.scene.floor)
-        return np.array(picture, np.uint8)
-
-    @property
-    def residual(self) -> bool:
-        """Whether actions are added to what the catcher commands."""
-        return self._action == "residual"
+    def fresh_catcher(self) -> Catcher:
+        """Return a catcher of the map that has seen nothing yet."""
+        runner = TrialRunner(self.arm, Direct(self.map), self.scene, pixels=self.pixels)
+        return runner.catcher()
 
     @property
     def views(self) -> list[tuple[Frame, ...]]:
         """Looks at the scene before the throw; none without images."""
         return self._runner.views
-
-    def as_action(self, tau: Array, hand: float) -> Numbers:
-        """Return a torque [N m], shape (n,), and a closing angle [rad] as an action ``torque``."""
-        tau = checks.vector("tau", tau, self.arm.n, finite=True)
-        hand = checks.number("hand", hand, finite=True)
-        shares = [*(tau / self.arm.tau_max), 2.0 * hand / self._hand - 1.0]
-        out: Numbers = np.clip(shares, -1.0, 1.0).astype(np.float32)
-        return out
 
     def _sensed(self, k: int) -> Senses | None:
         """Return what is sensed in tick ``k`` of an action; None where nobody asks."""
@@ -224,32 +332,9 @@ class Environment(gymnasium.Env[Observation, Numbers]):
             self.images[frame.camera] = frame.pixels
         return senses
 
-    def _command(self, senses: Senses | None, given: Array) -> Command:
-        """Return what arm and hand are told in a tick."""
-        n, tau = self.arm.n, np.zeros((4, self.arm.n))
-        if senses is None or not self.residual:
-            tau[3] = self._within(given[:n] * self.arm.tau_max)
-            return Command(self.world.t, tau, 0.5 * (1.0 + given[n]) * self._hand)
-        command = self._catcher.step(senses)
-        if self._catcher.stopped_by is not None:
-            self.world.watch_on()
-        self._catcher.think()
-        if not np.any(given) or command.brakes:
-            return command
-        joints = command.joints.copy()
-        joints[3] = self._within(joints[3] + _RESIDUAL * given * self.arm.tau_max)
-        return command._replace(joints=joints)
-
-    def _within(self, tau: Array) -> Array:
-        """Return torques as the drives can give them at the joints' speeds."""
-        links, active = self._links, self._active
-        links[0, active], links[1, active] = tau, self.world.data.qvel[: self.arm.n]
-        saturate(self.arm.limits.packed, links[0], links[1], links[2])
-        return links[2, active]
-
     def _reward(self, tau: Array, dt: float) -> float:
         """Return the reward of an action that took ``dt`` [s] and ended with a torque [N m]."""
-        gap, effort = self.world.data.qpos[-7:-4] - self.world.catch_point, tau / self.arm.tau_max
+        gap, effort = self.thing()[0] - self.world.catch_point, tau / self.arm.tau_max
         cost = _DISTANCE * min(float(np.sqrt(gap @ gap)), 2.0)
         cost += _EFFORT * float(effort @ effort) / len(effort)
         touch = None if self._touched else self.world.first_contact
@@ -290,30 +375,6 @@ class Environment(gymnasium.Env[Observation, Numbers]):
         camera = self._runner.rig.cameras[0]
         return (camera.height, camera.width) if self.pixels else (0, 0)
 
-    def joints(self) -> Numbers:
-        """Return joint angles in their ranges, speeds in shares of their limits, catch point."""
-        arm, n, data = self.arm, self.arm.n, self.world.data
-        middle, half = 0.5 * (arm.q_max + arm.q_min), 0.5 * (arm.q_max - arm.q_min)
-        q = np.clip((data.qpos[:n] - middle) / half, -2.0, 2.0)
-        dq = np.clip(data.qvel[:n] / arm.dq_max, -_SPIN, _SPIN)
-        fingers = np.clip(data.qpos[n:-7], -_SPIN, _SPIN)
-        place = np.clip(self.world.catch_point, -FAR, FAR)
-        return np.concatenate([q, dq, fingers, place]).astype(np.float32)
-
-    def bounds(self) -> Numbers:
-        """Return the upper bounds of :meth:`joints`; the lower ones are their negatives."""
-        n, fingers = self.arm.n, len(self.world.data.qpos) - 7 - self.arm.n
-        sides = [np.full(n, 2.0), np.full(n + fingers, _SPIN), np.full(3, FAR)]
-        return np.concatenate(sides).astype(np.float32)
-
-    def _space(self) -> spaces.Space[Any]:
-        """Return the space of what is observed."""
-        raise NotImplementedError
-
-    def _observed(self) -> Observation:
-        """Return what is observed now."""
-        raise NotImplementedError
-
 
 @final
 class Catch(Environment):
@@ -321,15 +382,11 @@ class Catch(Environment):
 
     def _space(self) -> spaces.Space[Any]:
         """Return a box: joints, then the ball."""
-        ball = np.array([FAR] * 3 + [FAST] * 3, np.float32)
-        high = np.concatenate([self.bounds(), ball])
-        return spaces.Box(-high, high, dtype=np.float32)
+        return self.whole_space()
 
     def _observed(self) -> Numbers:
         """Return joints and ball."""
-        data = self.world.data
-        ball = np.clip(data.qpos[-7:-4], -FAR, FAR), np.clip(data.qvel[-6:-3], -FAST, FAST)
-        return np.concatenate([self.joints(), *ball]).astype(np.float32)
+        return self.whole()
 
 
 @final
@@ -351,6 +408,139 @@ class CatchPixels(Environment):
         return {"joints": self.joints(), "images": self.images.copy()}
 
 
+@final
+class Meet(Driven):
+    """``mitt/Meet-v0``: joints, and the true position and velocity of a part that comes by."""
+
+    def __init__(
+        self,
+        *,
+        render_mode: str | None = None,
+        arm: str | Path = "ur5e",
+        limits: str | None = None,
+        tool: Literal["suction", "jaw"] = "suction",
+        target: Literal["belt", "hand"] = "belt",
+        speed: float = 0.3,
+        gripper_delay: float = 0.05,
+        scene: Scene | str | Path | None = None,
+        action: Literal["torque", "residual"] = "torque",
+        ticks: int = 5,
+    ) -> None:
+        """Build the station and its world.
+
+        Args:
+            render_mode: As of Gymnasium.
+            arm: Name or file of an arm.
+            limits: Its limit set; its own if left out.
+            tool: What takes the part.
+            target: What moves it.
+            speed: Mean speed of the belt, or largest of the hand [m/s].
+            gripper_delay: From the command until the tool acts [s].
+            scene: The world; a camera of 60 Hz, 30 ms late, in ``lab`` if left out.
+            action: As of :mod:`mitt.gym`.
+            ticks: Milliseconds that an action lasts.
+        """
+        checks.one_of("tool", tool, tuple(TOOLS))
+        checks.one_of("target", target, TARGETS)
+        delay = checks.number("gripper_delay", gripper_delay, least=0.0, most=2.0)
+        self._speed = checks.number("speed", speed, least=0.01, most=5.0)
+        limits = None if limits is None else checks.text("limits", limits)
+        scene = _parts_scene() if scene is None else scene_from(scene)
+        at = station(str(checks.path("arm", arm)), replace(TOOLS[tool], delay=delay), target, scene,
+                     limits=limits)  # fmt: skip
+        self._set_up(render_mode, at.scene, action, ticks)
+        self._at = at
+        known = TOOLS[tool]
+        closed = 0.5 * known.opening if isinstance(known, Jaw) else 1.0
+        self._take(at.arm, World(at.scene, at.arm.model, limits=at.arm.limits), closed)
+        self._catcher, self._parts = self.fresh_catcher(), self._drawn_parts(0)
+
+    def fresh_catcher(self) -> Catcher:
+        """Return a catcher that meets parts by the map."""
+        return Catcher(self.arm, Meeting(self._at.map, self._at.settings),
+                       settings=self._at.catcher)  # fmt: skip
+
+    def _drawn_parts(self, seed: int) -> Parts:
+        """Return what brings a part."""
+        put = tuple(self._at.place.tolist())
+        return Parts(self._at, speed=self._speed, seed=seed, count=1, put=put)
+
+    def _closing(self, given: float) -> float:
+        """Return how far the tool is told to close: nothing up to the middle of its action."""
+        return float(max(given, 0.0) * self._closed)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Bring another part; the same seed brings the same one."""
+        seed = None if seed is None else checks.whole("seed", seed, least=0)
+        if options is not None:
+            checks.instance("options", options, dict)
+        super().reset(seed=seed, options=options)
+        self._parts = self._drawn_parts(int(self.np_random.integers(2**31)))
+        self.world.reset(self._parts.bring(0), self._parts.seed(0))
+        self._catcher, self._touched, self.senses = self.fresh_catcher(), False, []
+        return self.whole(), {}
+
+    def step(self, action: Numbers) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Act for some milliseconds."""
+        given = checks.array("action", action, self.action_space.shape or (), finite=True)
+        given, world, over = np.clip(given, -1.0, 1.0), self.world, False
+        self.senses, begun = [], world.t
+        for _ in range(self.ticks):
+            senses = None
+            if self.residual or self.watched:
+                senses = world.sense(look=not self.residual or self._catcher.looking)
+                self.senses.append(senses)
+            command = self._command(senses, given)
+            world.apply(command)
+            over = self._parts.over(world, world.truth(), ready=True) or self._parts.held
+            if over:
+                break
+        reward = self._reward(command.tau, world.t - begun)
+        late = not over and world.t >= _LATE
+        info = self._ended() if over or late else {}
+        reward += _HELD if info.get("status") == "met" else 0.0
+        return self.whole(), reward, over, late, info
+
+    def _reward(self, tau: Array, dt: float) -> float:
+        """Return the reward of an action that took ``dt`` [s] and ended with a torque [N m]."""
+        world, effort = self.world, tau / self.arm.tau_max
+        r, dr = self.thing()
+        q, dq = world.data.qpos[: self.arm.n], world.data.qvel[: self.arm.n]
+        away = min(float(np.linalg.norm(r - world.catch_point)), 2.0)
+        slip = min(float(np.linalg.norm(dr - self.arm.jacobian(q) @ dq)), 2.0)
+        cost = _DISTANCE * away + _SLIP * slip + _EFFORT * float(effort @ effort) / len(effort)
+        touch = None if self._touched else world.first_contact
+        self._touched = self._touched or touch is not None
+        gain = 0.0 if touch is None else _TOUCH / (1.0 + touch.velocity_error)
+        return gain - dt * cost
+
+    def _ended(self) -> dict[str, Any]:
+        """Return what became of the part."""
+        contact = self.world.first_contact
+        status = "stopped" if self._catcher.phase is Phase.STOPPED else None
+        errors = {} if contact is None else {
+            "position_error_m": contact.position_error,
+            "velocity_error_m_s": contact.velocity_error,
+        }  # fmt: skip
+        return {
+            "status": status or self._parts.ended(self.world)["status"],
+            "peak_contact_force_n": float(self.world.peak_force),
+            **errors,
+        }
+
+    def _space(self) -> spaces.Space[Any]:
+        """Return a box: joints, then the part."""
+        return self.whole_space()
+
+
+def _parts_scene() -> Scene:
+    """Return the world of ``mitt meet`` where nobody names one."""
+    sensing = {"latency": 30, "point_noise": 0.002, "frame_rate": 60.0}
+    return scene_of({"base": "lab", "sensing": sensing}, place="scene")
+
+
 def map_policy(env: gymnasium.Env[Any, Any]) -> Callable[[Observation], Numbers]:
     """Return the map as a policy of an environment, as a baseline.
 
@@ -362,7 +552,7 @@ def map_policy(env: gymnasium.Env[Any, Any]) -> Callable[[Observation], Numbers]
         env: One of this module, wrapped or not.
     """
     raw = checks.instance("env", env, gymnasium.Env).unwrapped
-    if not isinstance(raw, Environment):
+    if not isinstance(raw, Driven):
         raise InputError("env", "an environment of mitt.gym", checks.shown(env))
     if raw.residual:
         return lambda _: np.zeros(raw.action_space.shape or (), np.float32)
@@ -374,17 +564,16 @@ def map_policy(env: gymnasium.Env[Any, Any]) -> Callable[[Observation], Numbers]
 class _MapPolicy:
     """A catcher that goes along with an environment; see :func:`map_policy`."""
 
-    def __init__(self, env: Environment) -> None:
-        self._env = env
-        self._runner = TrialRunner(env.arm, Direct(env.map), env.scene, pixels=env.pixels)
-        self._catcher, self._last = self._runner.catcher(), Command(0.0, np.zeros((4, 0)), 0.0)
+    def __init__(self, env: Driven) -> None:
+        self._env, self._catcher = env, env.fresh_catcher()
+        self._last = Command(0.0, np.zeros((4, 0)), 0.0)
 
     def act(self, _: Observation) -> Numbers:
         """Return torque and closing of the last of the ticks since the last action."""
         env = self._env
         if not env.senses:
-            self._catcher = self._runner.catcher()
-            if env.views:
+            self._catcher = env.fresh_catcher()
+            if isinstance(env, Environment) and env.views:
                 self._catcher.learn_background(env.views)
             return env.as_action(np.zeros(env.arm.n), 0.0)
         for senses in env.senses:
@@ -395,3 +584,4 @@ class _MapPolicy:
 
 gymnasium.register(id="mitt/Catch-v0", entry_point="mitt.gym:Catch")
 gymnasium.register(id="mitt/CatchPixels-v0", entry_point="mitt.gym:CatchPixels")
+gymnasium.register(id="mitt/Meet-v0", entry_point="mitt.gym:Meet")

@@ -83,6 +83,9 @@ class Parts:
 
     ``met``: the tool held the part by contact while it was moved by 5 cm; ``slipped``: touched, not
     held; ``missed``: never touched. ``placed``: it was let go, and lies where it was to.
+
+    Attributes:
+        held: Whether the present part was met.
     """
 
     ends: tuple[str, ...] = ("met", "slipped", "missed", "aborted")
@@ -99,8 +102,9 @@ class Parts:
         self._begin()
 
     def _begin(self) -> None:
+        """Know nothing of the next part."""
         self._taken: Array | None = None
-        self._apart, self._held, self._placed = 0.0, False, False
+        self._apart, self.held, self._placed = 0.0, False, False
 
     def seed(self, index: int) -> int:
         """Return the seed of a part."""
@@ -120,10 +124,10 @@ class Parts:
         elif self._taken is None:
             self._taken = r.copy()
         elif float(np.linalg.norm(r - self._taken)) > _MOVED and self._is_off_belt(r):
-            self._held = True
+            self.held = True
         self._apart = 0.0 if touched else self._apart + TICK
         off = float(np.linalg.norm(r[:2] - self._put[:2]))
-        self._placed = self._held and self._apart > _LET_GO and off < _OFF
+        self._placed = self.held and self._apart > _LET_GO and off < _OFF
         if world.diverged or world.t > _THERE:
             return True
         done = world.first_contact is not None and self._apart > _LET_GO
@@ -147,4 +151,4 @@ class Parts:
         if world.diverged:
             return {"status": "aborted", "placed": False}
         touched = "missed" if world.first_contact is None else "slipped"
-        return {"status": "met" if self._held else touched, "placed": self._placed}
+        return {"status": "met" if self.held else touched, "placed": self._placed}

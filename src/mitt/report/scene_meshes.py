@@ -103,7 +103,7 @@ def _has_shapes(model: ArmModel) -> bool:
 
 
 def geom_mesh(model: mujoco.MjModel, g: int) -> Trimesh | None:
-    """Return a geom's mesh in the frame of its body; None for shapes that are not round."""
+    """Return a geom's mesh in the frame of its body; None for a plane, and other shapes."""
     size, kind = model.geom_size[g], int(model.geom_type[g])
     if kind == int(mujoco.mjtGeom.mjGEOM_SPHERE):
         mesh = sphere(float(size[0]))
@@ -111,6 +111,8 @@ def geom_mesh(model: mujoco.MjModel, g: int) -> Trimesh | None:
         mesh = capsule(float(size[0]), 2.0 * float(size[1]))
     elif kind == int(mujoco.mjtGeom.mjGEOM_CYLINDER):
         mesh = cylinder(float(size[0]), 2.0 * float(size[1]))
+    elif kind == int(mujoco.mjtGeom.mjGEOM_BOX):
+        mesh = trimesh.creation.box(extents=2.0 * size)
     else:
         return None
     T = trimesh.transformations.quaternion_matrix(model.geom_quat[g])

@@ -15,8 +15,9 @@ from typing import Any, final
 import mujoco
 import numpy as np
 
+from mitt.arm.tools import Jaw, Suction
 from mitt.ball.flight import advance, forecast
-from mitt.catcher.settings import PHASES
+from mitt.catcher.settings import BRAKE, PHASES
 from mitt.catcher.state import REASONS, STATES
 from mitt.clock import monotonic, pause
 from mitt.errors import FileError, InputError, MittError
@@ -33,13 +34,21 @@ from mitt.world.scene import Scene
 
 #: Age from which an estimate of the ball is not shown [s]: it is caught, or lost.
 _STALE = 0.05
+#: The same for a part, which slower cameras see [s]; how far ahead its way is drawn [s].
+_GONE, _AHEAD = 0.3, 0.5
 #: Colours: covariance, sightings, true ball.
 _DOUBT, _SEEN, _TRUE = (86, 180, 233), (110, 120, 130), (240, 228, 66)
 
 
 def scene_of(about: About) -> Scene:
-    """Return a scene with the ball and the floor of a recording, for its shapes alone."""
+    """Return a scene with ball or part, belt and floor of a recording, for its shapes alone."""
     scene, s = Scene(), about.settings
+    if about.meeting is not None and "scene" in about.notes:
+        try:
+            return Scene.model_validate_json(about.notes["scene"])
+        except ValueError as error:
+            raise FileError("the recording", "a scene that can be drawn", str(error)[:80],
+                            do="record it again") from None  # fmt: skip
     ball = scene.ball.model_copy(update={"radius": s.ball_radius, "mass": s.ball_mass})
     return scene.model_copy(update={"ball": ball, "floor": s.around.floor})
 
@@ -100,13 +109,16 @@ class Stage:
         if about.arm.model.hand is None:
             raise InputError("the arm", "one with a hand", "none")
         self._n, self._floor = about.arm.n, about.settings.around.floor
-        self._ready = about.arm.model.q_ready
+        self._ready, self._arm, self._meets = (
+            about.arm.model.q_ready, about.arm, about.meeting is not None
+        )  # fmt: skip
         scene = scene_of(about)
         self._model = build_scene(scene, about.arm.model).model
         self._data = mujoco.MjData(self._model)
         furnish(api, about.arm, scene, self._model)
         self._bodies = moving_bodies(api, self._model)
         self._ball = int(self._model.body("ball").id)
+        self._free = int(self._model.jnt_qposadr[self._model.body_jntadr[self._ball]])
         hidden: dict[str, Any] = {"visible": False, "cast_shadow": False, "subdivisions": 3}
         self._doubt, self._at_catch = (
             api.add_icosphere(name, radius=1.0, color=_DOUBT, opacity=0.4, **hidden)
@@ -142,14 +154,17 @@ class Stage:
         """Show tick ``k`` of a recording's ticks."""
         row = rows[k]
         self._place(row)
-        tracked = bool(row["out_tracked"] and row["out_age"] < _STALE)
+        stale = _GONE if self._meets else _STALE
+        tracked = bool(row["out_tracked"] and row["out_age"] < stale)
         r, dr = row["ball"][:3], row["ball"][3:6]
         self._doubt.visible = self._way.visible = tracked
         self._at_catch.visible = self._foresee(row)
-        self._bodies[self._ball].visible = tracked
+        self._bodies[self._ball].visible = tracked or self._carries(row)
         if tracked:
             _lay(self._doubt, r, row["covariance"].reshape(6, 6))
             ahead = way(r, dr, float(row["out_drag"]), self._floor)
+            if self._meets:  # it does not fly
+                ahead = np.array([r, r + _AHEAD * dr])
             if len(ahead) > 1:
                 segments = np.stack([ahead[:-1], ahead[1:]], axis=1)
                 self._way.points = segments.astype(np.float32)
@@ -166,14 +181,26 @@ class Stage:
         """Place arm, fingers and ball."""
         qpos, n = self._data.qpos, self._n
         q = np.nan_to_num(row["q"])
-        qpos[:n], qpos[n:-7] = q, row["hand"]
-        qpos[-7:] = (*row["ball"][:3], 1.0, 0.0, 0.0, 0.0)
+        qpos[:n], qpos[n : self._free] = q, self._closing(float(row["hand"]))
+        r = self._arm.position(q) if self._carries(row) else row["ball"][:3]
+        qpos[self._free : self._free + 7] = (*r, 1.0, 0.0, 0.0, 0.0)
         place(self._bodies, self._model, self._data)
+
+    def _closing(self, hand: float) -> float:
+        """Return where the fingers are by what they are told; a cup has none."""
+        tool = self._arm.model.hand
+        if isinstance(tool, Jaw):
+            return min(hand, 0.5 * tool.opening)
+        return 0.0 if isinstance(tool, Suction) else hand
+
+    def _carries(self, row: np.void) -> bool:
+        """Say whether the tool holds the part, as far as the catcher knows."""
+        return self._meets and bool(row["out_phase"] == BRAKE and row["hand"] > 0.0)
 
     def _foresee(self, row: np.void) -> bool:
         """Show where the ball will be at a catch within 2 s, and how well known; say whether."""
         t, left = float(row["out_t_ball"]), float(row["out_time_to_catch"])
-        if not (row["out_tracked"] and 0.0 < left < 2.0):
+        if self._meets or not (row["out_tracked"] and 0.0 < left < 2.0):
             return False
         ball = row["ball"].reshape(3, 3).copy()
         drag, covariance = float(row["out_drag"]), row["covariance"].reshape(6, 6).copy()
