@@ -70,7 +70,7 @@ from mitt.world.scene import Scene, scene_from, scene_of
 from mitt.world.simulation import World
 from mitt.world.throws import ThrowRanges, default_throw
 
-__all__ = ["Catch", "CatchPixels", "Driven", "Environment", "Meet", "map_policy"]
+__all__ = ["Catch", "CatchPixels", "Environment", "Meet", "map_policy"]
 
 Observation: TypeAlias = Any
 Numbers: TypeAlias = NDArray[np.float32]

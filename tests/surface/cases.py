@@ -270,13 +270,20 @@ class Cases:
         for kind in ("gym.Catch", "gym.CatchPixels"):
             found |= {kind: Case(names.public()[kind], builds, slow=True)}
             found |= self._methods(kind, env, acts)
-        return found
+        meets = {"render_mode": "rgb_array", "arm": "ur5e", "limits": "ur5e", "tool": "suction",
+                 "target": "belt", "speed": 0.3, "gripper_delay": 0.05, "scene": "ideal",
+                 "action": "torque", "ticks": 1}  # fmt: skip
+        found["gym.Meet"] = Case(names.public()["gym.Meet"], meets, slow=True)
+        part = mitt.gym.Meet(ticks=1)
+        part.reset(seed=1)
+        acts |= {"as_action": {"tau": np.zeros(6), "hand": 0.5}, "step": {"action": np.zeros(7)}}
+        return found | self._methods("gym.Meet", part, acts)
 
     def _readers(self) -> dict[str, Case]:
         """Return the cases of what reads a file: the path alone, with one that is not there."""
         rest = {"board": None, "size": (1, 1), "columns": ("t_s",), "arm": self.arm, "others": (),
                 "generators": ("direct",), "filters": (("index", "==", "0"),),
-                "root": "robot"}  # fmt: skip
+                "root": "robot", "kind": Scene}  # fmt: skip
         found = {"read_scene": Case(read_scene, {"source": "lab", "flights": False})}
         for name, (reader, path) in names.readers().items():
             taken = inspect.signature(reader).parameters.values()
