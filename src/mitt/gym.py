@@ -101,6 +101,7 @@ class Driven(gymnasium.Env[Observation, Numbers]):
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 200}  # noqa: RUF012
     pixels = False
+    _catcher: Catcher
 
     def _set_up(self, render_mode: str | None, scene: Scene, action: str, ticks: int) -> None:
         """Take what every environment is told."""
