@@ -1,6 +1,7 @@
 """``mitt meet``: meet what moves on a belt or in a hand, and take it."""
 
-from dataclasses import asdict, replace
+import shlex
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -8,11 +9,15 @@ import mitt
 from mitt.arm.tools import TOOLS
 from mitt.cli.options import MeetOptions
 from mitt.cli.screen import checked, print_json, progress, say, show, table, tell_of_kernels
+from mitt.clock import Progress
+from mitt.errors import FileError, InputError, meant
 from mitt.files.writing import check_folder, file_name, locked, new_folder, write_json
+from mitt.interrupts import notice, status_of, words_of
 from mitt.rivals.meeting import PLANNERS
-from mitt.trials.meeting import SCHEMA, MeetRunner, MeetTrial, summary
-from mitt.trials.result import finite
-from mitt.trials.station import Station, station
+from mitt.trials.meeting import SCHEMA, Course, MeetRunner, MeetTrial, summary
+from mitt.trials.result import finite, kept_words
+from mitt.trials.station import TARGETS, Station, station
+from mitt.world.flights import Recording, read_flights
 from mitt.world.scene import read_scene, scene_of
 
 #: What a scene is where none is named: a camera of 60 Hz, 30 ms late, and 2 mm of noise.
@@ -23,48 +28,100 @@ _SCENE = {
 #: Speeds of belt and hand where none is said [m/s]; and of the tool near a person, as robots that
 #: a person may touch are set to (ISO 10218-1: 0.25 m/s).
 _SPEEDS, _NEAR_PERSON = {"belt": 0.3, "hand": 0.8}, 0.25
+#: Trials where none are said, and longest recorded motion [s].
+_TRIALS, _LONGEST = 10, 60.0
 
 
 def meet(options: MeetOptions) -> int:
     """Run ``mitt meet``; return its exit status."""
+    recordings = _recordings(options.target)
+    count = options.trials or len(recordings) or _TRIALS
     out = options.out or _default_folder(options)
     check_folder(out, overwrite=options.overwrite or options.check)
     scene = scene_of(_SCENE, place="scene") if options.scene is None else read_scene(options.scene)
     tool = replace(TOOLS[options.tool], delay=options.gripper_delay)
-    at = station(options.arm, tool, options.target, scene, limits=options.limits,
-                 speed=_tool_speed(options))  # fmt: skip
+    at = station(options.arm, tool, "belt" if options.target == "belt" else "hand", scene,
+                 limits=options.limits, speed=_tool_speed(options))  # fmt: skip
+    generator = at.generator(options.generator, rate=options.plan_rate)
+    runner = MeetRunner(at, seed=options.seed, speed=_speed(options), generator=generator,
+                        recordings=recordings)  # fmt: skip
     if options.check:
-        return checked(f"{options.trials} trials, output to {out}")
+        return checked(f"{count} trials, output to {out}")
     with locked(out):
         tell_of_kernels()
         with progress() as report:
-            runner = _runner(options, at)
-            trials = []
-            for k in range(options.trials):
-                report("meeting", k, options.trials)
-                trials.append(runner.trial(k))
-            report("meeting", options.trials, options.trials)
-        result = _result(options, at, trials, summary(trials, runner.stopwatch))
-        write_json(out / "result.json", result)
+            trials, course, stopped = _run(runner, count, report)
+            result = _result(options, at, trials, summary(trials, runner.stopwatch))
+            write_json(out / "result.json", result)
+            if course is not None and not stopped:
+                report("report", 0, 1)
+                from mitt.report.meet_page import write_meet_page  # noqa: PLC0415 (plots)
+
+                typed = shlex.join(["mitt", "meet", *_words(options)])
+                write_meet_page(out / "report.html", result, course, command=typed)
+                report("report", 1, 1)
     if options.json:
         print_json(result)
     else:
         _show(options, trials, result["summary"], out)
-    return 0
+    if stopped:
+        say(f"{words_of(stopped)}; {kept_words(len(trials), count, out)}")
+    return stopped
+
+
+def _run(
+    runner: MeetRunner, count: int, report: Progress
+) -> tuple[list[MeetTrial], Course | None, int]:
+    """Run the trials; return them, the course of the first, and the status of an interrupt or 0."""
+    trials, course = list[MeetTrial](), None
+    try:
+        for k in range(count):
+            report("meeting", k, count)
+            trials.append(runner.trial(k))
+            course = course or runner.course
+        report("meeting", count, count)
+    except KeyboardInterrupt as stop:
+        notice()
+        return trials, course, status_of(stop)
+    return trials, course, 0
+
+
+def _recordings(target: str) -> tuple[Recording, ...]:
+    """Return the motions of a target that is a file; none for another."""
+    if target in TARGETS:
+        return ()
+    path = Path(target)
+    if not path.is_file():
+        raise InputError("--target", f"{', '.join(TARGETS)}, or a CSV file", target,
+                         do=meant(target, TARGETS))  # fmt: skip
+    recordings = read_flights(path)
+    for x in recordings:
+        if x.t[-1] > _LONGEST:
+            raise FileError(f"{path} flight {x.name!r}", f"at most {_LONGEST:g} s",
+                            f"{x.t[-1]:g} s")  # fmt: skip
+    return recordings
+
+
+def _speed(options: MeetOptions) -> float:
+    """Return the speed of belt or hand [m/s]."""
+    return options.speed or _SPEEDS.get(options.target, _SPEEDS["hand"])
 
 
 def _tool_speed(options: MeetOptions) -> float:
-    """Return the largest speed of the tool [m/s]."""
+    """Return the largest speed of the tool [m/s]; whatever is not a belt may be a person."""
     if options.tool_speed is not None:
         return options.tool_speed
-    return _NEAR_PERSON if options.target == "hand" else float("inf")
+    return float("inf") if options.target == "belt" else _NEAR_PERSON
 
 
-def _runner(options: MeetOptions, at: Station) -> MeetRunner:
-    """Return what runs the trials."""
-    speed = options.speed or _SPEEDS[options.target]
-    generator = at.generator(options.generator, rate=options.plan_rate)
-    return MeetRunner(at, seed=options.seed, speed=speed, generator=generator)
+def _words(options: MeetOptions) -> list[str]:
+    """Return the words that make a run again."""
+    return [
+        f"--{field.name.replace('_', '-')}={value}"
+        for field in fields(options)
+        if (value := getattr(options, field.name)) != field.default
+        and field.name not in ("out", "overwrite", "json", "check")
+    ]
 
 
 def _result(
@@ -79,7 +136,8 @@ def _result(
         "tool": options.tool,
         "gripper_delay_s": options.gripper_delay,
         "target": options.target,
-        "speed_m_s": options.speed or _SPEEDS[options.target],
+        "speed_m_s": _speed(options) if options.target in TARGETS else None,
+        "tool_speed_m_s": finite(_tool_speed(options)),
         "generator": options.generator,
         **({"plan_rate_hz": options.plan_rate} if options.generator in PLANNERS else {}),
         "seed": options.seed,
@@ -90,28 +148,36 @@ def _result(
 
 def _default_folder(options: MeetOptions) -> Path:
     """Return where the result goes whose user named no place."""
-    folder = Path("runs") / file_name(f"meet-{options.seed}-{options.target}")
+    folder = Path("runs") / file_name(f"meet-{options.seed}-{Path(options.target).stem}")
     return folder if options.overwrite else new_folder(folder)
 
 
 def _show(options: MeetOptions, trials: list[MeetTrial], said: dict[str, Any], out: Path) -> None:
     """Print the table of a run: the first 20 trials, and 40 of the others that failed."""
     rows = table(
-        f"{options.arm}, {options.tool}, {options.target}, {options.generator}",
+        f"{options.arm}, {options.tool}, {Path(options.target).name}, {options.generator}",
         ("trial", "status", "t [s]", "in step [ms]", "off [mm]", "rel. [m/s]", "[N]", "why"),
         left=("status", "why"), no_wrap=True,
     )  # fmt: skip
     for t in trials[:20] + [x for x in trials[20:] if x.status != "met"][:40]:
         cells = (
             _number(t.t_met_s, 2), f"{1e3 * t.in_sync_s:.0f}", _number(t.position_error_mm, 1),
-            _number(t.velocity_error_m_s, 2), _number(t.peak_contact_force_n, 0),
+            _number(t.velocity_error_m_s, 2),
+            _number(t.peak_contact_force_n, 0) + ("!" if t.over_force else ""),
         )  # fmt: skip
-        rows.add_row(str(t.index), t.status, *cells, "" if t.status == "met" else
-                     t.binding_limit or "")  # fmt: skip
+        why = t.binding_limit or ""
+        if t.status == "met":
+            why = "not placed" if t.placed is False else ""
+        rows.add_row(str(t.index), t.status, *cells, why)
     show(rows)
     low, high = said["ci95"]
-    say(f"met {said['met']} of {said['trials']}, {100.0 * said['meet_rate']:.1f} % "
-        f"({100.0 * low:.1f} to {100.0 * high:.1f}); {out / 'result.json'}")  # fmt: skip
+    hand = said["hand_force_n"]
+    show(
+        f"met {said['met']} of {said['trials']}: {100.0 * said['meet_rate']:.1f} % "
+        f"(95 % interval {100.0 * low:.1f} to {100.0 * high:.1f} %); placed {said['placed']}",
+        *([] if hand is None else [f"force on the hand: at most {hand:.0f} N"]),
+        f"written: {out / ('report.html' if (out / 'report.html').exists() else 'result.json')}",
+    )  # fmt: skip
 
 
 def _number(value: float | None, digits: int) -> str:

@@ -154,18 +154,19 @@ class MeetOptions(Options):
         arm: The arm: a name, as ur5e, or a file.
         limits: Limit set, as of mitt catch.
         tool: What the arm takes it with.
-        target: What moves it: a belt, or the hand of a person.
+        target: What moves it: belt, hand (of a person), or a file of recorded motions, columns
+            flight,t_s,x_m,y_m,z_m, each placed before the arm and held by a hand until it is taken.
         speed: Mean speed of the belt, or largest speed of the hand [m/s]; 0.3 and 0.8 if left out.
         gripper_delay: Time from the command until the tool acts [s].
-        tool_speed: Largest speed of the tool on its way [m/s]; 0.25 near a person, else any, if
-            left out.
+        tool_speed: Largest speed of the tool on its way [m/s]; if left out 0.25 near a person, the
+            reduced speed of ISO 10218-1, and any at a belt.
         generator: What moves the arm: direct, the map; quintic, ruckig, mpc, planned anew; ds; line
             and line-compensated, which follow a belt's encoder.
         plan_rate: How often those that plan do so [Hz].
-        trials: Number of trials.
+        trials: Number of trials; 10, or as many as a file has motions.
         seed: Seed of the trials.
         scene: The world: a name or a TOML file; if left out, lab with a camera of 60 Hz, 30 ms late
-            and with 2 mm of noise.
+            and with 2 mm of noise. Its faults (docs/studies.md) stop a belt, turn or take a part.
         out: Folder to write; a new runs/meet-<seed>-<target> if left out.
         overwrite: Use a folder that has files in it.
     """
@@ -174,12 +175,13 @@ class MeetOptions(Options):
     examples = (
         "mitt meet --arm ur5e --target belt --speed 0.5",
         "mitt meet --arm franka-panda --tool jaw --target hand --trials 20",
+        "mitt meet --target MOTIONS.csv --gripper-delay 0.2",
     )
 
     arm: ArmName = "ur5e"
     limits: Limits = None
     tool: Literal["suction", "jaw"] = "suction"
-    target: Literal["belt", "hand"] = "belt"
+    target: Annotated[str, Arg("belt|hand|CSV")] = "belt"
     speed: Annotated[float | None, Arg("M/S", range=(0.01, 5.0), wanted="a number in 0.01..5")] = (
         None
     )
@@ -193,7 +195,9 @@ class MeetOptions(Options):
     plan_rate: Annotated[float, Arg("HZ", range=(1.0, 1000.0), wanted="a number in 1..1000")] = (
         100.0
     )
-    trials: Annotated[int, Arg("N", range=(1, 100_000), wanted="a number in 1..100000")] = 10
+    trials: Annotated[int | None, Arg("N", range=(1, 100_000), wanted="a number in 1..100000")] = (
+        None
+    )
     seed: Seed = 0
     scene: Scene = None
     out: Folder = None
