@@ -75,6 +75,7 @@ def gap_and_speed(course: Course) -> Plot:
             axes.semilogy(t, np.maximum(values[shown], 0.02 * bound), color=colour)
             axes.axhline(bound, color=GREY, linewidth=0.9, linestyle=(0, (1, 2)))
             axes.set(ylabel=label)
+            axes.yaxis.set_major_formatter("{x:g}")
             for at, text in ((course.t_touched, "touches"), (course.t_met, "has closed")):
                 if at is not None:
                     mark_time(axes, at, text, named=axes is above)
