@@ -57,8 +57,8 @@ _LEAST_DOWN = {"belt": 0.2, "hand": 0.4}
 _HALF = Tolerance(torque=0.8, speed=0.5, acceleration=0.4)
 #: Places that are tried, in lengths of the arm before its shoulder.
 _SHARES = (0.5, 0.6, 0.7)
-#: Half-widths of the work area that are tried, in lengths of the arm.
-_WIDE = {"belt": (0.45, 0.32), "hand": (0.2,)}
+#: Half-width of the work area, in lengths of the arm.
+_WIDE = {"belt": 0.32, "hand": 0.2}
 #: Turns of the tool about its axis that are tried.
 _QUARTERS = [
     np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
@@ -174,8 +174,8 @@ def station(
     if scene.belt is not None:
         places = [np.array([*scene.belt.middle, scene.belt.height + half])]
     inverse, found = reach_of(raw, free, coupling), None
-    for wide, place in product(_WIDE[target], places):
-        room = np.array([0.06, wide * reach, 0.05 if target == "belt" else 0.1])
+    room = np.array([0.06, _WIDE[target] * reach, 0.05 if target == "belt" else 0.1])
+    for place in places:
         found = waiting_pose(raw, inverse, _FRAMES[target], place, room, scene.floor)
         if found is not None:
             break
