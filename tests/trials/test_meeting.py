@@ -1,13 +1,16 @@
 """Trials of `mitt meet`: what is met is put away, and what goes wrong ends at rest."""
 
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from mitt.arm.tools import TOOLS
+from mitt.files.recordings import Recorded, write_recording
 from mitt.trials.meeting import MeetRunner, MeetTrial
+from mitt.trials.replayed import replay
 from mitt.trials.station import Target, station
 from mitt.world.flights import Recording
 from mitt.world.scene import scene_of
@@ -25,8 +28,8 @@ def runner_of(tool: str, target: Target, fault: str = "", **keys: float) -> Meet
 
 
 @pytest.mark.parametrize(("tool", "target"), [("suction", "belt"), ("jaw", "hand")])
-def test_what_is_met_is_put_away(tool: str, target: Target) -> None:
-    """Held by contact, put on the tray, the arm back where it waits; and the same once more."""
+def test_what_is_met_is_put_away(tool: str, target: Target, tmp_path: Path) -> None:
+    """Held by contact, put on the tray, the arm back where it waits; and replayed to the bit."""
     runner = runner_of(tool, target)
     trial = runner.trial(0)
     assert (trial.status, trial.placed, trial.at_rest) == ("met", True, True)
@@ -37,6 +40,8 @@ def test_what_is_met_is_put_away(tool: str, target: Target) -> None:
     assert course is not None
     assert course.t_met == trial.t_met_s
     assert trial.peak_contact_force_n == pytest.approx(course.force.max())
+    write_recording(tmp_path / "trial.mcap", runner.recording(trial))
+    assert replay(Recorded(tmp_path / "trial.mcap")).identical
 
 
 def test_a_recorded_thing_is_taken() -> None:

@@ -16,7 +16,7 @@ import numpy as np
 from mitt.arm.arm import Arm
 from mitt.catcher.catcher import Catcher, Phase
 from mitt.cell.frames import FrameSet, FrameSource, Sight
-from mitt.cell.placing import Leg, Placing
+from mitt.cell.placing import Leg, PutDown
 from mitt.cell.readings import Counts, Lag, Positions, Watch, check_reading
 from mitt.cell.recorder import Recorder
 from mitt.cell.robot import RobotLink
@@ -96,7 +96,7 @@ class LiveLoop:
         *, ready_speed: float, silence: float, frames: FrameSource | None = None,
         lenses: Sequence[Lens] = (), recorder: Recorder | None = None,
         clock: Callable[[], float] = monotonic, period: float = TICK,
-        placing: Placing | None = None,
+        placing: PutDown | None = None,
     ) -> None:  # fmt: skip
         """Take the robot, the arm as it is driven, and a first catcher.
 
@@ -357,7 +357,7 @@ class LiveLoop:
             self.stop(f"the arm is faster than it was told to be on its way {where}")
         return races
 
-    def _put_down(self, placing: Placing, now: float) -> None:
+    def _put_down(self, placing: PutDown, now: float) -> None:
         """Put a part down, a motion after the other; then go to the ready pose."""
         ticks, catcher = self._ticks, self._ticks.catcher
         if self._races("to where parts are put down"):

@@ -1,6 +1,5 @@
 """What the arm does with a part that it has met: back along the tool's axis, over, down, let go."""
 
-from dataclasses import replace
 from enum import Enum
 from typing import final
 
@@ -10,10 +9,10 @@ from mitt.arm.arm import Arm
 from mitt.arm.description import rotation
 from mitt.arm.kinematics import motion_of, sweep
 from mitt.catcher.catcher import Catcher
-from mitt.control.slow_motion import slow_motion
 from mitt.errors import InputError
 from mitt.map.meeting import MeetingMap
 from mitt.signals import TICK, Array
+from mitt.trials.placing import brought, carried, pointing_down
 
 #: How far back the tool goes along its axis, from the target and from the place [m].
 _BACK = 0.1
@@ -21,8 +20,6 @@ _BACK = 0.1
 _UPRIGHT = 0.999
 #: Time for which the part is left alone after the tool has let go [s].
 _LETS_GO = 0.3
-#: Most slow motions that are tried until the tool is slow enough.
-_TRIES = 4
 
 
 class Leg(Enum):
@@ -59,23 +56,17 @@ def _turn(arm: Arm, put: Array) -> tuple[float, float]:
     return turn, turn * float(np.sign(up))
 
 
-def _pose(f: MeetingMap, place: Array, start: Array) -> Array:
+def _pose(f: MeetingMap, frame: Array, place: Array, start: Array) -> Array:
     """Return the pose in which the tool is at a place [rad], shape (n,)."""
-    arm, q = f.arm, _brought(f, place, start)
+    arm, q = f.arm, brought(f, frame, place, start)
     if q is None or np.any((q < arm.q_min) | (q > arm.q_max)):
         said = ", ".join(f"{x:.3g}" for x in place)
         raise InputError("task.put", "a place that the tool reaches, and 0.1 m above it", said)
     return q
 
 
-def _brought(f: MeetingMap, place: Array, start: Array) -> Array | None:
-    """Return the pose, near to a start, in which the tool is at a place [rad], shape (n,)."""
-    inside, rows = f.virtual(np.array([place, np.zeros(3), np.zeros(3)]), start)
-    return rows[0].copy() if inside else None
-
-
 @final
-class Placing:
+class PutDown:
     """Puts parts down at one place."""
 
     def __init__(self, f: MeetingMap, put: Array, *, pause: float, speed: float) -> None:
@@ -97,10 +88,9 @@ class Placing:
         turn, angle = _turn(f.arm, put)
         start = f.arm.q_ready.copy()
         start[0] += turn
-        turned = rotation(np.array([0.0, 0.0, 1.0]), angle)
-        g = replace(f, frame=turned @ f.frame)
-        self._over = _pose(g, put + turned @ self._back, start)
-        self._down = _pose(g, put, self._over)
+        frame = rotation(np.array([0.0, 0.0, 1.0]), angle) @ pointing_down(f.frame)
+        self._over = _pose(f, frame, put + np.array([0.0, 0.0, _BACK]), start)
+        self._down = _pose(f, frame, put, self._over)
 
     def go(self, catcher: Catcher, leg: Leg, share: float) -> float:
         """Let a catcher that rests begin a motion; return how long that takes [s].
@@ -118,24 +108,13 @@ class Placing:
             still = np.array([q, 0.0 * q, 0.0 * q])
             way = np.repeat(still[None], round(self._pause / TICK), axis=0)
         else:
-            way = self._slow(q, self._end(leg, q), share)
+            way = carried(self._f.arm, q, self._end(leg, q), self._speed, share)
         catcher.move(way)
         return len(way) * TICK
 
     def _end(self, leg: Leg, q: Array) -> Array:
         """Return the pose in which a motion from another ends [rad], shape (n,)."""
         if leg is Leg.BACK:
-            back = _brought(self._f, self._f.arm.position(q) + self._back, q)
+            back = brought(self._f, self._f.frame, self._f.arm.position(q) + self._back, q)
             return q if back is None else back
         return self._down if leg is Leg.DOWN else self._over
-
-    def _slow(self, start: Array, end: Array, share: float) -> Array:
-        """Return a motion whose tool is no faster than it may be."""
-        arm = self._f.arm
-        for _ in range(_TRIES):
-            way = slow_motion(arm, start, end, share)
-            fastest = max(float(np.linalg.norm(arm.jacobian(a) @ b)) for a, b, _ in way[::20])
-            if fastest <= self._speed:
-                return way
-            share *= 0.95 * self._speed / fastest
-        raise InputError("the tool's speed", f"at most {self._speed:g} m/s", f"{fastest:.2g}")

@@ -17,7 +17,7 @@ from mitt.catcher.catcher import Catcher, CatcherSettings
 from mitt.catcher.generators import Direct
 from mitt.catcher.meeting import Meeting
 from mitt.cell.feeds import Feed, Parts, Throws
-from mitt.cell.placing import Placing
+from mitt.cell.placing import PutDown
 from mitt.control.encoders import Encoders
 from mitt.control.setpoints import Setpoints
 from mitt.errors import InputError, MittError
@@ -92,7 +92,7 @@ class PreparedCell:
     work: Catching | Station
     rig: Rig
     lenses: tuple[Lens, ...] = ()
-    placing: Placing | None = None
+    placing: PutDown | None = None
 
 
 CellMap: TypeAlias = DirectMap | MeetingMap
@@ -131,7 +131,7 @@ def _meeting(cell: Cell, task: MeetTask) -> PreparedCell:
     if task.area is not None:
         settings = replace(at.settings, low=task.area.low, high=task.area.high)
         at = replace(at, settings=settings)
-    placing = Placing(at.map, np.array(task.put), pause=task.gripper_delay, speed=task.tool_speed)
+    placing = PutDown(at.map, np.array(task.put), pause=task.gripper_delay, speed=task.tool_speed)
     return PreparedCell(cell=cell, arm=at.arm, around=around_of(cell, at.arm), work=at,
                         rig=rig_of(cell), placing=placing)  # fmt: skip
 

@@ -1,7 +1,9 @@
 """``mitt meet``: meet what moves on a belt or in a hand, and take it."""
 
 import shlex
+from collections.abc import Callable
 from dataclasses import asdict, fields, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +13,7 @@ from mitt.cli.options import MeetOptions
 from mitt.cli.screen import checked, print_json, progress, say, show, table, tell_of_kernels
 from mitt.clock import Progress
 from mitt.errors import FileError, InputError, meant
+from mitt.files.recordings import write_recording
 from mitt.files.writing import check_folder, file_name, locked, new_folder, write_json
 from mitt.interrupts import notice, status_of, words_of
 from mitt.rivals.meeting import PLANNERS
@@ -45,12 +48,17 @@ def meet(options: MeetOptions) -> int:
     generator = at.generator(options.generator, rate=options.plan_rate)
     runner = MeetRunner(at, seed=options.seed, speed=_speed(options), generator=generator,
                         recordings=recordings)  # fmt: skip
+    if options.record != "none" and options.generator != "direct":
+        raise InputError("--record", "none beside a rival", options.record,
+                         do="only what the map did can be replayed")  # fmt: skip
     if options.check:
         return checked(f"{count} trials, output to {out}")
     with locked(out):
         tell_of_kernels()
         with progress() as report:
-            trials, course, stopped = _run(runner, count, report)
+            trials, course, stopped = _run(
+                runner, count, report, partial(_record, options, runner, out)
+            )
             result = _result(options, at, trials, summary(trials, runner.stopwatch))
             write_json(out / "result.json", result)
             if course is not None and not stopped:
@@ -70,14 +78,15 @@ def meet(options: MeetOptions) -> int:
 
 
 def _run(
-    runner: MeetRunner, count: int, report: Progress
+    runner: MeetRunner, count: int, report: Progress, keep: Callable[[MeetTrial], None]
 ) -> tuple[list[MeetTrial], Course | None, int]:
-    """Run the trials; return them, the course of the first, and the status of an interrupt or 0."""
+    """Run the trials, each kept when it ends; return them, the course of the first, and the status of an interrupt or 0."""
     trials, course = list[MeetTrial](), None
     try:
         for k in range(count):
             report("meeting", k, count)
             trials.append(runner.trial(k))
+            keep(trials[-1])
             course = course or runner.course
         report("meeting", count, count)
     except KeyboardInterrupt as stop:
@@ -105,6 +114,14 @@ def _recordings(target: str) -> tuple[Recording, ...]:
 def _speed(options: MeetOptions) -> float:
     """Return the speed of belt or hand [m/s]."""
     return options.speed or _SPEEDS.get(options.target, _SPEEDS["hand"])
+
+
+def _record(options: MeetOptions, runner: MeetRunner, out: Path, trial: MeetTrial) -> None:
+    """Write the recording of the last trial, if it is wanted."""
+    if options.record == "all" or (options.record == "failures" and trial.status != "met"):
+        (out / "recordings").mkdir(exist_ok=True)
+        path = out / "recordings" / f"trial-{trial.index:05d}.mcap"
+        write_recording(path, runner.recording(trial))
 
 
 def _tool_speed(options: MeetOptions) -> float:

@@ -165,6 +165,7 @@ class MeetOptions(Options):
         plan_rate: How often those that plan do so [Hz].
         trials: Number of trials; 10, or as many as a file has motions.
         seed: Seed of the trials.
+        record: Recordings to keep, of trials that the map made: none, failures or all.
         scene: The world: a name or a TOML file; if left out, lab with a camera of 60 Hz, 30 ms late
             and with 2 mm of noise. Its faults (docs/studies.md) stop a belt, turn or take a part.
         out: Folder to write; a new runs/meet-<seed>-<target> if left out.
@@ -199,6 +200,7 @@ class MeetOptions(Options):
         None
     )
     seed: Seed = 0
+    record: Literal["none", "failures", "all"] = "none"
     scene: Scene = None
     out: Folder = None
     overwrite: bool = False

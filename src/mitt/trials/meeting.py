@@ -9,9 +9,10 @@ may be run again to be looked at. What a next part on the same belt needs, the a
 and the tool open, is part of what is scored as ``placed``.
 """
 
+import json
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any, NamedTuple, final
 
 import numpy as np
@@ -24,9 +25,16 @@ from mitt.catcher.state import Result, copied, gathered
 from mitt.clock import Stopwatch
 from mitt.control.health import Reason
 from mitt.errors import InputError
+from mitt.eyes.camera import fixed_rig
+from mitt.eyes.eyes import EyesConfig
+from mitt.files.about import About
+from mitt.files.messages import CATCH_POINT, TRUTH, tick_rows
+from mitt.files.recordings import Recording as Written
+from mitt.files.recordings import Track, heading_of
 from mitt.rivals.meeting import encoder_of
-from mitt.signals import TICK, Array
+from mitt.signals import TICK, Array, Senses
 from mitt.trials.placing import Placing, brought, carried, placing_of
+from mitt.trials.result import finite
 from mitt.trials.score import measure, reason_of, stop_as_json
 from mitt.trials.station import Station
 from mitt.trials.statistics import wilson
@@ -135,6 +143,7 @@ class MeetRunner:
         stopwatch: Times of the catcher's ticks.
         placing: Where parts are put; None where there is no place.
         course: How the last trial went.
+        senses: What the catcher took in the last trial until the tool had closed, tick by tick.
     """
 
     def __init__(
@@ -160,6 +169,7 @@ class MeetRunner:
         self.world = World(scene, station.arm.model, limits=station.arm.limits)
         self.stopwatch = Stopwatch()
         self.course: Course | None = None
+        self.senses, self._notes, self._results = list[Senses](), False, list[Result]()
 
     def target(self, index: int) -> Ride | InHand:
         """Return what comes by in a trial."""
@@ -175,11 +185,13 @@ class MeetRunner:
         world.reset(target, int(np.random.default_rng([self._seed, index]).integers(2**31)))
         catcher = Catcher(s.arm, self._generator, settings=s.catcher)
         longest, results = _LONGEST, list[Result]()
+        self.senses, self._notes, self._results = [], True, results
         if isinstance(target, Recorded):
             longest = max(longest, target.duration + _BEYOND)
         for _ in self._ticks(catcher, results, longest):
             if catcher.done or _has_braked(catcher, world.t):
                 break
+        self._notes = False
         fingers, closed = catcher.state.fingers[0], None
         if np.isfinite(fingers["t_begun"]):
             closed = float(fingers["t_begun"] + fingers["duration"])
@@ -206,6 +218,8 @@ class MeetRunner:
         for _ in range(round(longest / TICK)):
             senses = self.world.sense(look=look and catcher.looking)
             self._read_belt(senses.t)
+            if self._notes:
+                self.senses.append(senses)
             with self.stopwatch:
                 command = catcher.step(senses)
             self.world.apply(command)
@@ -214,6 +228,32 @@ class MeetRunner:
             yield
             if self.world.diverged:
                 return
+
+    def recording(self, trial: MeetTrial) -> Written:
+        """Return the recording of the last trial, up to when the tool had closed.
+
+        Raises:
+            InputError: What moved the arm is not the map: only that is made again by a replay.
+        """
+        s, ticks = self._station, self._results[: len(self.senses)]
+        if not isinstance(self._generator, Meeting):
+            raise InputError("a recording of a meeting", "the generator direct", "another")
+        about = About(
+            arm=s.arm, generator="meeting", maps=(), meeting=Meeting(s.map, s.settings),
+            settings=s.catcher, rig=fixed_rig(), eyes=EyesConfig(), notes=s.notes,
+        )  # fmt: skip
+        truth = self.world.trace()
+        said = {
+            "trial": json.dumps(finite(asdict(trial)), allow_nan=False),
+            "seed": str(self._seed),
+        }
+        return Written(
+            heading=heading_of(about, said),
+            ticks=tick_rows(gathered(ticks), self.senses, 0),
+            points={k: x.points for k, x in enumerate(self.senses) if x.points},
+            tracks=(Track(topic=TRUTH, t=truth.t, r=truth.r_o),
+                    Track(topic=CATCH_POINT, t=truth.t, r=truth.position)),
+        )  # fmt: skip
 
     def _read_belt(self, t: float) -> None:
         """Let a generator that follows the belt's encoder have its reading of this tick."""

@@ -50,7 +50,7 @@ class Placing:
 def placing_of(s: Station) -> Placing | None:
     """Return where a station puts its parts; None where no place is clear of its belt."""
     arm, f = s.arm, s.map
-    frame = _down(f.frame)
+    frame = pointing_down(f.frame)
     for angle in _ANGLES:
         turned = rotation(np.array([0.0, 0.0, 1.0]), angle)
         over, place = _turned_by(arm, turned, angle), turned @ s.place
@@ -83,7 +83,7 @@ def _turned_by(arm: Arm, turned: Array, angle: float) -> Array | None:
     return None
 
 
-def _down(frame: Array) -> Array:
+def pointing_down(frame: Array) -> Array:
     """Return a tool's frame whose z axis points down and whose x axis is level, shape (3, 3)."""
     x, down = frame[:, 0] * [1.0, 1.0, 0.0], np.array([0.0, 0.0, -1.0])
     x = x / np.linalg.norm(x)
@@ -113,15 +113,14 @@ def _crosses(scene: Scene, place: Array) -> bool:
     return abs(float(across @ (place[:2] - belt.middle))) < 0.5 * belt.width + _BESIDE
 
 
-def carried(arm: Arm, start: Array, end: Array, speed: float) -> Array:
+def carried(arm: Arm, start: Array, end: Array, speed: float, share: float = _SHARE) -> Array:
     """Return a motion from rest to rest whose tool is no faster than ``speed`` [m/s].
 
-    q, dq, ddq each tick, shape (k, 3, n).
+    q, dq, ddq each tick, shape (k, 3, n). ``share`` of the joints' speeds is used at most.
 
     Raises:
         InputError: There is none.
     """
-    share = _SHARE
     for _ in range(_TRIES):
         rows = slow_motion(arm, start, end, share)
         fastest = max(float(np.linalg.norm(arm.jacobian(q) @ dq)) for q, dq, _ in rows[::10])
