@@ -80,7 +80,10 @@ def meet(options: MeetOptions) -> int:
 def _run(
     runner: MeetRunner, count: int, report: Progress, keep: Callable[[MeetTrial], None]
 ) -> tuple[list[MeetTrial], Course | None, int]:
-    """Run the trials, each kept when it ends; return them, the course of the first, and the status of an interrupt or 0."""
+    """Run the trials, each kept when it ends.
+
+    Returns them, the course of the first, and the status of an interrupt or 0.
+    """
     trials, course = list[MeetTrial](), None
     try:
         for k in range(count):
