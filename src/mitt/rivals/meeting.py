@@ -176,11 +176,11 @@ class Replanned:
         """Return the estimate."""
         return ball
 
-    def motion(self, meeting: Meeting, ball: BallState, followed: JointReference) -> Array | None:  # noqa: ARG002
+    def motion(self, meeting: Meeting, ball: BallState, followed: JointReference) -> Array | None:
         """Follow the plan, after a new one if it is due."""
         w = self.memory
         if ball.t - w.planned >= 1.0 / self.rate - 1e-9:
-            self._plan(meeting, ball)
+            self._plan(meeting, ball, followed.q_o)
         return None if w.plan is None else self._at(ball.t)
 
     def _at(self, t: float) -> Array:
@@ -193,15 +193,18 @@ class Replanned:
             motion = np.array([motion[0] + late * motion[1], motion[1], 0.0 * motion[2]])
         return motion
 
-    def _plan(self, meeting: Meeting, ball: BallState) -> None:
-        """Plan from where the last plan has brought the arm; that one stays out of reach."""
+    def _plan(self, meeting: Meeting, ball: BallState, branch: Array) -> None:
+        """Plan from where the last plan has brought the arm; that one stays out of reach.
+
+        The end is on the branch of a pose, that of the map: a plan on its way may point elsewhere.
+        """
         w, t_c = self.memory, meeting.start + meeting.after
         above = meeting.start + meeting.approach(meeting.after)
         T = max(above - ball.t, AHEAD, 1.0 / self.rate)
         r_o, dr_o, ddr_o = meeting.glide.motion
         ahead = flown(replace(ball, r_o=r_o, dr_o=dr_o, ddr_o=ddr_o), np.array([T]))[0]
         start = self._at(ball.t)
-        inside, end = meeting.map.virtual(meeting.placed(ahead, t_c - ball.t - T), start[0])
+        inside, end = meeting.map.virtual(meeting.placed(ahead, t_c - ball.t - T), branch)
         if not inside:
             return
         to = Intercept(t_c=ball.t + T, end=end, r_c=ahead[0], binding_limit="", utilization=0.0,
@@ -231,11 +234,11 @@ class Attracted:
         """Return the estimate."""
         return ball
 
-    def motion(self, meeting: Meeting, ball: BallState, followed: JointReference) -> Array | None:  # noqa: ARG002
+    def motion(self, meeting: Meeting, ball: BallState, followed: JointReference) -> Array | None:
         """Advance the joints to the time of the estimate."""
         w, t_c = self.memory, meeting.start + meeting.after
         here = meeting.placed(meeting.known(ball), t_c - ball.t)
-        inside, goal = meeting.map.virtual(here, w.motion[0])
+        inside, goal = meeting.map.virtual(here, followed.q_o)
         if not inside:
             return None
         left = t_c - meeting.settings.descent - ball.t
