@@ -1,7 +1,7 @@
 """``mitt bat``: hit thrown balls back to a target, or stop them."""
 
 import shlex
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +15,19 @@ from mitt.errors import InputError
 from mitt.files.writing import check_folder, locked, new_folder, write_json
 from mitt.report.bat_page import BatContent, write_bat_page
 from mitt.signals import Array
-from mitt.trials.bat_station import BatStation, bat_station, target_of, throw_ranges
+from mitt.trials.bat_station import (
+    BatStation,
+    bat_station,
+    coming,
+    strike_share,
+    target_of,
+    throw_ranges,
+)
 from mitt.trials.batting import SCHEMA, BatRunner, BatTrial, summary
 from mitt.trials.log import TrialLog
 from mitt.trials.result import finite
 from mitt.trials.source import Source, source_of
-from mitt.world.flights import builtin_flights
+from mitt.world.flights import Recording, builtin_flights, read_flights
 from mitt.world.scene import DEFAULT_SCENE, Scene, read_scene
 
 #: Name of the recorded flights that ship.
@@ -35,6 +42,7 @@ class _Asked:
 
     target: Array | None
     speed: tuple[float, float] | None
+    recordings: tuple[Recording, ...]
     limits: str | None
     scene: Scene
     out: Path
@@ -45,7 +53,7 @@ def bat(options: BatOptions) -> int:
     asked = _asked(options)
     station = bat_station(
         options.arm, scene=asked.scene, target=asked.target, limits=asked.limits,
-        speed=asked.speed, learns=not options.check,
+        around=coming(asked.speed, asked.recordings), learns=not options.check,
     )  # fmt: skip
     source = _source(options, asked, station)
     if options.check:
@@ -87,10 +95,18 @@ def _asked(options: BatOptions) -> _Asked:
     return _Asked(
         target=target,
         speed=None if speed is None else (speed[0], speed[1]),
+        recordings=_recordings(options.flights),
         limits=_LIMITS.get(options.arm) if options.limits is None else options.limits,
         scene=read_scene(name, flights=flights),
         out=out,
     )
+
+
+def _recordings(name: str | None) -> tuple[Recording, ...]:
+    """Return recorded flights by name or file; none where nothing is named."""
+    if name is None:
+        return ()
+    return builtin_flights() if name == _SHIPPED else read_flights(Path(name))
 
 
 def _numbers(name: str, text: str, count: int) -> tuple[float, ...]:
@@ -106,12 +122,11 @@ def _numbers(name: str, text: str, count: int) -> tuple[float, ...]:
 
 def _source(options: BatOptions, asked: _Asked, station: BatStation) -> Source:
     """Return the balls of a run."""
-    shipped = options.flights == _SHIPPED
-    return source_of(
+    source = source_of(
         station.arm, seed=options.seed, drag=asked.scene.ball.drag, count=options.throws,
-        flights_file=None if shipped or options.flights is None else Path(options.flights),
-        recordings=builtin_flights() if shipped else (), ranges=throw_ranges(asked.speed, station),
+        recordings=asked.recordings, ranges=throw_ranges(asked.speed, station),
     )  # fmt: skip
+    return replace(source, shares=tuple(strike_share(x) for x in asked.recordings))
 
 
 def _run(runner: BatRunner, count: int, report: Progress) -> tuple[list[BatTrial], TrialLog | None]:

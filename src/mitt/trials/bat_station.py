@@ -4,6 +4,7 @@ Balls come at the height of a person's chest or head, before the arm: there a pa
 thrower.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -21,9 +22,11 @@ from mitt.map.map_design import MapDesign
 from mitt.map.striking import Impact
 from mitt.signals import Array
 from mitt.trials.catcher_settings import catcher_settings
+from mitt.trials.learning import Neighbourhood
 from mitt.trials.source import ranges_of
 from mitt.trials.strikes import STRUCK, learn_strikes
 from mitt.world.build import TOUCH, restitution_on
+from mitt.world.flights import CATCH_FRACTION, Recording, place_flight, smooth
 from mitt.world.scene import Scene
 from mitt.world.throws import ThrowRanges
 
@@ -34,6 +37,9 @@ _USUAL = 6.0
 #: Where the cameras are and what they look at, from where balls are struck [m]: in view are all
 #: default throws, and the returns as far as they tell their velocity.
 _BACK, _AHEAD = (-2.15, 1.7, 1.35), np.array([1.32, 0.0, 0.02])
+#: Recorded flights are struck so long after their bounce [s], if so much of it is recorded, or
+#: else so long before it; the arm then has so long for its motion.
+_AFTER_BOUNCE, _ENOUGH, _BEFORE_BOUNCE, _SOON = 0.3, 0.2, 0.1, (0.2, 0.4)
 #: Half-widths of the box that balls are aimed at [m].
 _BOX = (0.05, 0.15, 0.1)
 
@@ -95,7 +101,7 @@ _WAM: Final = Stance(
 
 def bat_station(
     name: str, *, scene: Scene, target: Array | None, limits: str | None = None,
-    speed: tuple[float, float] | None = None, learns: bool = True,
+    around: Neighbourhood = STRUCK, learns: bool = True,
 ) -> BatStation:  # fmt: skip
     """Return the station of an arm.
 
@@ -104,7 +110,7 @@ def bat_station(
         scene: The world.
         target: Where balls are sent [m], shape (3,); None for a shield.
         limits: Limit set; that of the arm if left out.
-        speed: Least and largest speed of the throws [m/s]; as default throws if left out.
+        around: How balls come, without the box, which is that of the arm.
         learns: Whether its map is learned; without, to check what was said.
 
     Raises:
@@ -125,12 +131,9 @@ def bat_station(
         target=None if target is None else (float(target[0]), float(target[1]), float(target[2])),
         impact=Impact(mass=ball.mass, restitution=told, loss=paddle.loss(_USUAL), drag=ball.drag),
     )
-    around = replace(STRUCK, box=_BOX)
-    if speed is not None:
-        around = replace(around, arrival=(0.85 * speed[0], speed[1]))
     g = unlearned_batting(arm, stance.design, stance.held, middle)
     if learns:
-        g = learn_strikes(g, settings, place, around=around)[0]
+        g = learn_strikes(g, settings, place, around=replace(around, box=_BOX))[0]
     return BatStation(arm=arm, batting=Batting(map=g, settings=settings), scene=scene,
                       target=target, rig=bat_rig(place))  # fmt: skip
 
@@ -164,6 +167,43 @@ def throw_ranges(speed: tuple[float, float] | None, station: BatStation) -> Thro
         return usual
     low, high = usual.distance
     return replace(usual, speed=speed, duration=(0.95 * low / speed[1], high / speed[0]))
+
+
+def coming(
+    speed: tuple[float, float] | None = None, recordings: Sequence[Recording] = ()
+) -> Neighbourhood:
+    """Return how balls come to be struck: as throws, of some speeds [m/s], or as recorded flights.
+
+    Recorded flights are measured where they are struck (:func:`strike_share`).
+    """
+    if speed is not None:
+        return replace(STRUCK, arrival=(0.85 * speed[0], speed[1]))
+    if not recordings:
+        return STRUCK
+    flights = [place_flight(x, np.zeros(3), rng=None) for x in recordings]
+    met = [
+        x.at(strike_share(of) * x.duration)[1] for x, of in zip(flights, recordings, strict=True)
+    ]
+    speeds = np.linalg.norm(met, axis=1)
+    descents = np.arcsin(-np.array(met)[:, 2] / speeds)
+    return replace(
+        STRUCK, arrival=(float(speeds.min()), float(speeds.max())),
+        descent=(float(descents.min()), float(descents.max())), flight=_SOON,
+    )  # fmt: skip
+
+
+def strike_share(recording: Recording) -> float:
+    """Return the share of its duration after which a recorded flight is struck.
+
+    Some time after its bounce, when the ball is known again; one whose recording ends soon after
+    the bounce is struck before it.
+    """
+    edges = smooth(recording.t, recording.r).edges
+    lasts, bounce = float(edges[-1]), float(edges[-2])
+    if lasts - bounce >= _ENOUGH and len(edges) > 2:
+        return (bounce + _AFTER_BOUNCE) / lasts
+    ends = bounce if len(edges) > 2 else lasts
+    return min(CATCH_FRACTION, (ends - _BEFORE_BOUNCE) / lasts)
 
 
 def stance_of(name: str) -> Stance:

@@ -10,7 +10,14 @@ from mitt.arm.arm import Arm
 from mitt.files.arm_file import ThrowSettings
 from mitt.map.map_design import catch_place, nominal_catch
 from mitt.signals import Array
-from mitt.world.flights import BallPath, PlacedFlight, Recording, place_flight, read_flights
+from mitt.world.flights import (
+    CATCH_FRACTION,
+    BallPath,
+    PlacedFlight,
+    Recording,
+    place_flight,
+    read_flights,
+)
 from mitt.world.throws import Aim, Throw, ThrowRanges, default_throw, read_throws
 
 #: Streams drawn from one seed and index, so that no use of one disturbs another.
@@ -63,6 +70,8 @@ class Source:
         drag: Drag of the balls [1/m]: default throws are aimed with it, and recorded balls have
             it after their last sample.
         ranges: Ranges of the default throws; the contract's if left out.
+        shares: Of each recorded flight, the share of its duration after which it passes the catch
+            point; the usual one if empty.
     """
 
     seed: int
@@ -73,13 +82,16 @@ class Source:
     recordings: tuple[Recording, ...] = ()
     drag: float = 0.12
     ranges: ThrowRanges | None = None
+    shares: tuple[float, ...] = ()
 
     def ball(self, index: int) -> Throw | PlacedFlight:
         """Return what is thrown in a trial."""
         rng = np.random.default_rng([self.seed, index, _BALL])
         if self.recordings:
-            recording = self.recordings[index % len(self.recordings)]
-            return place_flight(recording, self.catch_point, rng=rng, drag=self.drag)
+            k = index % len(self.recordings)
+            share = self.shares[k] if self.shares else CATCH_FRACTION
+            return place_flight(self.recordings[k], self.catch_point, rng=rng, drag=self.drag,
+                                share=share)  # fmt: skip
         if self.throws:
             return self.throws[index % len(self.throws)]
         return default_throw(rng, self.aim, replace(self.ranges or ThrowRanges(), drag=self.drag))

@@ -6,7 +6,7 @@ this degree follows gravity, drag and spin of a one-second flight to well below 
 camera and has an analytic velocity.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Protocol, runtime_checkable
@@ -175,25 +175,28 @@ def builtin_flights() -> tuple[Recording, ...]:
 
 
 def place_flight(
-    recording: Recording, catch_point: Array, *, rng: np.random.Generator | None, drag: float = 0.12
-) -> PlacedFlight:
+    recording: Recording, catch_point: Array, *, rng: np.random.Generator | None,
+    drag: float = 0.12, share: float = CATCH_FRACTION,
+) -> PlacedFlight:  # fmt: skip
     """Smooth a recording and put it before the arm.
 
     It is turned about the vertical so that its chord comes from +x, shifted so that it passes
-    ``catch_point`` after 75 % of its duration, and jittered about that point.
+    ``catch_point`` after a share of its duration, and jittered about that point.
 
     Args:
         recording: The flight.
         catch_point: Nominal catch point [m], shape (3,).
         rng: Source of the jitter; no jitter if None.
         drag: Drag after the last sample [1/m]; 0.09 to 0.15 fitted to these balls.
+        share: That share; above 1 it is after the last sample.
     """
     pieces = smooth(recording.t, recording.r)
-    anchor = pieces.at(CATCH_FRACTION * float(recording.t[-1]))[0]
-    rotation, shift = placing(recording, anchor, catch_point, rng)
-    return PlacedFlight(
-        name=recording.name, pieces=pieces, rotation=rotation, shift=shift, drag=drag
+    flight = PlacedFlight(
+        name=recording.name, pieces=pieces, rotation=np.eye(3), shift=np.zeros(3), drag=drag
     )
+    anchor = flight.at(share * flight.duration)[0]
+    rotation, shift = placing(recording, anchor, catch_point, rng)
+    return replace(flight, rotation=rotation, shift=shift)
 
 
 def placing(
