@@ -53,6 +53,8 @@ _BEYOND = 0.3
 #: For how long after a hit the ball is looked at [s], from when on [s], and the least number of
 #: sightings that tell its velocity.
 _LOOK, _CLEAR, _ENOUGH = 0.12, 0.003, 12
+#: By how many of its sigmas a hit may change what is believed; more, and it was no clean hit.
+_SURPRISE = 3.0
 #: Ticks over which joints' readings are compared with their commands.
 _MEAN = 8
 
@@ -393,7 +395,7 @@ def strike_of(arm: Arm, ticks: Result, met: float) -> Strike:
 def learned(
     known: Restitution, strike: Strike, station: BatStation, seen: list[Sighting], apart: float
 ) -> Restitution:
-    """Return what is known of the restitution after a hit.
+    """Return what is known of the restitution after a hit; nothing new after an odd one.
 
     Args:
         known: What was known before.
@@ -406,7 +408,9 @@ def learned(
     if v_out is None:
         return known
     behind = mass_behind(station.arm, strike.q, strike.normal)
-    return known.after(strike, behind, station.scene.ball.mass, v_out)
+    told = known.after(strike, behind, station.scene.ball.mass, v_out)
+    surprising = abs(told.mean - known.mean) > _SURPRISE * known.sigma
+    return known if surprising else told
 
 
 def returned_velocity(seen: list[Sighting], apart: float, drag: float) -> Array | None:
