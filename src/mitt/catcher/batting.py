@@ -9,7 +9,7 @@ before the contact; in between it answers to the ball alone, as in catching, in 
 
 from dataclasses import dataclass, field, replace
 from math import inf
-from typing import Annotated, final
+from typing import Annotated, NamedTuple, final
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from mitt.map.batting import BattingMap
 from mitt.map.demand import Tolerance, shares_of
 from mitt.map.mapping import DirectMap
 from mitt.map.prediction import flown, foresee, spread
-from mitt.map.striking import ASTRAY, Impact, Strike
+from mitt.map.striking import Impact, Strike
 from mitt.signals import Array, BallState, JointReference
 from mitt.verdict.feasibility import Outcome, Verdict
 
@@ -43,18 +43,16 @@ class BattingSettings:
         shortest: Shortest time from start to contact [s].
         again: Time between two adaptations to the ball's estimate [s].
         until: Time to the contact below which the map is left as it is [s].
-        aside: Largest angle of the paddle off what the target asks for [rad].
     """
 
     target: tuple[float, float, float] | None = None
     impact: Impact
-    earlier: Annotated[float, Range(0.0, 1.0)] = 0.03
-    instants: Annotated[int, Range(1, 100)] = 9
-    tried: Annotated[int, Range(1, 100)] = 3
+    earlier: Annotated[float, Range(0.0, 1.0)] = 0.05
+    instants: Annotated[int, Range(1, 100)] = 11
+    tried: Annotated[int, Range(1, 100)] = 4
     shortest: Annotated[float, Range(0.01, 10.0)] = 0.15
-    again: Annotated[float, Range(0.001, 10.0)] = 0.04
-    until: Annotated[float, Range(0.0, 1.0)] = 0.1
-    aside: Annotated[float, Range(0.0, np.pi)] = ASTRAY
+    again: Annotated[float, Range(0.001, 10.0)] = 0.08
+    until: Annotated[float, Range(0.0, 1.0)] = 0.12
 
     __repr__ = brief
 
@@ -66,6 +64,32 @@ class BattingSettings:
     def aim(self) -> Array | None:
         """The target as an array, shape (3,)."""
         return None if self.target is None else np.array(self.target)
+
+
+class _Plan(NamedTuple):
+    """A verdict, and the strike and the map that it rests on, if any."""
+
+    verdict: Verdict
+    found: tuple[Strike, DirectMap] | None
+
+
+@final
+class _Memory:
+    """The plan that was made last, for the ball that it was made for: a start asks for it again."""
+
+    def __init__(self) -> None:
+        """Begin without one."""
+        self._ball: BallState | None = None
+        self._plan: _Plan | None = None
+
+    def of(self, ball: BallState) -> _Plan | None:
+        """Return the plan if it was made for this very estimate."""
+        return self._plan if ball is self._ball else None
+
+    def keep(self, ball: BallState, plan: _Plan) -> _Plan:
+        """Keep a plan and return it."""
+        self._ball, self._plan = ball, plan
+        return plan
 
 
 @final
@@ -81,6 +105,7 @@ class Batting(Generator):
         posed: The map moved to it.
         t_contact: When [s].
         t_adapted: When the map was moved last [s].
+        memory: What was planned last.
     """
 
     map: BattingMap
@@ -90,6 +115,7 @@ class Batting(Generator):
     posed: DirectMap | None = None
     t_contact: float = inf
     t_adapted: float = -inf
+    memory: _Memory = field(default_factory=_Memory, repr=False, compare=False)
 
     __repr__ = brief
 
@@ -117,11 +143,9 @@ class Batting(Generator):
         if self.strike is not None:
             return Verdict(outcome=Outcome.FEASIBLE, binding_limit="", share=0.0,
                            t_catch=self.t_contact, sigma=self.sharpness(ball))  # fmt: skip
-        return self._planned(ball, q, np.zeros(len(q)) if dq is None else dq)[0]
+        return self._planned(ball, q, np.zeros(len(q)) if dq is None else dq).verdict
 
-    def _planned(
-        self, ball: BallState, q: Array, dq: Array
-    ) -> tuple[Verdict, tuple[Strike, DirectMap] | None]:
+    def _planned(self, ball: BallState, q: Array, dq: Array) -> _Plan:
         """Return the verdict for an arm in ``q`` that moves at ``dq``, the strike and its map."""
         best, why, at, found = inf, "domain", inf, None
         for after, strike in self._contacts(ball, q):
@@ -134,10 +158,10 @@ class Batting(Generator):
             if shares[binding] < best:
                 best, why, at, found = shares[binding], binding, after, (strike, f)
         outcome = Outcome.FEASIBLE if best <= 1.0 else Outcome.UNREACHABLE
-        return Verdict(
+        return self.memory.keep(ball, _Plan(Verdict(
             outcome=outcome, binding_limit=why, share=best, t_catch=ball.t + at,
             sigma=spread(ball, at) if found else inf,
-        ), found  # fmt: skip
+        ), found))  # fmt: skip
 
     def _contacts(self, ball: BallState, q: Array) -> list[tuple[float, Strike]]:
         """Return the easiest contacts: times from now and strikes."""
@@ -147,7 +171,7 @@ class Batting(Generator):
         found, near = [], None
         for after, motion in zip(times.tolist(), flown(ball, times), strict=True):
             strike = self.map.strike(motion[:2], s.aim, self._impact(ball), near=near)
-            if strike is not None and (strike.astray <= s.aside or s.target is None):
+            if strike is not None and self.map.aims(strike, s.aim):
                 found.append((after, near := strike))
         found.sort(key=lambda x: self.map.ease(x[1], q, x[0]))
         return found[: s.tried]
@@ -159,23 +183,24 @@ class Batting(Generator):
     def adapt(self, ball: BallState, q: Array, dq: Array) -> "Batting":
         """Start from where the arm is, eq. (12), and end in the strike that the ball asks for.
 
-        Once under way the time of the contact stays; shortly before it nothing changes any more.
+        Once under way the ball is met where the map's catch joint meets it now, and not at a given
+        time; shortly before that nothing changes any more.
         """
         if self.strike is None:
-            verdict, found = self._planned(ball, q, dq)
+            verdict, found = self.memory.of(ball) or self._planned(ball, q, dq)
             if found is None:
                 raise InputError("ball", "one that the paddle can reach", "another")
             return replace(self, strike=found[0], posed=found[1], t_contact=verdict.t_catch,
                            t_adapted=ball.t)  # fmt: skip
-        left = self.t_contact - ball.t
-        if left < self.settings.until:
-            return self
+        left = self.as_map().reference(ball).time_to_catch
+        if not self.settings.until <= left < inf:
+            return replace(self, t_adapted=ball.t)
         end = flown(ball, np.array([left]))[0, :2]
         strike = self.map.strike(end, self.settings.aim, self._impact(ball), near=self.strike)
         f = None if strike is None else self.map.adapt(ball, q, dq, strike)
         if f is None:
             return replace(self, t_adapted=ball.t)
-        return replace(self, strike=strike, posed=f, t_adapted=ball.t)
+        return replace(self, strike=strike, posed=f, t_contact=ball.t + left, t_adapted=ball.t)
 
     def astray(self, ball: BallState) -> bool:
         """Say whether it is time to adapt to what is known of the ball by now."""

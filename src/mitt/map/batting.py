@@ -27,15 +27,19 @@ import numpy as np
 from mitt.arm.arm import Arm
 from mitt.errors import InputError, ModelError
 from mitt.fields import brief
+from mitt.map.demand import demand
 from mitt.map.learn import Flight, Learned, LearnSettings, Lifted, learn_lifted, lift_flight
 from mitt.map.map_design import MapDesign, check_joints
 from mitt.map.mapping import DirectMap, coordinates, initial_gap, project
 from mitt.map.polynomial import CatchBasis
-from mitt.map.striking import Aiming, Impact, Strike, aim, aiming_of
+from mitt.map.striking import ASTRAY, Aiming, Impact, Strike, aim, aiming_of
 from mitt.signals import Array, BallState
 
-#: Largest speed of a motion from rest to rest, in units of its mean: of a quintic.
-_PEAK = 1.875
+#: Largest speed of a motion from rest to rest, in units of its mean, and largest acceleration, in
+#: units of that by its time: of a quintic.
+_PEAK, _PUSH = 1.875, 5.774
+#: Share of a limit beyond which a flight is left out of learning.
+_MOST = 1.3
 #: Least scale of a variable of b [rad].
 _NARROWEST = 1e-3
 #: What maps of one arm have in common, whatever the throw.
@@ -90,8 +94,15 @@ class BattingMap:
         T = None if near is None or near.T == 0.0 else near.T
         return aim(self.arm, self.aiming, ball, target, impact, start, T=T)
 
+    def aims(self, strike: Strike, target: Array | None) -> bool:
+        """Say whether a strike points the paddle as well as the arm can.
+
+        An arm without a joint to aim with, and a shield, are as near to it as they can be.
+        """
+        return strike.astray <= ASTRAY or target is None or not self.held
+
     def ease(self, strike: Strike, q: Array, after: float) -> float:
-        """Return about the share of the limits that a strike takes: speeds and ranges.
+        """Return about the share of the limits that a strike takes: speeds, torques and ranges.
 
         Args:
             strike: The strike.
@@ -99,7 +110,9 @@ class BattingMap:
             after: Time until then [s].
         """
         arm = self.arm
-        way = _PEAK * np.abs(strike.q - q) / (max(after, 1e-3) * arm.dq_max)
+        mean = np.abs(strike.q - q) / max(after, 1e-3)
+        push = _PUSH * arm.mass_matrix(strike.q) @ mean / (max(after, 1e-3) * arm.tau_max)
+        way = np.maximum(_PEAK * mean / arm.dq_max, np.abs(push))
         middle, half = 0.5 * (arm.q_max + arm.q_min), 0.5 * (arm.q_max - arm.q_min)
         off = np.abs(strike.q - middle) / half
         beyond = np.where(off > 1.0, np.inf, 0.0)
@@ -202,6 +215,9 @@ def learn_batting(
 ) -> tuple[BattingMap, Learned]:
     """Learn the coefficients over flights and their strikes, as :func:`mitt.map.learn.learn_from`.
 
+    Then once more without those that ask for far more than a limit: they would be refused, and a
+    few of them decide what is learned.
+
     Args:
         g: The map, unlearned.
         flights: Flights, from t_0 to a little past the contact, and how each ball is met.
@@ -210,14 +226,31 @@ def learn_batting(
     Raises:
         InputError: No flight is inside the map's domain.
     """
+    settings = settings or LearnSettings()
+    g, learned, kept = _learned(g, flights, len(flights), settings)
+    if 2 * len(kept) < len(flights) or len(kept) == learned.flights:
+        return replace(g, map=learned.map), learned
+    g, learned, _ = _learned(g, kept, len(flights), settings)
+    return replace(g, map=learned.map), learned
+
+
+def _learned(
+    g: BattingMap, flights: Sequence[tuple[Flight, Strike]], count: int, settings: LearnSettings
+) -> tuple[BattingMap, Learned, list[tuple[Flight, Strike]]]:
+    """Return the map scaled to flights, what was learned from them, and those it is fit for."""
     inside = [(x, of) for of in flights if (x := lift_strike(g, *of)) is not None]
     if not inside:
-        raise InputError("flights", "at least one inside the map's domain", f"{len(flights)}, none")
+        raise InputError("flights", "at least one inside the map's domain", f"{count}, none")
     g = _scaled(g, [x for x, _ in inside], [strike for _, (_, strike) in inside])
-    lifted = [x for of in flights if (x := lift_strike(g, *of)) is not None]
-    left_out = len(flights) - len(lifted)
-    learned = learn_lifted(g.map, lifted, left_out=left_out, settings=settings or LearnSettings())
-    return replace(g, map=learned.map), learned
+    both = [(x, of) for of in flights if (x := lift_strike(g, *of)) is not None]
+    lifted = [x for x, _ in both]
+    learned = learn_lifted(g.map, lifted, left_out=count - len(lifted), settings=settings)
+    f, fit = learned.map, list[tuple[Flight, Strike]]()
+    for x, of in both:
+        motion = x.motion(project(f.alpha, f.H_inverse, x.phi_0, x.gap))
+        if float(demand(g.arm, motion).shares.max()) <= _MOST:
+            fit.append(of)
+    return g, learned, fit
 
 
 def _scaled(g: BattingMap, lifted: Sequence[Lifted], strikes: Sequence[Strike]) -> BattingMap:

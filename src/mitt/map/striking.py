@@ -52,7 +52,7 @@ from mitt.signals import Array
 #: Steps of Newton's method, its largest steps [rad, s], and rounds of shooting in each.
 _STEPS, _TURN, _LATER, _ROUNDS = 14, 0.35, 0.15, 3
 #: Weight of a metre against a radian, what is added to the squares, and when it has settled.
-_WEIGHT, _DAMPING, _SETTLED = 10.0, 1e-9, 1e-10
+_WEIGHT, _DAMPING, _SETTLED = 1e3, 1e-9, 1e-10
 #: Shortest and longest flight to the target [s].
 _BRIEFEST, _LONGEST = 0.1, 2.0
 #: Speed of a returned ball by which the search for T begins [m/s].
@@ -297,9 +297,10 @@ def search(
     for c in range(3):
         a.v_out[c] = (target[c] - ball[0, c]) / T
     a.v_out[2] += 4.9 * T
+    wish = _wish(ball, target, T, of, a)
     for _ in range(_STEPS):
         wish = _wish(ball, target, T, of, a)
-        out[1] = _expand(a, q, r, wish)
+        _expand(a, q, r, wish)
         _least(a)
         largest = abs(a.step[k]) / _LATER
         for b in range(k):
@@ -310,6 +311,13 @@ def search(
         T = min(max(T + share * a.step[k], _BRIEFEST), _LONGEST)
         if largest < _SETTLED:
             break
+    for _ in range(2):  # the place is met exactly, also where the direction is not
+        _expand(a, q, r, wish)
+        a.rows[3:] = 0.0
+        a.rows[:, k] = 0.0
+        _least(a)
+        for b in range(k):
+            q[a.moved[b]] += a.step[b]
     out[0] = T
     out[1] = _expand(a, q, r, _wish(ball, target, T, of, a))
     miss = minus(r, row(a.motion.tip, 0))

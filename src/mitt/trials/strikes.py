@@ -76,7 +76,7 @@ def _drawn(
     impact, best = replace(batting.impact, drag=drag), None
     for dt in np.linspace(-batting.earlier, batting.earlier, batting.instants).tolist():
         strike = g.strike(_row(r, v, dt, drag)[:2], target, impact)
-        if strike is None or (target is not None and strike.astray > batting.aside):
+        if strike is None or not g.aims(strike, target):
             continue
         share = g.ease(strike, g.arm.q_ready, lasts + dt)
         if share < np.inf and (best is None or share < best[0]):
