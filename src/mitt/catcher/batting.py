@@ -25,6 +25,8 @@ from mitt.map.striking import Impact, Strike
 from mitt.signals import Array, BallState, JointReference
 from mitt.verdict.feasibility import Outcome, Verdict
 
+#: Time after which a ball that could not be struck is judged anew [s].
+_ANEW = 0.02
 #: Instants at which a motion is held against its limits.
 _INSTANTS = 16
 
@@ -86,6 +88,12 @@ class _Memory:
         """Return the plan if it was made for this very estimate."""
         return self._plan if ball is self._ball else None
 
+    def refused(self, t: float) -> bool:
+        """Say whether no ball could be struck shortly before a time [s]."""
+        ball, plan = self._ball, self._plan
+        recent = ball is not None and 0.0 <= t - ball.t < _ANEW
+        return recent and plan is not None and plan.verdict.outcome is not Outcome.FEASIBLE
+
     def keep(self, ball: BallState, plan: _Plan) -> _Plan:
         """Keep a plan and return it."""
         self._ball, self._plan = ball, plan
@@ -110,7 +118,7 @@ class Batting(Generator):
 
     map: BattingMap
     settings: BattingSettings
-    tolerance: Tolerance = field(default_factory=lambda: Tolerance(torque=1.0, speed=1.0))
+    tolerance: Tolerance = field(default_factory=Tolerance)
     strike: Strike | None = None
     posed: DirectMap | None = None
     t_contact: float = inf
@@ -138,12 +146,17 @@ class Batting(Generator):
     def verdict(self, ball: BallState, q: Array, dq: Array | None = None) -> Verdict:
         """Return the verdict: the contact that takes the least share of the limits.
 
-        What is under way is not refused any more: the catcher's commands keep the limits.
+        A ball that cannot be struck as it flies now may bounce, or be known better: it is judged
+        anew, and never refused. What is under way is not refused any more: the catcher's commands keep the limits.
         """
         if self.strike is not None:
             return Verdict(outcome=Outcome.FEASIBLE, binding_limit="", share=0.0,
                            t_catch=self.t_contact, sigma=self.sharpness(ball))  # fmt: skip
         return self._planned(ball, q, np.zeros(len(q)) if dq is None else dq).verdict
+
+    def unsettled(self, ball: BallState, q: Array) -> bool:  # noqa: ARG002
+        """Say whether it was not to be struck a moment ago."""
+        return self.strike is None and self.memory.refused(ball.t)
 
     def _planned(self, ball: BallState, q: Array, dq: Array) -> _Plan:
         """Return the verdict for an arm in ``q`` that moves at ``dq``, the strike and its map."""
@@ -157,7 +170,7 @@ class Batting(Generator):
             binding = max(shares, key=lambda name: shares[name])
             if shares[binding] < best:
                 best, why, at, found = shares[binding], binding, after, (strike, f)
-        outcome = Outcome.FEASIBLE if best <= 1.0 else Outcome.UNREACHABLE
+        outcome = Outcome.FEASIBLE if best <= 1.0 else Outcome.UNSETTLED
         return self.memory.keep(ball, _Plan(Verdict(
             outcome=outcome, binding_limit=why, share=best, t_catch=ball.t + at,
             sigma=spread(ball, at) if found else inf,
