@@ -147,7 +147,7 @@ class Batting(Generator):
         """Return the verdict: the contact that takes the least share of the limits.
 
         A ball that cannot be struck as it flies now may bounce, or be known better: it is judged
-        anew, and never refused. What is under way is not refused any more: the catcher's commands keep the limits.
+        anew, and never refused; nor is what is under way: the catcher's commands keep the limits.
         """
         if self.strike is not None:
             return Verdict(outcome=Outcome.FEASIBLE, binding_limit="", share=0.0,
