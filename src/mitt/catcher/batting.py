@@ -17,7 +17,7 @@ from mitt.arm.arm import Arm
 from mitt.catcher.generators import Generator
 from mitt.errors import InputError
 from mitt.fields import Range, brief, check
-from mitt.map.batting import BattingMap
+from mitt.map.batting import BattingMap, easiest
 from mitt.map.demand import Tolerance, shares_of
 from mitt.map.mapping import DirectMap
 from mitt.map.prediction import flown, foresee, spread
@@ -40,7 +40,7 @@ class BattingSettings:
         impact: How ball and paddle part.
         earlier: How long before the ball is where the map strikes usually it may be met [s], and
             how long after.
-        instants: How many contacts are looked at within that time.
+        instants: How many contacts, evenly spaced, are looked at within that time at first.
         tried: Of how many of these, the easiest, the whole motion is looked at.
         shortest: Shortest time from start to contact [s].
         again: Time between two adaptations to the ball's estimate [s].
@@ -50,8 +50,8 @@ class BattingSettings:
     target: tuple[float, float, float] | None = None
     impact: Impact
     earlier: Annotated[float, Range(0.0, 1.0)] = 0.05
-    instants: Annotated[int, Range(1, 100)] = 11
-    tried: Annotated[int, Range(1, 100)] = 4
+    instants: Annotated[int, Range(1, 100)] = 7
+    tried: Annotated[int, Range(1, 100)] = 3
     shortest: Annotated[float, Range(0.01, 10.0)] = 0.15
     again: Annotated[float, Range(0.001, 10.0)] = 0.08
     until: Annotated[float, Range(0.0, 1.0)] = 0.12
@@ -66,6 +66,10 @@ class BattingSettings:
     def aim(self) -> Array | None:
         """The target as an array, shape (3,)."""
         return None if self.target is None else np.array(self.target)
+
+    def window(self, usual: float) -> Array:
+        """Return the instants that are looked at about the usual one [s]."""
+        return usual + np.linspace(-self.earlier, self.earlier, self.instants)
 
 
 class _Plan(NamedTuple):
@@ -179,15 +183,20 @@ class Batting(Generator):
     def _contacts(self, ball: BallState, q: Array) -> list[tuple[float, Strike]]:
         """Return the easiest contacts: times from now and strikes."""
         s, usual = self.settings, foresee(self.map.map, ball).after
-        times = usual + np.linspace(-s.earlier, s.earlier, s.instants)
-        times = times[(times >= s.shortest) & (times < inf)]
-        found, near = [], None
-        for after, motion in zip(times.tolist(), flown(ball, times), strict=True):
-            strike = self.map.strike(motion[:2], s.aim, self._impact(ball), near=near)
-            if strike is not None and self.map.aims(strike, s.aim):
-                found.append((after, near := strike))
-        found.sort(key=lambda x: self.map.ease(x[1], q, x[0]))
-        return found[: s.tried]
+        impact, near = self._impact(ball), list[Strike]()
+
+        def met(after: float) -> tuple[float, Strike] | None:
+            if not s.shortest <= after < inf:
+                return None
+            motion = flown(ball, np.array([after]))[0]
+            strike = self.map.strike(motion[:2], s.aim, impact, near=near[-1] if near else None)
+            if strike is None or not self.map.aims(strike, s.aim):
+                return None
+            near.append(strike)
+            return self.map.ease(strike, q, after), strike
+
+        found = easiest(met, s.window(usual))
+        return [(after, strike) for after, (_, strike) in found[: s.tried]]
 
     def _impact(self, ball: BallState) -> Impact:
         """Return how ball and paddle part, with the drag that the ball is known to have."""

@@ -17,7 +17,7 @@ angle of the catch joint in q*, and the joints that are not free rest at theirs.
 | ``d``      | q - q_o, dq - dq_o at t_0; dq* - dq_o at t_c        | rad ...   | (3 n,)   |
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final, final
@@ -38,6 +38,8 @@ from mitt.signals import Array, BallState
 #: Largest speed of a motion from rest to rest, in units of its mean, and largest acceleration, in
 #: units of that by its time: of a quintic.
 _PEAK, _PUSH = 1.875, 5.774
+#: How often the instants about the easiest contact are looked at more closely.
+_HALVINGS = 3
 #: Share of a limit beyond which a flight is left out of learning.
 _MOST = 1.3
 #: Least scale of a variable of b [rad].
@@ -152,6 +154,30 @@ class BattingMap:
         phi = f.basis.jets(*coordinates(f.tangent, virtual))[:2]
         d = np.concatenate([initial_gap(q, dq, virtual), end[1]])
         return f.with_alpha(project(f.alpha, f.H_inverse, np.vstack([phi, end[0]]), d))
+
+
+def easiest(
+    met: Callable[[float], tuple[float, Strike] | None], times: Array
+) -> list[tuple[float, tuple[float, Strike]]]:
+    """Return instants of a contact and how the ball is met then, the easiest first.
+
+    Where a paddle can be brought to a ball, and how easily, changes within milliseconds: about the
+    best of evenly spaced instants those between are looked at, and between these once more.
+
+    Args:
+        met: From an instant [s] to the share of the limits that a strike takes, and the strike.
+        times: Evenly spaced instants [s].
+    """
+    found = {t: x for t in times.tolist() if (x := met(t)) is not None}
+    step = float(times[1] - times[0]) if len(times) > 1 else 0.0
+    for _ in range(_HALVINGS if found and step > 0.0 else 0):
+        step *= 0.5
+        middle = min(found, key=lambda t: found[t][0])
+        for t in (middle - step, middle + step):
+            x = met(t)
+            if x is not None:
+                found[t] = x
+    return sorted(found.items(), key=lambda x: x[1][0])
 
 
 def contact_rows(f: DirectMap, strike: Strike) -> tuple[Array, Array] | None:

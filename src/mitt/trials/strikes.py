@@ -13,16 +13,16 @@ from mitt import checks
 from mitt.ball.flight import acceleration, advance
 from mitt.catcher.batting import BattingSettings
 from mitt.errors import InputError
-from mitt.map.batting import BattingMap, learn_batting
+from mitt.map.batting import BattingMap, easiest, learn_batting
 from mitt.map.learn import Flight, Learned, LearnSettings
 from mitt.map.striking import Strike
 from mitt.signals import Array
 from mitt.trials.learning import LEARNING_SEED, Neighbourhood
 
-#: How balls come to a paddle: at chest height, faster and flatter than to a hand.
+#: How balls come to a paddle: those of the default throws that are aimed at a box before the arm.
 STRUCK = Neighbourhood(
-    flights=80, kicked=0.0, bounced=0.0, after=0.008, box=(0.05, 0.15, 0.1), arrival=(5.0, 7.0),
-    descent=(0.1, 0.45), azimuth=(-0.12, 0.12), flight=(0.4, 0.5), t_0=(0.0, 0.0),
+    flights=100, kicked=0.0, bounced=0.0, after=0.008, box=(0.05, 0.15, 0.1), arrival=(4.8, 6.9),
+    descent=(0.3, 0.75), azimuth=(-0.12, 0.12), flight=(0.38, 0.55), t_0=(0.0, 0.0),
 )  # fmt: skip
 #: Draws for each flight that is wanted, at most.
 _DRAWS = 10
@@ -73,19 +73,21 @@ def _drawn(
     )
     target = None if batting.aim is None else batting.aim + spread * rng.uniform(-1.0, 1.0, 3)
     lasts, noise = float(rng.uniform(*around.flight)), rng.standard_normal((2, 3))
-    impact, best = replace(batting.impact, drag=drag), None
-    for dt in np.linspace(-batting.earlier, batting.earlier, batting.instants).tolist():
+    impact = replace(batting.impact, drag=drag)
+
+    def met(dt: float) -> tuple[float, Strike] | None:
         strike = g.strike(_row(r, v, dt, drag)[:2], target, impact)
         if strike is None or not g.aims(strike, target):
-            continue
-        share = g.ease(strike, g.arm.q_ready, lasts + dt)
-        if share < np.inf and (best is None or share < best[0]):
-            best = share, strike
+            return None
+        return g.ease(strike, g.arm.q_ready, lasts + dt), strike
+
+    found = easiest(met, batting.window(0.0))
+    best = found[0][1] if found and found[0][1][0] < np.inf else None
     if best is None:
         return None
-    met = best[1].ball
+    ball_met = best[1].ball
     t = np.append(np.linspace(0.0, lasts, around.instants - 1), lasts + around.after)
-    ball = np.array([_row(met[0], met[1], x - lasts, drag) for x in t])
+    ball = np.array([_row(ball_met[0], ball_met[1], x - lasts, drag) for x in t])
     seen = ball[0].copy()
     seen[:2] += noise * [[around.sigma_r], [around.sigma_dr]]
     return Flight(t=t, ball=ball, seen=seen), best[1]
