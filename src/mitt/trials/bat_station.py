@@ -94,8 +94,8 @@ class Stance:
 
 
 _WAM: Final = Stance(
-    joints=("j1", "j2", "j3", "j4"), middle=(0.0, 0.26, 0.0, 1.0), ready=(0.0, 0.2, 0.0, 1.2),
-    design=MapDesign(catch_joint=3, free=(0, 1, 3), kappa=1.0, inward=3.0, order=4), held=(2,),
+    joints=("j1", "j2", "j3", "j4"), middle=(0.0, 0.2, 0.0, 0.9), ready=(0.0, 0.4, 0.0, 0.75),
+    design=MapDesign(catch_joint=3, free=(0, 1, 3), kappa=1.0, inward=6.0, order=4), held=(2,),
 )  # fmt: skip
 
 
