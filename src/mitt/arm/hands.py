@@ -219,6 +219,10 @@ class Closing:
         """Return where a ball's restitution is between ``soft``, 0, and ``hard``, 1."""
         return min(max((restitution - self.soft) / (self.hard - self.soft), 0.0), 1.0)
 
+    def inside(self, ring: float) -> float:
+        """Return how far from the catch point a ball is inside whose ring is so far from it [m]."""
+        return max(ring - self.passed, 0.0)
+
     def profile(self, touch: float, hold: float) -> Array:
         """Return the numbers that :func:`closing_angle` takes, shape (5,).
 
@@ -432,7 +436,7 @@ class HandModel(Hand):
         profile, ring = self.profile(radius), self.ring(radius)[0]
         return ClosingPlan(
             profile=profile,
-            inside=(1.0 - hardness) * max(ring - c.passed, 0.0),
+            inside=(1.0 - hardness) * c.inside(ring),
             early=hardness * c.early,
             ring=ring,
             near=(ring + c.near) / (1.0 - hardness) if hardness < 1.0 else inf,
@@ -546,7 +550,7 @@ class HandModel(Hand):
         Args:
             ball_radius: Radius of the ball [m].
         """
-        return max(self.ring(ball_radius)[0] - self.closing.passed, 0.0)
+        return self.closing.inside(self.ring(ball_radius)[0])
 
     def closing_angle(self, elapsed: float, ball_radius: float) -> float:
         """Return the angle to be commanded so long after the start of the closing [rad].

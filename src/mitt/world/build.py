@@ -41,7 +41,6 @@ from mitt.world.hand_bodies import (
     add_hand,
     add_jaw,
     add_paddle,
-    add_seal,
     add_suction,
 )
 from mitt.world.scene import Belt, Material, Scene, Tray
@@ -184,8 +183,6 @@ def describe(scene: Scene, arm: ArmModel) -> tuple[mujoco.MjSpec, int]:
         _add_belt(spec, scene.belt)
     if scene.tray is not None:
         _add_tray(spec, scene.tray)
-    if isinstance(arm.hand, Suction):
-        add_seal(spec, arm.hand)
     _let_neighbours_meet(spec, arm)
     return spec, len(fingers)
 

@@ -241,7 +241,8 @@ def _add_net(body: mujoco.MjsBody, b: Basket) -> None:
 def add_suction(spec: mujoco.MjSpec, plate: mujoco.MjsBody, cup: Suction) -> tuple[str, ...]:
     """Add a suction cup to the tool plate: a tube, and a lip on bellows that pulls what it touches.
 
-    The pull is MuJoCo's adhesion: a force along the normals of the contacts that there are.
+    The pull is MuJoCo's adhesion: a force along the normals of the contacts that there are. Its
+    motor is the last of all, 0 to 1.
 
     Returns:
         The name of the bellows' joint, which is that of its motor too.
@@ -261,14 +262,10 @@ def add_suction(spec: mujoco.MjSpec, plate: mujoco.MjsBody, cup: Suction) -> tup
     pad = _disc(end, "finger0/lip", cup.radius, thickness=lip, middle=0.5 * lip)
     pad.conaffinity, pad.friction = BALL, (cup.friction, 0.02, 1e-4)
     pad.priority = 2
-    return ("finger0",)
-
-
-def add_seal(spec: mujoco.MjSpec, cup: Suction) -> None:
-    """Add what pulls at the lip's contacts: the last motor of all, 0 to 1."""
     seal = spec.add_actuator(name="seal", target="finger0", trntype=mujoco.mjtTrn.mjTRN_BODY)
     seal.set_to_adhesion(cup.pull)
     seal.ctrllimited, seal.ctrlrange = True, [0.0, 1.0]
+    return ("finger0",)
 
 
 def add_jaw(spec: mujoco.MjSpec, plate: mujoco.MjsBody, jaw: Jaw) -> tuple[str, ...]:

@@ -101,7 +101,7 @@ class World:
         hand = arm.hand
         drive = hand.drive if isinstance(hand, HandModel | Jaw | Suction) else FingerDrive()
         self._fingers = finger_servo(drive)
-        self._delay = round(hand.delay / TICK) if isinstance(hand, Jaw | Suction) else 0
+        self._delay = 0 if hand is None else round(hand.delay / TICK)
         self._pulls = isinstance(hand, Suction)
         self._waiting: deque[float] = deque()
         self._ride: Ride | None = None
