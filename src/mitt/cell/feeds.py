@@ -23,7 +23,7 @@ _KEPT, _MOVED = 0.03, 0.05
 #: [m].
 _BEYOND, _OFF = 0.15, 0.03
 #: Time without a touch after which a part counts as let go, and longest time that one is there [s].
-_LET_GO, _THERE = 0.2, 60.0
+_LET_GO, _THERE = 0.5, 60.0
 
 
 class Feed(Protocol):
@@ -131,7 +131,7 @@ class Parts:
         if world.diverged or world.t > _THERE:
             return True
         done = world.first_contact is not None and self._apart > _LET_GO
-        return ready and (done or self._is_gone(r))
+        return (self.held and done) or (ready and (done or self._is_gone(r)))
 
     def _is_off_belt(self, r: Array) -> bool:
         """Say whether a part is higher than it was on its belt: a belt moves what it carries."""
