@@ -106,7 +106,7 @@ def test_an_arm_without_a_paddle_does_not_bat() -> None:
 
 def test_balls_are_hit_to_the_target_and_tell_of_the_restitution() -> None:
     """Within every limit, in the middle of the face; run again, it gives the same."""
-    of = runner(4)
+    of = runner(3)
     told, true = of.known.mean, true_scene(station().scene, of.known.mean, 1).contact.restitution
     trials = list(of.run())
     hits = [t for t in trials if t.status == "hit"]
@@ -120,7 +120,14 @@ def test_balls_are_hit_to_the_target_and_tell_of_the_restitution() -> None:
     assert true is not None
     assert of.known.mean == pytest.approx(true, rel=0.02)
     assert of.known.sigma < 0.5 * 0.03 * told
-    assert list(runner(4).run()) == trials
+    assert list(runner(3).run()) == trials
+
+
+def test_a_shield_stops_balls() -> None:
+    """They touch the face first, within every limit; there is no target to be missed."""
+    trials = list(runner(2, shield=True).run())
+    assert all(t.status == "hit" and t.limit_violations == 0 for t in trials)
+    assert all(t.miss_m is None for t in trials)
 
 
 def test_the_command_writes_what_the_contract_says(
