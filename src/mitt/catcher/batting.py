@@ -28,7 +28,7 @@ from mitt.verdict.feasibility import Outcome, Verdict
 #: Time after which a ball that could not be struck is judged anew [s].
 _ANEW = 0.02
 #: Instants at which a motion is held against its limits.
-_INSTANTS = 16
+_INSTANTS = 12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,6 +87,13 @@ class _Memory:
         """Begin without one."""
         self._ball: BallState | None = None
         self._plan: _Plan | None = None
+        self._t, self._usual = inf, inf
+
+    def usual(self, f: DirectMap, ball: BallState) -> float:
+        """Return when a ball is where the map strikes usually [s]; looked at anew now and then."""
+        if not 0.0 <= ball.t - self._t < _ANEW or self._usual == inf:
+            self._t, self._usual = ball.t, ball.t + foresee(f, ball).after
+        return self._usual
 
     def of(self, ball: BallState) -> _Plan | None:
         """Return the plan if it was made for this very estimate."""
@@ -143,8 +150,8 @@ class Batting(Generator):
 
     def sharpness(self, ball: BallState) -> float:
         """Fly the estimate on to the contact."""
-        usual = ball.t + foresee(self.map.map, ball).after
-        after = (usual if self.strike is None else self.t_contact) - ball.t
+        usual = self.t_contact if self.strike else self.memory.usual(self.map.map, ball)
+        after = usual - ball.t
         return spread(ball, max(after, 0.0)) if after < inf else inf
 
     def verdict(self, ball: BallState, q: Array, dq: Array | None = None) -> Verdict:
