@@ -20,7 +20,7 @@ from mitt.fields import Range, brief, check
 from mitt.map.batting import BattingMap, easiest
 from mitt.map.demand import Tolerance, shares_of
 from mitt.map.mapping import DirectMap
-from mitt.map.prediction import flown, foresee, spread
+from mitt.map.prediction import HORIZON, STRIDE, flown, spread
 from mitt.map.striking import Impact, Strike
 from mitt.signals import Array, BallState, JointReference
 from mitt.verdict.feasibility import Outcome, Verdict
@@ -87,13 +87,6 @@ class _Memory:
         """Begin without one."""
         self._ball: BallState | None = None
         self._plan: _Plan | None = None
-        self._t, self._usual = inf, inf
-
-    def usual(self, f: DirectMap, ball: BallState) -> float:
-        """Return when a ball is where the map strikes usually [s]; looked at anew now and then."""
-        if not 0.0 <= ball.t - self._t < _ANEW or self._usual == inf:
-            self._t, self._usual = ball.t, ball.t + foresee(f, ball).after
-        return self._usual
 
     def of(self, ball: BallState) -> _Plan | None:
         """Return the plan if it was made for this very estimate."""
@@ -150,7 +143,7 @@ class Batting(Generator):
 
     def sharpness(self, ball: BallState) -> float:
         """Fly the estimate on to the contact."""
-        usual = self.t_contact if self.strike else self.memory.usual(self.map.map, ball)
+        usual = self.t_contact if self.strike else ball.t + self._usual(ball)
         after = usual - ball.t
         return spread(ball, max(after, 0.0)) if after < inf else inf
 
@@ -189,7 +182,9 @@ class Batting(Generator):
 
     def _contacts(self, ball: BallState, q: Array) -> list[tuple[float, Strike]]:
         """Return the easiest contacts: times from now and strikes."""
-        s, usual = self.settings, foresee(self.map.map, ball).after
+        s, usual = self.settings, self._usual(ball)
+        if usual == inf:
+            return []
         impact, near = self._impact(ball), list[Strike]()
 
         def met(after: float) -> tuple[float, Strike] | None:
@@ -204,6 +199,14 @@ class Batting(Generator):
 
         found = easiest(met, s.window(usual))
         return [(after, strike) for after, (_, strike) in found[: s.tried]]
+
+    def _usual(self, ball: BallState) -> float:
+        """Return the time until the ball is nearest to where the map strikes usually [s]."""
+        times = np.arange(0.0, HORIZON, STRIDE)
+        place = self.map.arm.position(self.map.map.start)
+        away = np.linalg.norm(flown(ball, times)[:, 0] - place, axis=1)
+        nearest = int(np.argmin(away))
+        return float(times[nearest]) if 0 < nearest < len(times) - 1 else inf
 
     def _impact(self, ball: BallState) -> Impact:
         """Return how ball and paddle part, with the drag that the ball is known to have."""

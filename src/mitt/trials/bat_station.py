@@ -107,12 +107,6 @@ _STANCES: Final = {
         ready=(-0.196, -0.977, 0.729, -0.324, 1.405, 0.0),
         design=MapDesign(catch_joint=2, free=(0, 1, 2), inward=6.0), held=(3, 4),
     ),
-    "franka-panda": Stance(
-        joints=tuple(f"panda_joint{k + 1}" for k in range(7)),
-        middle=(0.0, -1.004, 0.0, -2.227, 0.0, 3.278, 0.0),
-        ready=(0.0, -1.004, 0.0, -2.227, 0.0, 3.278, 0.0),
-        design=MapDesign(catch_joint=3, free=(0, 1, 3), inward=6.0), held=(2, 5),
-    ),
 }  # fmt: skip
 
 
