@@ -168,13 +168,14 @@ def test_restitution_is_learned_from_hits() -> None:
     known, true, rng = Restitution(mean=0.75), 0.8, np.random.default_rng(3)
     for k in range(20):
         g, ball, _ = drawn("wam-48v", k)
-        s = g.strike(ball, TARGET, replace(IMPACT, restitution=known.mean))
+        s = g.strike(ball, TARGET, IMPACT)
         assert s is not None
         behind = mass_behind(g.arm, s.q, s.normal)
         v = rebound(replace(IMPACT, restitution=true), behind, s.normal, ball[1], s.v_paddle)
         known = known.after(s, behind, IMPACT.mass, v + 0.05 * rng.standard_normal(3))
     assert abs(known.mean - true) < 0.01
     assert known.sigma < 0.01
+    assert s is not None
     assert known.after(replace(s, v_paddle=2.0 * ball[1]), behind, 0.05, v) == known
 
 
