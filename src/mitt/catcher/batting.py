@@ -81,12 +81,17 @@ class _Plan(NamedTuple):
 
 @final
 class _Memory:
-    """The plan that was made last, for the ball that it was made for: a start asks for it again."""
+    """What was found out last, and is asked for again.
+
+    The plan, of the estimate that it was made for; when the ball is where the map strikes usually,
+    ``usual``, and when that was looked at [s].
+    """
 
     def __init__(self) -> None:
         """Begin without one."""
         self._ball: BallState | None = None
         self._plan: _Plan | None = None
+        self.looked, self.usual = -inf, inf
 
     def of(self, ball: BallState) -> _Plan | None:
         """Return the plan if it was made for this very estimate."""
@@ -202,11 +207,16 @@ class Batting(Generator):
 
     def _usual(self, ball: BallState) -> float:
         """Return the time until the ball is nearest to where the map strikes usually [s]."""
+        memory = self.memory
+        if 0.0 <= ball.t - memory.looked < _ANEW and memory.usual < inf:
+            return memory.usual - ball.t
         times = np.arange(0.0, HORIZON, STRIDE)
         place = self.map.arm.position(self.map.map.start)
         away = np.linalg.norm(flown(ball, times)[:, 0] - place, axis=1)
         nearest = int(np.argmin(away))
-        return float(times[nearest]) if 0 < nearest < len(times) - 1 else inf
+        after = float(times[nearest]) if 0 < nearest < len(times) - 1 else inf
+        memory.looked, memory.usual = ball.t, ball.t + after
+        return after
 
     def _impact(self, ball: BallState) -> Impact:
         """Return how ball and paddle part, with the drag that the ball is known to have."""
