@@ -28,7 +28,6 @@ from mitt.arm.arm import Arm
 from mitt.catcher.catcher import Catcher
 from mitt.catcher.generators import Direct
 from mitt.files.arm_file import load_arm, read_arm_file
-from mitt.map.map_design import default_design
 from mitt.map.mapping import DirectMap
 from mitt.signals import TICK, ArmState, Array
 from mitt.trials.learning import learn
@@ -52,7 +51,7 @@ def setting(name: str, seed: int, count: int) -> tuple[Arm, DirectMap, Source]:
     with TemporaryDirectory() as folder:
         path = panda_file(Path(folder))
         arm, file = load_arm(path), read_arm_file(path)
-    f = learn(arm, design=default_design(arm, base=file.map)).map
+    f = learn(arm).map
     source = source_of(arm, seed=seed, count=count, drag=0.0)
     assert file.throws is not None
     return arm, f, widened(source, file.throws)

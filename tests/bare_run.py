@@ -34,6 +34,8 @@ PATIENCE = 600.0
 ANSWERS = 12
 #: Lines that are not run here: others install, test or start what is tried beside them.
 ELSEWHERE = re.compile(r"^(make test|pip install .*|mitt sim .* &)$")
+#: Lines whose page is drawn: of the WAM, and of an arm that has shapes of its own.
+DRAWN = ("make catch", "mitt catch --arm ur5e")
 TUTORIALS = "examples/tutorials"
 #: Status and a part of what is said, by line; words that are added.
 RUNS: dict[str, tuple[int, str, str]] = {
@@ -240,12 +242,13 @@ def main(part: str = "") -> int:
     with tempfile.TemporaryDirectory() as name, without_extras(Path(name)) as env:
         import mitt.report.outputs as outputs  # noqa: PLC0415 (once extras are out of the way)
 
-        folder = Path(name) / "here"
+        write_report, folder = outputs.write_report, Path(name) / "here"
         folder.mkdir()
         os.chdir(folder)
         prepared(folder)
         for line in (x for x in lines if x in RUNS and (part in x or x == "make catch")):
             start = time.monotonic()
+            vars(outputs)["write_report"] = write_report if line in DRAWN else blank
             for old in Path("runs").glob("[01]-direct") if " catch" in line else ():
                 shutil.rmtree(old)  # each is tried as the first of its kind
             said = tried(line, env)
@@ -254,7 +257,6 @@ def main(part: str = "") -> int:
             print(took, line, f": {said}" if said else "", flush=True)  # noqa: T201
             if line == "make catch" and not said:
                 Path("runs/0-direct").rename("RUN")
-            vars(outputs)["write_report"] = blank  # after the first page, which is drawn
         os.chdir(ROOT)
     for text in wrong:
         print(text, file=sys.stderr)  # noqa: T201

@@ -95,6 +95,7 @@ def meant(given: str, known: Iterable[str]) -> str:
     """Return in words which of the known names was meant; nothing where none is near."""
     names = {x.lower(): x for x in known}
     near = get_close_matches(given.lower(), names, n=1)
+    near = near or [x for x in names if given and given.lower() in x.split("-")]
     return f"did you mean {names[near[0]]!r}?" if near else ""
 
 

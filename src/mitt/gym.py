@@ -243,7 +243,7 @@ class Environment(Driven):
         self._set_up(render_mode, scene_from(scene), action, ticks)
         limits = None if limits is None else checks.text("limits", limits)
         self.arm, said = (arm, None) if isinstance(arm, Arm) else arm_with_hand(arm, limits=limits)
-        self._design = default_design(self.arm, base=None if said is None else said.map)
+        self._design = default_design(self.arm)
         source = source_of(self.arm, seed=0, count=1, drag=self.scene.ball.drag)
         if said is not None and said.throws is not None:
             source = widened(source, said.throws)

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from math import inf
+from typing import Any
 
 import numpy as np
 import pytest
@@ -46,7 +47,8 @@ def part(speed: float = 0.2, ahead: float = 0.3, x: float = 0.0) -> BallState:
 
 def with_limits(**of: float) -> Arm:
     """Return the arm with further limits, the same of each joint."""
-    return Arm(bare().model, replace(bare().limits, **{k: np.full(6, x) for k, x in of.items()}))
+    each: dict[str, Any] = {name: np.full(6, x) for name, x in of.items()}
+    return Arm(bare().model, replace(bare().limits, **each))
 
 
 def narrow() -> Arm:

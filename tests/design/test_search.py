@@ -44,7 +44,7 @@ from mitt.design.search import best_by_price, effort_of, ranked, surely
 from mitt.design.search_jobs import Evaluator, Job, Procedure
 from mitt.design.task import BOX, FAR, REPORTED, Balls, Task, shifted
 from mitt.errors import InputError
-from mitt.files.arm_file import ArmFile, open_arm, read_arm_file, write_arm_file
+from mitt.files.arm_file import ArmFile, load_arm, read_arm_file, write_arm_file
 from mitt.map.mapping import unlearned
 from mitt.report.design_page import advice_of
 from mitt.trials.learning import Neighbourhood
@@ -81,10 +81,10 @@ def test_an_arm_file_gives_the_design_back(found: Design, whole: Arm, tmp_path: 
     assert best is not None
     path = tmp_path / "design.toml"
     write_arm_file(path, found.arm_file(ArmFile(arm="wam", limits="wam-80v")))
-    arm, map_design = open_arm(path)
+    arm = load_arm(path)
     mine = best.candidate.arm(whole)
     assert difference(identity_of(mine), identity_of(arm)) is None
-    assert map_design == best.candidate.design
+    assert arm.model.design == best.candidate.design
     assert arm.model.aim is not None
     np.testing.assert_allclose(arm.model.aim, best.candidate.aim, atol=1e-12)
 

@@ -20,7 +20,7 @@ from mitt.design.search import EFFORTS, RATE, SearchProgress, search_of
 from mitt.design.search_jobs import Answers, Evaluator, Job, Procedure
 from mitt.design.task import Task
 from mitt.errors import FileError, InputError
-from mitt.files.arm_file import open_arm
+from mitt.files.arm_file import load_arm
 from mitt.interrupts import Interrupted
 from mitt.trials.workers import Processes
 
@@ -174,7 +174,7 @@ def test_an_interrupt_writes_the_best_so_far_and_says_how_to_go_on(
     assert "say --resume" in capsys.readouterr().err
     assert main([*words, "--resume"]) == status
     assert f"the best so far, 4 of 4 caught, is in {out}" in capsys.readouterr().err
-    arm, _ = open_arm(out)
+    arm = load_arm(out)
     assert arm.names == found.joints
     assert "broken off" in out.read_text()
     assert main([*words, "--resume", "--overwrite"]) == 2
@@ -219,7 +219,7 @@ def test_what_ends_a_search_by_an_error_keeps_it_as_well(
     said = [x for x in capsys.readouterr().err.splitlines() if "compiling" not in x]
     assert len(said) == 1
     assert "workers: wanted processes that live, got none; the best so far" in said[0]
-    assert open_arm(out)
+    assert load_arm(out)
 
 
 def test_the_best_so_far_is_of_the_last_stage_that_caught_enough(

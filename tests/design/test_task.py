@@ -24,7 +24,7 @@ from mitt.design.task import (
     unseen,
 )
 from mitt.errors import FileError, InputError
-from mitt.files.arm_file import ArmFile, open_arm, write_arm_file
+from mitt.files.arm_file import ArmFile, load_arm, write_arm_file
 from mitt.files.schema import to_plain
 from mitt.map.mapping import unlearned
 from mitt.trials.learning import Neighbourhood
@@ -152,12 +152,12 @@ def test_an_arm_file_says_how_its_balls_arrive(
     own = replace(task, throws=throws, balls=arrivals.balls(aim=box), arrivals=arrivals.ranges())
     path = tmp_path / "own.toml"
     write_arm_file(path, replace(found, task=own).arm_file(ArmFile(arm="wam", limits="wam-80v")))
-    arm, _ = open_arm(path)
+    arm = load_arm(path)
     assert arm.model.arrivals is not None
     assert arm.model.arrivals == pytest.approx(arrivals.ranges())
     path.write_text(path.read_text().replace("speed = [", "speed = [40.0, ", 1))
     with pytest.raises(FileError, match=r"own\.toml"):
-        open_arm(path)
+        load_arm(path)
 
 
 @pytest.mark.parametrize(

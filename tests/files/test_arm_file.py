@@ -16,7 +16,6 @@ from mitt.files.arm_file import (
     ThrowSettings,
     digest_of,
     is_arm_file,
-    open_arm,
     read_arm_file,
     write_arm_file,
 )
@@ -61,7 +60,8 @@ def path(tmp_path: Path) -> Path:
 
 def test_an_arm_file_is_an_arm_and_a_design(path: Path) -> None:
     """Joints, held angles, ready pose, limits, hand and map are those of the file."""
-    arm, design = open_arm(path)
+    arm = mitt.load_arm(path)
+    design = arm.model.design
     assert arm.names == ("j1", "j2", "j4")
     assert arm.q_ready.tolist() == [0.0, 0.5, -0.9]
     assert [x.held for x in arm.model.links] == [None, None, 0.4, None, 0.0]
@@ -103,10 +103,10 @@ def test_an_arm_by_name(tmp_path: Path) -> None:
     file = tmp_path / "wam.toml"
     joints = ("j1", "j2", "j3", "j4")
     write_arm_file(file, ArmFile(arm="wam", joints=joints, limits="wam-80v"))
-    arm, design = open_arm(file)
+    arm = mitt.load_arm(file)
     assert arm.names == joints
     assert arm.limits.name == "wam-80v"
-    assert design is None
+    assert arm.model.design is None
     held = ArmFile(arm="wam", joints=("j1", "j2", "j4"), held={"j3": 0.5}, ready=(0.1, 0.2, 0.3))
     write_arm_file(file, held)
     arm = mitt.load_arm(file)
@@ -151,7 +151,7 @@ def test_what_cannot_be_is_refused(path: Path, before: str, after: str, wanted: 
     assert before in TEXT
     path.write_text(TEXT.replace(before, after))
     with pytest.raises(MittError, match=wanted) as caught:
-        open_arm(path)
+        mitt.load_arm(path)
     assert "\n" not in str(caught.value)
 
 
@@ -166,12 +166,10 @@ def test_nothing_beside_an_arm_file(path: Path) -> None:
 
 def test_options_go_before_the_files_design(path: Path) -> None:
     """What is given is taken, the rest is the file's; another catch joint has its own defaults."""
-    arm, design = open_arm(path)
-    assert default_design(arm, base=design) == design
-    assert default_design(arm, base=design, kappa=2.0) == MapDesign(
-        q_catch=0.8, inward=2.0, kappa=2.0
-    )
-    other = default_design(arm, base=design, catch_joint=1)
+    arm = mitt.load_arm(path)
+    assert default_design(arm) == arm.model.design
+    assert default_design(arm, kappa=2.0) == MapDesign(q_catch=0.8, inward=2.0, kappa=2.0)
+    other = default_design(arm, catch_joint=1)
     assert (other.catch_joint, other.inward) == (1, 0.0)
 
 

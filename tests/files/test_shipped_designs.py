@@ -17,6 +17,7 @@ from mitt.errors import InputError
 from mitt.files import arm_file
 from mitt.files.arm_file import ArmFile, design_of, load_arm
 from mitt.files.shipped_arms import ShippedArm, digest, shipped_arms
+from mitt.map.map_design import default_design
 from mitt.reading import shipped
 
 ARMS = shipped_arms()
@@ -69,7 +70,9 @@ def test_a_name_alone_is_its_design(name: str, tmp_path: Path) -> None:
     assert prepared.arm.model.hand is not None
     assert prepared.arm.names == file.joints
     assert prepared.design == file.map
-    assert mitt.load_arm(name).names == file.joints
+    arm = mitt.load_arm(name)
+    assert arm.names == file.joints
+    assert default_design(arm) == file.map  # of mitt.learn(arm), too
     assert load_arm(name, limits="model").limits.name != prepared.arm.limits.name
 
 

@@ -43,8 +43,9 @@ def test_an_arm_slower_than_the_ball_lets_it_in_along_the_palm_s_normal(limits: 
 def test_a_catch_angle_that_is_stated_goes_with_no_other_joint(arm: Arm) -> None:
     """Beside a design with a slope: the angle that a user names is the angle at the catch."""
     base = MapDesign(q_catch=0.4, slope=(0.0, 1.0), match_weight=2.0)
-    assert default_design(arm, base=base).slope == (0.0, 1.0)
-    stated = default_design(arm, base=base, q_catch=1.2)
+    arm = Arm(replace(arm.model, design=base), arm.limits)
+    assert default_design(arm).slope == (0.0, 1.0)
+    stated = default_design(arm, q_catch=1.2)
     assert (stated.q_catch, stated.slope, stated.match_weight) == (1.2, (0.0, 0.0), 2.0)
 
 

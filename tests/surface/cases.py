@@ -130,11 +130,9 @@ class Cases:
             "torque_derivatives": three, "torques": {"motion": motion},
             "torques_and_slopes": {"motion": motion}, "hand_along": {"motion": motion},
         }  # fmt: skip
-        arms = names.ROOT / "examples" / "tutorials" / "arm" / "arm.toml"
         return self._methods("Arm", arm, methods) | {
             "load_arm": Case(mitt.load_arm, loads),
             "Arm": Case(type(arm), {"model": arm.model, "limits": arm.limits}),
-            "open_arm": Case(names.public()["open_arm"], {"path": arms, "limits": "model"}),
             "plan_brake": Case(plan_brake, {"arm": arm, "t": 0.25, "motion": self.still}),
         } | self._methods("Brake", plan_brake(arm, 0.25, self.still),
                   {"at": {"t": 0.5}, "over": {"t": 0.5},

@@ -7,7 +7,6 @@ from franka_design import panda_file
 from mitt.arm.arm import Arm
 from mitt.catcher.generators import Direct
 from mitt.files.arm_file import load_arm, read_arm_file
-from mitt.map.map_design import default_design
 from mitt.signals import TICK
 from mitt.trials.learning import learn
 from mitt.trials.runner import TrialRunner
@@ -24,7 +23,7 @@ def thrown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Arm, TrialRunner, 
     """Return the arm, its runner with a learned map, and what is thrown."""
     path = panda_file(tmp_path_factory.mktemp("panda"))
     arm, file = load_arm(path), read_arm_file(path)
-    f = learn(arm, design=default_design(arm, base=file.map)).map
+    f = learn(arm).map
     scene = read_scene("lab")
     source = source_of(arm, seed=87000, count=THROWS, drag=scene.ball.drag)
     assert file.throws is not None

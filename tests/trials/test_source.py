@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from mitt.arm.arm import Arm
 from mitt.ball.flight import advance
 from mitt.errors import FileError
-from mitt.files.arm_file import open_arm
+from mitt.files.arm_file import load_arm
 from mitt.map.map_design import MapDesign
 from mitt.map.mapping import DirectMap, unlearned
 from mitt.signals import Array
@@ -165,7 +165,7 @@ def test_learning_flights_arrive_near_the_box(aimed: Arm) -> None:
 def test_an_arm_file_says_where(tmp_path: Path) -> None:
     path = tmp_path / "arm.toml"
     path.write_text(FILE + "around = [0.02, 0.1, 0.08]\n")
-    aim = open_arm(path)[0].model.aim
+    aim = load_arm(path).model.aim
     assert aim is not None
     np.testing.assert_array_equal(aim, AIM)
 
@@ -174,4 +174,4 @@ def test_half_a_box_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "arm.toml"
     path.write_text(FILE)
     with pytest.raises(FileError, match="at and around"):
-        open_arm(path)
+        load_arm(path)

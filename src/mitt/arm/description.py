@@ -257,6 +257,8 @@ class ArmModel:
         arrivals: How balls come there, least and most: speed [m/s], descent [rad], azimuth off +x
             [rad], time of flight before [s], shape (4, 2); as default throws do where None. Maps
             are learned on them.
+        design: The choices that its maps are made with, a :class:`mitt.map.map_design.MapDesign`;
+            those that follow from the arm where None.
         notes: What a user should know of how the arm was read from its file.
     """
 
@@ -269,6 +271,7 @@ class ArmModel:
     mount: Array
     aim: Array | None = None
     arrivals: Array | None = None
+    design: object | None = None
     notes: tuple[str, ...] = ()
 
     __repr__ = brief

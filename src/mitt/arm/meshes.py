@@ -273,7 +273,7 @@ def _hull(content: bytes, kind: str) -> Array | None:
         points = np.asarray(mesh.vertices, dtype=np.float64)
     except Exception:  # what a reader of meshes raises on broken ones is unknown
         return None
-    faces = _hull_faces(points) if np.isfinite(points).all() else None
+    faces = hull_faces(points) if np.isfinite(points).all() else None
     return None if faces is None else points[np.unique(faces)]
 
 
@@ -379,11 +379,11 @@ def behind(points: Array, height: Array) -> Array:
 
 def _hull_edges(points: Array) -> NDArray[np.int64] | None:
     """Return the edges of the convex hull, shape (m, 2); None where it has no inside."""
-    faces = _hull_faces(points)
+    faces = hull_faces(points)
     return None if faces is None else np.vstack((faces[:, :2], faces[:, 1:], faces[:, ::2]))
 
 
-def _hull_faces(points: Array) -> NDArray[np.int64] | None:
+def hull_faces(points: Array) -> NDArray[np.int64] | None:
     """Return the triangles of the convex hull, shape (m, 3); None where it has no inside.
 
     MuJoCo finds them as it compiles a mesh, to seven digits.

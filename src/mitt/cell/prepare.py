@@ -110,10 +110,7 @@ def prepare(cell: Cell) -> PreparedCell:
     arm, file = arm_and_file(cell)
     around = around_of(cell, arm)
     learned = None if cell.map is None else read_map(Path(cell.map), arm)
-    if learned is not None:
-        design = learned.map.design
-    else:
-        design = default_design(arm, base=None if file is None else file.map)
+    design = default_design(arm) if learned is None else learned.map.design
     return PreparedCell(
         cell=cell, arm=arm, around=around, rig=rig_of(cell), lenses=lenses_of(cell),
         work=Catching(file=file, design=design, learned=learned),

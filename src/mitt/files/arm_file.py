@@ -250,11 +250,15 @@ class ArmFile:
             hand_turn=self.hand_turn,
             hand_mount=self.hand_mount,
         )
-        if self.throws is None or self.throws.at is None:
-            return arm
-        aim = np.array([self.throws.at, self.throws.around])
-        rows = None if self.arrivals is None else self.arrivals.rows
-        return Arm(replace(arm.model, aim=aim, arrivals=rows), arm.limits)
+        model = replace(arm.model, design=self.map)
+        if self.throws is not None and self.throws.at is not None:
+            aim = np.array([self.throws.at, self.throws.around])
+            rows = None if self.arrivals is None else self.arrivals.rows
+            model = replace(model, aim=aim, arrivals=rows)
+        arm = Arm(model, arm.limits)
+        if self.map is not None:
+            tangent_of(arm, self.map)  # refuses a map that this arm cannot have
+        return arm
 
 
 class _Arm(Part):
@@ -535,24 +539,6 @@ def _with_notes_logged(arm: Arm, name: str | Path) -> Arm:
     return arm
 
 
-def open_arm(path: Path, *, limits: str | LimitSet | None = None) -> tuple[Arm, MapDesign | None]:
-    """Return the arm of an arm file and the design of its map, None where it has none.
-
-    Args:
-        path: The arm file.
-        limits: Limits in the place of those in the file: a name, a TOML file, or a set.
-
-    Raises:
-        FileError: The file does not say what it should.
-        MittError: The arm or the map cannot be.
-    """
-    file = read_arm_file(path)
-    arm = file.load(limits=limits)
-    if file.map is not None:
-        tangent_of(arm, file.map)  # refuses a map that this arm cannot have
-    return arm, file.map
-
-
 class ArmSpec(Settings):
     """Which arm and which map, as the options of the same names of ``mitt catch``."""
 
@@ -624,10 +610,10 @@ class ChosenArm:
         Raises:
             MittError: This arm cannot have it.
         """
-        spec, file = self.spec, self.file
+        spec = self.spec
         design = default_design(
-            self.arm, base=None if file is None else file.map, catch_joint=spec.catch_joint,
-            q_catch=spec.q_catch, kappa=spec.kappa, inward=spec.inward, order=spec.order,
+            self.arm, catch_joint=spec.catch_joint, q_catch=spec.q_catch, kappa=spec.kappa,
+            inward=spec.inward, order=spec.order,
         )  # fmt: skip
         tangent_of(self.arm, design)  # refuses angles and ratios that cannot be
         return design

@@ -122,7 +122,6 @@ def further_designs(arm: Arm) -> tuple[tuple[MapDesign, ...], tuple[MapDesign, .
 def default_design(
     arm: Arm,
     *,
-    base: MapDesign | None = None,
     catch_joint: int | None = None,
     q_catch: float | None = None,
     kappa: float | None = None,
@@ -132,8 +131,8 @@ def default_design(
     """Return a design; what is left out follows from the arm and its limits.
 
     Args:
-        arm: The arm.
-        base: A design whose choices go before the defaults, unless another catch joint is given.
+        arm: The arm; the choices of its file go before the defaults, unless another catch joint is
+            given.
         catch_joint: Index of the catch joint; the last active joint by default.
         q_catch: Its angle at the catch [rad], without a slope; by default the one chosen for the
             limit set, or else pi/2 or the middle of its range.
@@ -143,7 +142,9 @@ def default_design(
     """
     if arm.n < 3:
         raise InputError("--joints", "at least three active joints", arm.n)
+    base = arm.model.design
     if base is not None:
+        base = checks.instance("design", base, MapDesign)
         check_joints(arm, base)
     usually = arm.n - 1 if base is None else base.catch_joint
     i = usually if catch_joint is None else catch_joint

@@ -15,6 +15,7 @@ from trimesh import Trimesh
 
 from mitt.arm.arm import Arm
 from mitt.arm.description import ArmModel, Capsule, joint_motion, mounting
+from mitt.arm.meshes import hull_faces
 from mitt.signals import Array
 from mitt.world.scene import Scene
 
@@ -85,9 +86,15 @@ def body_meshes(
             colour = METAL if name.startswith(("link_", "basket")) else DARK
         by_colour.setdefault(colour, []).append(mesh)
     if _has_shapes(arm.model) and name.startswith("link_") and METAL in by_colour:
-        by_colour[METAL] = [trimesh.util.concatenate(by_colour[METAL]).convex_hull]
+        by_colour[METAL] = [_hull(trimesh.util.concatenate(by_colour[METAL]))]
     return [(trimesh.util.concatenate(found), colour)
             for colour, found in by_colour.items() if found]  # fmt: skip
+
+
+def _hull(mesh: Trimesh) -> Trimesh:
+    """Return the convex hull of a mesh; trimesh's own asks for SciPy."""
+    faces = hull_faces(np.array(mesh.vertices))
+    return mesh if faces is None else Trimesh(mesh.vertices, faces)
 
 
 def _holds_origin(capsule: Capsule) -> bool:

@@ -306,7 +306,8 @@ def learn(
 
     Args:
         arm: The arm.
-        design: Catch joint, its angle, kappa and order; the paper's for the WAM if left out.
+        design: Catch joint, its angle, kappa and order; if left out those of the arm's file, or
+            else what follows from the arm, the paper's for the WAM.
         flights: Flights to learn from; a neighbourhood of default throws if left out.
         seed: Seed of that neighbourhood.
         around: Its settings.
