@@ -242,7 +242,7 @@ def main(part: str = "") -> int:
     with tempfile.TemporaryDirectory() as name, without_extras(Path(name)) as env:
         import mitt.report.outputs as outputs  # noqa: PLC0415 (once extras are out of the way)
 
-        write_report, folder = outputs.write_report, Path(name) / "here"
+        write_report, folder = vars(outputs)["write_report"], Path(name) / "here"
         folder.mkdir()
         os.chdir(folder)
         prepared(folder)
