@@ -128,6 +128,63 @@ def test_under_way_the_tool_is_with_the_part_whatever_it_does_and_lifts_it_to_re
     assert np.abs(steps).max() < 1e-6
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_whatever_a_hand_does_the_tool_is_no_faster_than_it_may_be(seed: int) -> None:
+    """It runs away, comes back, jumps; what cannot be followed is given up with a reason."""
+    rng, most, ball = np.random.default_rng(seed), 0.25, part(speed=0.05, ahead=0.05)
+    g = meeting(speed=most, down=0.9).adapt(ball, Q, np.zeros(6))
+    assert g.start == 0.0
+    r, dr, to, poses = ball.r_o.copy(), ball.dr_o.copy(), ball.dr_o.copy(), [Q]
+    for tick in range(1, 2500):
+        if tick % 250 == 0:
+            away = bare().position(Q) - [0.0, 0.0, 0.05] - r
+            to = 2.0 * away + (0.1 + 0.3 * seed) * rng.standard_normal(3)
+        dr += TICK / 0.05 * (to - dr)
+        r += TICK * dr + (0.01 * rng.standard_normal(3) if tick % 400 == 0 else 0.0)
+        now = replace(ball, t=tick * TICK, r_o=r.copy(), dr_o=dr.copy())
+        said = g.reference(now)
+        if said.time_to_catch == inf:
+            break
+        poses.append(said.q_d)
+    way = np.diff([bare().position(q) for q in poses], axis=0) / TICK
+    assert len(way) > 100
+    assert np.linalg.norm(way, axis=1).max() <= 1.05 * most
+    ended = said.time_to_catch == inf
+    assert (g.verdict(now, Q).binding_limit in ("tool", "area", "taken")) == ended
+
+
+#: How a part is lost, by why: it runs off, falls out of a hand, leaves its belt, is elsewhere.
+LOST: dict[str, tuple[str, tuple[float, float, float] | None, Array, float]] = {
+    "away": ("area", None, np.array([0.0, 0.5, 0.0]), 0.0),
+    "fallen": ("taken", None, np.array([0.0, 0.0, -1.0]), 0.0),
+    "off the belt": ("taken", (0.0, 1.0, 0.0), np.array([0.4, 0.0, 0.3]), 0.0),
+    "jumped": ("taken", None, np.array([0.0, 0.1, 0.0]), 0.12),
+}
+
+
+@pytest.mark.parametrize("how", LOST)
+def test_a_part_that_is_lost_is_given_up(how: str) -> None:
+    """Before the tool has reached where it would have been; the reason is said."""
+    why, along, then, jump = LOST[how]
+    ball = part(speed=0.1, ahead=0.05)
+    g = meeting(along=along).adapt(ball, Q, np.zeros(6))
+    assert g.start == 0.0
+    r, until = ball.r_o.copy(), g.after - 0.5 * g.settings.down
+    for tick in range(1, 2000):
+        lost = tick * TICK > until
+        dr = then if lost else ball.dr_o
+        r += TICK * dr + (jump if lost else 0.0) * np.array([1.0, 0.0, 0.0])
+        jump = 0.0 if lost else jump
+        now = replace(ball, t=tick * TICK, r_o=r.copy(), dr_o=dr)
+        if g.reference(now).time_to_catch == inf:
+            break
+    verdict = g.verdict(now, Q)
+    assert verdict.outcome is Outcome.UNSETTLED
+    assert verdict.binding_limit == why
+    if why == "taken":
+        assert now.t < until + 0.01
+
+
 def test_an_estimate_that_jumps_is_followed_without_a_jump_and_without_a_lag() -> None:
     """Not even of the acceleration; and across a belt what jumps is closed more slowly."""
     glide, along = Glide(), np.array([0.0, 1.0, 0.0])

@@ -1,6 +1,7 @@
 """Trials of `mitt meet`: what is met is put away, and what goes wrong ends at rest."""
 
 from functools import cache
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,8 @@ from mitt.trials.station import Target, station
 from mitt.world.flights import Recording
 from mitt.world.scene import scene_of
 
+#: Largest speed of a tool near a person [m/s].
+NEAR = 0.25
 SCENE = {"base": "lab", "sensing": {"latency": 30, "point_noise": 0.002, "frame_rate": 60.0}}
 
 
@@ -23,11 +26,13 @@ def runner_of(tool: str, target: Target, fault: str = "", **keys: float) -> Meet
     """Return a runner of trials with a UR5e, one fault in each of them at most."""
     faults = [{"kind": fault, **keys}] if fault else []
     scene = scene_of({**SCENE, "faults": faults}, place="scene")
-    at = station("ur5e", TOOLS[tool], target, scene)
+    at = station("ur5e", TOOLS[tool], target, scene, speed=inf if target == "belt" else NEAR)
     return MeetRunner(at, seed=2, speed=0.3)
 
 
-@pytest.mark.parametrize(("tool", "target"), [("suction", "belt"), ("jaw", "hand")])
+@pytest.mark.parametrize(
+    ("tool", "target"), [("suction", "belt"), ("jaw", "hand"), ("suction", "hand")]
+)
 def test_what_is_met_is_put_away(tool: str, target: Target, tmp_path: Path) -> None:
     """Held by contact, put on the tray, the arm back where it waits; and replayed to the bit."""
     runner = runner_of(tool, target)
@@ -36,6 +41,7 @@ def test_what_is_met_is_put_away(tool: str, target: Target, tmp_path: Path) -> N
     assert trial.limit_violations == 0
     assert trial.over_force is False
     assert (trial.hand_force_n is None) == (target == "belt")
+    assert target == "belt" or trial.tool_speed_m_s <= 1.05 * NEAR
     course = runner.course
     assert course is not None
     assert course.t_met == trial.t_met_s
@@ -64,6 +70,7 @@ FAULTS: list[dict[str, Any]] = [
     {"fault": "belt", "magnitude": 0.0, "start": 0.9},
     {"fault": "turned", "start": 0.9},
     {"fault": "dropout", "start": 0.9},
+    {"fault": "taken", "start": 0.6},
 ]
 
 

@@ -125,7 +125,10 @@ class Farsighted(Generator, Protocol):
 
 @runtime_checkable
 class Leaving(Generator, Protocol):
-    """A generator that says how the arm goes away with what it has grasped."""
+    """A generator that says how the arm goes away with what it has grasped.
+
+    Where its reference has a motion but no catch ahead, the arm brakes at once.
+    """
 
     def leaving(self, motion: Array) -> Array | None:
         """Return q, dq, ddq each tick from a command on to rest, shape (k, 3, n).

@@ -9,6 +9,10 @@ The tool comes to a place ``above`` the target first, and goes down on it along 
 last part of the time: so it does not touch it from the side. From the meeting on it stays with the
 target while the tool closes, which may take long; that is when the catch is over for the catcher,
 whose ``time_to_catch`` counts to the end of the closing.
+
+Under way the tool keeps its largest ``speed``, whatever the target does: what its way does not take
+of it is left to the followed target. What runs away, leaves the work area, falls or jumps is given
+up, and the arm comes to rest.
 """
 
 from dataclasses import dataclass, field, replace
@@ -35,13 +39,21 @@ _HALVINGS = 2
 #: Ticks from one verdict to the next while there is nothing to meet.
 _EVERY = 8
 #: Times in which the tool lifts what it has grasped and comes to rest [s].
-_LEAVES = (0.2, 0.3, 0.4, 0.6, 0.9)
+_LEAVES = (0.2, 0.3, 0.4, 0.6, 0.9, 1.4, 2.0)
 #: Least time from the start until the way down begins [s].
 _LEAST = 0.1
 #: Rates at which the followed target closes up to the estimate, along a belt and across it [1/s].
 _ALONG, _ACROSS = 40.0, 8.0
 #: Estimate and followed target are in step if no farther apart [m, m/s].
 _NEAR, _SLOW = 0.003, 0.035
+#: A target is given up that is so far from where it is followed [m], that moves across its belt so
+#: fast, or along the tool's axis away from it, as what falls [m/s].
+_ASTRAY, _STRAYS, _FALLS = 0.1, 0.25, 0.6
+#: Share of the tool's largest speed that is used, and at which what is followed is given up; how
+#: much faster than planned the way may be, and how long what is followed lags [s].
+_USED, _OVER, _ROUGH, _LAG = 0.97, 1.03, 1.1, 0.15
+#: Shares of the speed that are left along a belt and across it, where both are limited.
+_SPLIT = (0.95, 0.3)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,6 +73,8 @@ class MeetingSettings:
         longest: Longest time that is tried [s].
         speed: Largest speed of the tool on its way, relative to the base [m/s]; infinite for none.
         along: Direction of the belt that carries targets, a unit vector; None without one.
+        gentle: Rate at which a target is followed from the meeting on, where tool and what holds it
+            push each other [1/s]; 0 for as before.
     """
 
     low: tuple[float, float, float] = (-2.0, -2.0, -2.0)
@@ -73,6 +87,7 @@ class MeetingSettings:
     longest: Annotated[float, Range(0.05, 10.0)] = 3.0
     speed: Annotated[float, Range(1e-3, inf)] = inf
     along: tuple[float, float, float] | None = None
+    gentle: Annotated[float, Range(0.0, 40.0)] = 0.0
 
     __repr__ = brief
 
@@ -92,13 +107,29 @@ class MeetingSettings:
 
 
 @kernel
-def _glide(given: Array, across: Array, dt: float, motion: Array) -> None:
-    """Let a followed motion go on for one tick towards what is given a time ``dt`` later [s]."""
-    moves, rests = np.zeros(3), np.zeros(3)
+def _glide(given: Array, across: Array, dt: float, lead: Array, motion: Array) -> None:
+    """Let a followed motion go on for one tick towards what is given a time ``dt`` later [s].
+
+    ``lead`` has the place that leads it, shape (3,), the largest speed of that place [m/s], and the
+    rate at which it follows [1/s]; 0 where it is at once where it should be.
+    """
+    moves, rests, step = np.zeros(3), np.zeros(3), np.zeros(3)
     for i in range(3):
-        r, dr, ddr = given[0, i] - motion[0, i], motion[1, i], motion[2, i]
-        closing = r - dt * given[1, i], given[1, i] - dr, given[2, i] - ddr
-        moves[i] = _ALONG * (3.0 * closing[2] + _ALONG * (3.0 * closing[1] + _ALONG * closing[0]))
+        r = given[0, i] - dt * given[1, i]
+        moves[i] = r + (3.0 * given[1, i] + 3.0 * given[2, i] / _ALONG) / _ALONG
+        rests[i] = r
+    for i in range(3):
+        to = moves[i]
+        for j in range(3):
+            to += across[i, j] * (rests[j] - moves[j])
+        step[i] = (to if lead[4] == 0.0 else given[0, i]) - lead[i]
+    if lead[4] > 0.0:
+        step *= TICK * lead[4]
+    _limit(step, across, TICK * lead[3])
+    for i in range(3):
+        lead[i] += step[i]
+        r, dr, ddr = lead[i] - motion[0, i], motion[1, i], motion[2, i]
+        moves[i] = _ALONG * (-3.0 * ddr + _ALONG * (-3.0 * dr + _ALONG * r))
         rests[i] = _ACROSS * (-3.0 * ddr + _ACROSS * (-3.0 * dr + _ACROSS * r))
     for i in range(3):
         jerk = moves[i]
@@ -107,6 +138,20 @@ def _glide(given: Array, across: Array, dt: float, motion: Array) -> None:
         motion[0, i] += TICK * (motion[1, i] + 0.5 * TICK * motion[2, i])
         motion[1, i] += TICK * (motion[2, i] + 0.5 * TICK * jerk)
         motion[2, i] += TICK * jerk
+
+
+@kernel
+def _limit(step: Array, across: Array, most: float) -> None:
+    """Shorten a step to ``most`` [m]; along a belt and across it, which lag unequally, each."""
+    if most == np.inf:
+        return
+    beside = across @ step
+    on = step - beside
+    both = across[0, 0] + across[1, 1] + across[2, 2] > 0.5
+    most_on, most_beside = (_SPLIT[0] * most, _SPLIT[1] * most) if both else (most, most)
+    length, wide = np.sqrt(np.sum(on**2)), np.sqrt(np.sum(beside**2))
+    step[:] = on * (most_on / max(length, most_on, 1e-12))
+    step += beside * (most_beside / max(wide, most_beside, 1e-12))
 
 
 @final
@@ -120,36 +165,59 @@ class Glide:
     Attributes:
         calm: Since when estimate and followed target have been in step [s].
         pose: Where the inverse of the next tick starts [rad], shape (n,); None before the first.
+        ended: Why the target was given up; nothing as long as it is followed.
     """
 
-    def __init__(self) -> None:
-        """Begin nowhere."""
-        self._t, self._motion = inf, np.zeros((3, 3))
+    def __init__(self, speeds: Array | None = None) -> None:
+        """Begin nowhere.
+
+        Args:
+            speeds: Largest speed in each tick from the first on, of which the last stays [m/s],
+                shape (k,); none if left out.
+        """
+        self._t, self._motion, self._lead = inf, np.zeros((3, 3)), np.zeros(5)
+        self._speeds, self._begun = np.array([inf]) if speeds is None else speeds, inf
         self.calm = inf
         self.pose: Array | None = None
+        self.ended = ""
 
     @property
     def motion(self) -> Array:
         """r_o, dr_o, ddr_o as followed at last, shape (3, 3)."""
         return self._motion.copy()
 
-    def to(self, t: float, given: Array, across: Array) -> Array:
+    def to(self, t: float, given: Array, across: Array, rate: float = 0.0) -> Array:
         """Return r_o, dr_o, ddr_o of the followed target at a time, (3, 3).
 
         Args:
             t: Time [s].
             given: The estimate then [m ...], shape (3, 3).
             across: Projection on the directions in which nothing moves, shape (3, 3).
+            rate: At which it is followed slowly [1/s]; 0 where at once.
         """
         if not 0.0 <= t - self._t < 0.1:
-            self._t, self._motion, self.calm = t, given.copy(), t
+            self._begin(t, given)
         while t - self._t > 0.5 * TICK:
-            _glide(given, across, t - self._t, self._motion)
+            k = min(max(round((self._t - self._begun) / TICK), 0), len(self._speeds) - 1)
+            self._lead[3], self._lead[4] = 0.0 if self.ended else self._speeds[k], rate
+            _glide(given, across, t - self._t, self._lead, self._motion)
             self._t += TICK
         off = given - self._motion
-        if np.linalg.norm(off[0]) > _NEAR or np.linalg.norm(off[1]) > _SLOW:
+        far = np.linalg.norm(off[0]) > _NEAR or np.linalg.norm(off[1]) > _SLOW
+        if far and rate == 0.0:
             self.calm = t
         return self.motion
+
+    def _begin(self, t: float, given: Array) -> None:
+        """Begin where the target is, as fast as it is, but no faster than is allowed."""
+        self._t, self._begun, self.calm = t, min(self._begun, t), t
+        self._motion, most = given.copy(), float(self._speeds[0])
+        if (speed := float(np.linalg.norm(given[1]))) > most:
+            self._motion[1] *= most / speed
+        if most < inf:
+            self._motion[2] = 0.0
+        ahead = 3.0 * self._motion[1] + 3.0 * self._motion[2] / _ALONG
+        self._lead[:3] = self._motion[0] + ahead / _ALONG
 
 
 def _rise(x: Array, T: float) -> Array:
@@ -204,9 +272,11 @@ class Meeting(Generator):
     def verdict(self, ball: BallState, q: Array) -> Verdict:
         """Return the verdict: the shortest time within the work area and all limits.
 
-        What is under way is not refused any more: the catcher's commands keep the limits.
+        What is under way is refused where it was given up: the catcher's commands keep the limits.
         """
         if self.start < inf:
+            if self.glide.ended:
+                return self._refused(ball, self.glide.ended)
             return Verdict(outcome=Outcome.FEASIBLE, binding_limit="", share=0.0,
                            t_catch=self.start + self.after, sigma=spread(ball, 0.0))  # fmt: skip
         return self._planned(ball, q)[0]
@@ -248,6 +318,8 @@ class Meeting(Generator):
         r_o, dr_o, ddr_o = self.known(ball)
         target = replace(ball, r_o=r_o, dr_o=dr_o, ddr_o=ddr_o)
         times, why = self._times(target)
+        if np.linalg.norm(dr_o) > _USED * self.settings.speed:
+            times, why = times[:0], "tool" if len(times) else why
         tried = [(self._judged(target, q, T), T) for T in times[:1].tolist()]
         if not tried:
             return self._refused(ball, why), inf
@@ -281,7 +353,9 @@ class Meeting(Generator):
         motion = rows[:, :3].copy()
         shares = self.shares(motion, step)
         if np.isfinite(self.settings.speed):
-            shares["tool"] = self._tool_speed(motion) / self.settings.speed
+            way, lever = self._way_speeds(rows, targets[:, 1] - path[:, 1])
+            asked = way + lever * np.linalg.norm(path[:, 1], axis=1)
+            shares["tool"] = float(asked.max()) / (_USED * self.settings.speed)
         binding = max(shares, key=lambda name: shares[name])
         return Verdict(
             outcome=Outcome.FEASIBLE if shares[binding] <= 1.0 else Outcome.UNSETTLED,
@@ -311,10 +385,41 @@ class Meeting(Generator):
             found[f"{kind}:{arm.names[k]}"] = float(jerk[k] / most[k] / tolerance.acceleration)
         return found
 
-    def _tool_speed(self, motion: Array) -> float:
-        """Return the largest speed of the tool along a motion [m/s]."""
-        arm = self.map.arm
-        return max(float(np.linalg.norm(arm.jacobian(q) @ dq)) for q, dq, _ in motion)
+    def _way_speeds(self, rows: Array, down: Array) -> tuple[Array, Array]:
+        """Return the tool's speed at K instants while a target rests, and what another adds.
+
+        That is its own speed [m/s], shape (K,), and the tool's per that of the target, 1 at least.
+
+        Args:
+            rows: What the map makes of the target, shape (K, 6, n).
+            down: Velocity of the way down [m/s], shape (K, 3).
+        """
+        arm, found = self.map.arm, []
+        for (q, dq, _, q_o, dq_o, _), v in zip(rows, down, strict=True):
+            J, virtual = arm.jacobian(q), np.linalg.norm(arm.jacobian(q_o) @ dq_o)
+            lever = max(float(np.linalg.norm(J @ dq_o)) / max(float(virtual), 1e-3), 1.0)
+            bent = _ROUGH * np.linalg.norm(J @ (dq - dq_o))
+            found.append((bent + lever * np.linalg.norm(v), lever))
+        way, levers = np.array(found).T
+        return way, levers
+
+    def _left_speeds(self, ball: BallState, f: MeetingMap, T: float) -> Array | None:
+        """Return what the way leaves of the tool's speed to the target in each tick [m/s], (k,).
+
+        None where the tool may be as fast as it likes.
+        """
+        if not np.isfinite(self.settings.speed):
+            return None
+        times = np.linspace(0.0, T + self.settings.window, 4 * _INSTANTS)
+        path = flown(ball, times)
+        targets = self._placed(path, T - times)
+        rows = f.motion_along(targets, *self._clock(times, T))
+        if rows is None:
+            return np.zeros(1)
+        way, lever = self._way_speeds(rows, targets[:, 1] - path[:, 1])
+        left = np.maximum(_USED * self.settings.speed - way, 0.0) / lever
+        ticks = np.interp(np.arange(0.0, times[-1], TICK), times, left)
+        return np.array([ticks[k : k + round(_LAG / TICK)].min() for k in range(len(ticks))])
 
     def approach(self, T: float) -> float:
         """Return the time from the start until the tool is above the target [s]."""
@@ -352,20 +457,31 @@ class Meeting(Generator):
         after = self._planned(ball, q)[1]
         if after == inf:
             return self
-        glide = Glide()
-        target = self.placed(glide.to(ball.t, self.known(ball), self._across), after)
-        f = self.map.adapt(target, np.array([q, 0.0 * q, 0.0 * q]), self.approach(after))
+        r_o, dr_o, ddr_o = known = self.known(ball)
+        still = np.array([q, 0.0 * q, 0.0 * q])
+        f = self.map.adapt(self.placed(known, after), still, self.approach(after))
         if f is None:
             return self
-        return replace(self, map=f, start=ball.t, after=after, glide=glide)
+        target = replace(ball, r_o=r_o, dr_o=dr_o, ddr_o=ddr_o)
+        glide = Glide(self._left_speeds(target, f, after))
+        begun = self.placed(glide.to(ball.t, known, self._across), after)
+        g = self.map.adapt(begun, still, self.approach(after))
+        return replace(self, map=g or f, start=ball.t, after=after, glide=glide)
 
     def reference(self, ball: BallState) -> JointReference:
-        """Evaluate the map at the target as it is, and at the time to go."""
+        """Evaluate the map at the target as it is, and at the time to go.
+
+        What is given up has no meeting ahead: its followed target comes to rest.
+        """
         since, glide = ball.t - self.start, self.glide
-        followed = glide.to(ball.t, self.known(ball), self._across)
+        gentle = self.settings.gentle if since > self.after else 0.0
+        followed = glide.to(ball.t, self.known(ball), self._across, gentle)
         target = self.placed(followed, self.after - since)
         clock, whole = self._clock(np.array([since]), self.after)
+        glide.ended = glide.ended or self._lost(ball, followed)
         found = self.map.motion_along(target[None], clock, whole, glide.pose)
+        if found is not None and self._fastest(found) > _OVER * self.settings.speed:
+            glide.ended = "tool"
         inside = found is not None
         if found is None:
             rows = np.zeros((6, self.map.arm.n))
@@ -376,8 +492,30 @@ class Meeting(Generator):
         return JointReference(
             t=ball.t, status=MapStatus.INSIDE if inside else MapStatus.DOMAIN, q_d=rows[0],
             dq_d=rows[1], ddq_d=rows[2], q_o=rows[3], dq_o=rows[4],
-            time_to_catch=self._left(ball, target) if inside else inf,
+            time_to_catch=self._left(ball, target) if inside and not glide.ended else inf,
         )  # fmt: skip
+
+    def _fastest(self, motion: Array) -> float:
+        """Return the largest speed of the tool along a motion, (k, 3 or more, n) [m/s]."""
+        J = self.map.arm.jacobian
+        return max(float(np.linalg.norm(J(rows[0]) @ rows[1])) for rows in motion)
+
+    def _lost(self, ball: BallState, followed: Array) -> str:
+        """Return why a target is to be given up; nothing where it is not.
+
+        ``tool``: it runs away faster than the tool may follow; ``area``: it leaves the work area;
+        ``taken``: it leaves its belt, falls, or is elsewhere.
+        """
+        s, v = self.settings, ball.dr_o
+        spare = 3.0 * float(np.sqrt(np.max(np.diag(ball.covariance)[3:])))
+        across = float(np.linalg.norm(self._across @ v))
+        if across > _STRAYS + spare or float(self.map.frame[:, 2] @ v) > _FALLS + spare:
+            return "taken"
+        if np.linalg.norm(ball.r_o - followed[0]) > _ASTRAY:
+            return "tool" if s.speed < inf else "taken"
+        out = ball.r_o - np.clip(ball.r_o, s.low, s.high)
+        due = ball.t - self.start > self.after - s.descent
+        return "area" if due and float(out @ v) > 0.0 and np.linalg.norm(v) > _SLOW else ""
 
     def leaving(self, motion: Array) -> Array | None:
         """Return how the tool lifts what it holds while it comes to rest, (k, 3, n).
@@ -390,7 +528,9 @@ class Meeting(Generator):
         """
         for T in _LEAVES if self.settings.above > 0.0 else ():
             found = self._left_in(T, motion, _INSTANTS)
-            if found is not None and max(self.shares(found, T / (_INSTANTS - 1)).values()) <= 1.0:
+            if found is None or self._fastest(found) > self.settings.speed:
+                continue
+            if max(self.shares(found, T / (_INSTANTS - 1)).values()) <= 1.0:
                 return self._left_in(T, motion, round(T / TICK) + 1)
         return None
 

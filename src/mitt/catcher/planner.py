@@ -199,6 +199,8 @@ class Planner:
         out = self._out
         out["inside"] = answer.status is MapStatus.INSIDE
         out["time_to_catch"] = answer.time_to_catch if out["inside"] else np.inf
+        if out["inside"] and answer.time_to_catch == np.inf and isinstance(self.generator, Leaving):
+            self._scalars["t_ahead"] = -np.inf
         self._answered()
 
     def _enter(self, phase: int) -> None:
@@ -316,6 +318,8 @@ class Planner:
             self._scalars["t_ahead"] = ball.t
             self._take(verdict, ball)
         else:
+            if isinstance(self.generator, Leaving) and verdict.outcome is not Outcome.FEASIBLE:
+                self._verdict = verdict  # what was met says why it was given up
             self._slow_down(self._arm)
 
     def _renew(self, ball: BallState) -> None:

@@ -38,6 +38,7 @@ from mitt.trials.result import finite
 from mitt.trials.score import measure, reason_of, stop_as_json
 from mitt.trials.station import Station
 from mitt.trials.statistics import wilson
+from mitt.verdict.feasibility import Outcome
 from mitt.world.engine import BALL_HAND
 from mitt.world.flights import Recording
 from mitt.world.simulation import World
@@ -85,7 +86,8 @@ class MeetTrial:
         peak_acceleration: Largest commanded acceleration of each joint until then [rad/s^2].
         limit_violations: As of :class:`mitt.trials.score.Trial`.
         binding_limit: The limit that the verdict found most used, or what ended the trial;
-            ``area``: the part left the work area.
+            ``area``: the part left the work area; ``taken``: it was taken away or fell; ``tool``:
+            it ran away faster than the tool may follow.
         placed: Whether the part lies on its tray, the tool open and the arm back where it waits;
             None where nothing was met, or there is no tray.
         tool_speed_m_s: Largest speed of the tool.
@@ -195,7 +197,8 @@ class MeetRunner:
         fingers, closed = catcher.state.fingers[0], None
         if np.isfinite(fingers["t_begun"]):
             closed = float(fingers["t_begun"] + fingers["duration"])
-        left = self._left_area() if catcher.phase is Phase.BRAKE and closed is None else None
+        braked = catcher.phase is Phase.BRAKE and closed is None
+        left = self._left_area() if braked and not _given_up(catcher) else None
         last, put = catcher, None
         if catcher.phase is Phase.BRAKE and closed is not None:
             last, put = self._put_away(catcher, results, closed)
@@ -362,6 +365,11 @@ class MeetRunner:
         if world.first_contact is None:
             return "missed"
         return "met" if closed is not None and self._holds(truth, closed) else "slipped"
+
+
+def _given_up(catcher: Catcher) -> bool:
+    """Say whether a target that was followed was given up, with a reason."""
+    return catcher.verdict is not None and catcher.verdict.outcome is not Outcome.FEASIBLE
 
 
 def _has_braked(catcher: Catcher, t: float) -> bool:

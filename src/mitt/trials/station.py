@@ -49,9 +49,11 @@ PART: Final = Ball(sides=(0.05, 0.06, 0.04), mass=0.1, drag=0.0)
 #: How far above its place the tool waits, and where its way down begins [m].
 _WAITS, _ABOVE = 0.15, 0.06
 #: Time from the meeting until the tool begins to close [s].
-_SETTLE = 0.2
+_SETTLE = {"belt": 0.2, "hand": 0.05}
+#: Rate at which what a person holds is followed once it is met [1/s].
+_GENTLE = {"belt": 0.0, "hand": 6.0}
 #: Times of the way down that are tried [s], and the share of each limit that it may take.
-_DOWN = (0.2, 0.25, 0.3, 0.4, 0.5, 0.7, 1.0)
+_DOWN = (0.2, 0.25, 0.3, 0.4, 0.5, 0.7, 1.0, 1.5, 2.5)
 #: Least of them: a person is touched gently [s].
 _LEAST_DOWN = {"belt": 0.2, "hand": 0.4}
 _HALF = Tolerance(torque=0.8, speed=0.5, acceleration=0.4)
@@ -190,8 +192,9 @@ def station(
     takes = tool.delay if isinstance(tool, Suction) else _takes(tool, scene)
     f = unlearned_meeting(arm, free, frame=frame, coupling=coupling)
     settings = MeetingSettings(
-        low=tuple(low.tolist()), high=tuple(high.tolist()), above=_ABOVE, settle=_SETTLE,
-        closing=takes, speed=speed, along=_along(scene) if target == "belt" else None,
+        low=tuple(low.tolist()), high=tuple(high.tolist()), above=_ABOVE, settle=_SETTLE[target],
+        closing=takes, speed=speed, gentle=_GENTLE[target],
+        along=_along(scene) if target == "belt" else None,
     )  # fmt: skip
     settings = replace(settings, down=_time_down(f, settings, place, _LEAST_DOWN[target]))
     return Station(arm=arm, map=f, settings=settings, scene=scene, place=place, target=target)
@@ -200,7 +203,8 @@ def station(
 def _time_down(f: MeetingMap, settings: MeetingSettings, place: Array, least: float) -> float:
     """Return the time of the way down on a part that rests, at least so long [s].
 
-    It is the shortest within half of all limits: the other half is left for a part that moves.
+    It is the shortest within half of all limits, and of the tool's speed: the other half is left
+    for a part that moves.
     """
     part = np.array([place, np.zeros(3), np.zeros(3)])
     for down in (x for x in _DOWN if x >= least):
@@ -208,6 +212,8 @@ def _time_down(f: MeetingMap, settings: MeetingSettings, place: Array, least: fl
         left = np.linspace(down, 0.0, 40)
         path = np.array([way.placed(part, x) for x in left])
         rows = f.motion_along(path, np.zeros(len(path)), 1.0)
+        if np.linalg.norm(path[:, 1], axis=1).max() > 0.5 * settings.speed:
+            continue
         if rows is not None and max(way.shares(rows[:, :3], left[0] - left[1]).values()) <= 1.0:
             return down
     return _DOWN[-1]
