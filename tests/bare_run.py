@@ -93,6 +93,13 @@ RUNS: dict[str, tuple[int, str, str]] = {
     f"mitt catch --arm {TUTORIALS}/arm/arm.toml --scene rough --throws 20": (0, "written: ", ""),
     f"mitt learn --arm {TUTORIALS}/arm/arm.toml --out MAP.json": (
         0, "written: MAP.json", "--overwrite"),
+    "mitt meet": (0, "met 1 of 1", "--trials 1"),
+    "mitt meet --target hand": (0, "written: ", "--trials 1"),
+    "mitt meet --target hand --tool-speed 0.5": (0, "written: ", "--trials 1"),
+    "mitt meet --target MOTIONS.csv --gripper-delay 0.2": (0, "written: ", ""),
+    "mitt meet --tool jaw --gripper-delay 0.3": (0, "the input is good", "--check"),
+    "mitt sim ur5e-belt-sim --throws 3": (2, "mitt[ros2]", ""),
+    "mitt run ur5e-belt-sim --throws 3 --yes": (2, "mitt[ros2]", ""),
 }  # fmt: skip
 
 
@@ -147,6 +154,8 @@ def prepared(folder: Path) -> None:
     flights = (data / "flights" / "tennicam.csv").read_text()
     (folder / "FLIGHTS.csv").write_text(flights)
     (folder / "THROWS.csv").write_text("x,y,z,vx,vy,vz\n3.5,0.1,0.2,-6,0,1.5\n")
+    rows = [f"a,{0.01 * k:.2f},0.6,{0.2 * 0.01 * k:.4f},0.3" for k in range(300)]
+    (folder / "MOTIONS.csv").write_text("\n".join(["flight,t_s,x_m,y_m,z_m", *rows]))
     rows = [f"{0.002 * k:.3f},{3.0 - 0.01 * k:.3f},0.1,{0.3 + 0.005 * k:.3f}" for k in range(40)]
     (folder / "POINTS.csv").write_text("\n".join(["t_s,x_m,y_m,z_m", *rows]))
     head = "x_m,y_m,z_m,u_left_px,v_left_px,u_right_px,v_right_px"

@@ -100,16 +100,17 @@ def test_an_arm_without_a_design_says_how_to_get_one(monkeypatch: pytest.MonkeyP
 def test_the_list_fits_a_screen_and_its_json_is_the_contract(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """80 columns; one row an arm."""
+    """80 columns; one row an arm, and which command it takes."""
     assert main(["arms"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert max(map(len, lines)) <= 80
     assert sum(any(x.title in line for x in ARMS) for line in lines) == len(ARMS)
+    assert "takes velocity at 500 Hz: ur5e, ur10e" in lines
     assert main(["arms", "--json"]) == 0
     said = json.loads(capsys.readouterr().out)
     assert said["schema"] == "mitt.arms/1"
     keys = {"name", "title", "limits", "joints", "source", "rate", "throws", "relative_speed_m_s",
-            "force_n"}  # fmt: skip
+            "force_n", "takes", "command_hz"}  # fmt: skip
     assert all(keys <= row.keys() for row in said["arms"])
     assert [row["name"] for row in said["arms"]] == [x.name for x in ARMS]
     assert main(["arms", "--check"]) == 0

@@ -6,6 +6,7 @@ from rich import box
 
 from mitt.cli.options import ArmsOptions
 from mitt.cli.screen import checked, print_json, show, table
+from mitt.files.cell import RobotPart, read_cell
 from mitt.files.shipped_arms import ShippedArm, shipped_arms
 from mitt.version import __version__
 
@@ -55,11 +56,28 @@ def _words(found: tuple[ShippedArm, ...]) -> list[str]:
     words = [f"caught: of {throws} throws that no search has seen, in the scene lab, by images",
              "m/s, N: of ball and hand when they meet, the largest contact force; medians",
              "limits: those of the vendor, but for the WAM's; --json has all"]  # fmt: skip
+    words += _commands(found)
     words += [f"{_said(x)}: {x.figures.beyond} beyond a limit, force included"
               for x in found if x.figures is not None and x.figures.beyond]  # fmt: skip
     if not all(x.designed for x in found):
         words.append("hand none: no design yet; mitt design NAME --out NAME.toml looks for one")
     return words
+
+
+def _commands(found: tuple[ShippedArm, ...]) -> list[str]:
+    """Return which command each arm takes."""
+    groups: dict[tuple[str, float], dict[str, None]] = {}
+    for arm in found:
+        robot = _robot(arm)
+        groups.setdefault((robot.takes, robot.rate), {})[arm.name] = None
+    return [f"takes {takes} at {rate:g} Hz: {', '.join(names)}"
+            for (takes, rate), names in groups.items()]  # fmt: skip
+
+
+def _robot(arm: ShippedArm) -> RobotPart:
+    """Return the robot of the cell that ships for an arm, whichever hand it has."""
+    name = arm.name.removesuffix("-fingers").removesuffix("-basket")
+    return read_cell(f"{name}-sim").robot
 
 
 def _as_json(arm: ShippedArm) -> dict[str, Any]:
@@ -72,6 +90,8 @@ def _as_json(arm: ShippedArm) -> dict[str, Any]:
         "joints": [] if of is None else list(of.joints),
         "hand": None if of is None else of.hand,
         "source": arm.source,
+        "takes": _robot(arm).takes,
+        "command_hz": _robot(arm).rate,
         "rate": None if of is None else of.caught / of.throws,
         "throws": 0 if of is None else of.throws,
         "beyond": None if of is None else of.beyond,
