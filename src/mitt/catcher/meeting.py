@@ -49,6 +49,10 @@ _NEAR, _SLOW = 0.003, 0.035
 #: A target is given up that is so far from where it is followed [m], that moves across its belt so
 #: fast, or along the tool's axis away from it, as what falls [m/s].
 _ASTRAY, _STRAYS, _FALLS = 0.1, 0.25, 0.6
+#: How far it may be from there before the way down of a slow tool begins [m].
+_AHEAD = 0.25
+#: How far outside the work area, and on a belt how fast outwards, a target is given up [m, m/s].
+_OUTSIDE, _OUTWARDS = 0.03, 0.1
 #: Share of the tool's largest speed that is used, and at which what is followed is given up; how
 #: much faster than planned the way may be, and how long what is followed lags [s].
 _USED, _OVER, _ROUGH, _LAG = 0.97, 1.03, 1.1, 0.15
@@ -511,11 +515,13 @@ class Meeting(Generator):
         across = float(np.linalg.norm(self._across @ v))
         if across > _STRAYS + spare or float(self.map.frame[:, 2] @ v) > _FALLS + spare:
             return "taken"
-        if np.linalg.norm(ball.r_o - followed[0]) > _ASTRAY:
-            return "tool" if s.speed < inf else "taken"
+        due, slow = ball.t - self.start > self.after - s.descent, s.speed < inf
+        if np.linalg.norm(ball.r_o - followed[0]) > (_AHEAD if slow and not due else _ASTRAY):
+            return "tool" if slow else "taken"
         out = ball.r_o - np.clip(ball.r_o, s.low, s.high)
-        due = ball.t - self.start > self.after - s.descent
-        return "area" if due and float(out @ v) > 0.0 and np.linalg.norm(v) > _SLOW else ""
+        far = float(np.linalg.norm(out))
+        leaves = s.along is None or float(out @ v) > _OUTWARDS * far
+        return "area" if due and far > _OUTSIDE and leaves else ""
 
     def leaving(self, motion: Array) -> Array | None:
         """Return how the tool lifts what it holds while it comes to rest, (k, 3, n).

@@ -172,6 +172,8 @@ class Planner:
             return
         if todo & DECIDE:
             self._reconsider(ball)
+        elif todo & LAGS and isinstance(self.generator, Leaving):
+            self._give_up(_behind(self._said(ball)))
         elif todo & LAGS:
             # The ball has left the arm behind, as after a bounce: the map starts again from where
             # the arm is and how fast it moves, eq. (12), and the gap is closed on the way to the
@@ -403,6 +405,11 @@ class Planner:
         """Follow the brake from a time on [s]."""
         self._scalars["t_brake"], self._scalars["t_rest"] = t, t + len(self.brake) * TICK
         self._enter(BRAKE)
+
+
+def _behind(verdict: Verdict) -> Verdict:
+    """Return the verdict on what an arm cannot follow: its limits, itself or the floor forbid."""
+    return replace(verdict, outcome=Outcome.UNSETTLED, binding_limit="blocked")
 
 
 def load_decisions(arm: Arm, generator: Generator, settings: CatcherSettings) -> None:

@@ -49,7 +49,7 @@ PART: Final = Ball(sides=(0.05, 0.06, 0.04), mass=0.1, drag=0.0)
 #: How far above its place the tool waits, and where its way down begins [m].
 _WAITS, _ABOVE = 0.15, 0.06
 #: Time from the meeting until the tool begins to close [s].
-_SETTLE = {"belt": 0.2, "hand": 0.05}
+_SETTLE = {"belt": 0.2, "hand": 0.0}
 #: Rate at which what a person holds is followed once it is met [1/s].
 _GENTLE = {"belt": 0.0, "hand": 6.0}
 #: Times of the way down that are tried [s], and the share of each limit that it may take.
@@ -61,6 +61,11 @@ _HALF = Tolerance(torque=0.8, speed=0.5, acceleration=0.4)
 _SHARES = (0.5, 0.6, 0.7)
 #: Half-width of the work area, in lengths of the arm.
 _WIDE = {"belt": 0.32, "hand": 0.2}
+#: How much larger the work area is than what the waiting pose was looked for [m]: a person may
+#: stop short of it or beyond, and the verdict looks at each meeting.
+_BEYOND = {"belt": np.full(3, 0.02), "hand": np.array([0.06, 0.06, 0.02])}
+#: Gap between told and true joint angles at which a slow arm gives up [rad].
+_BEHIND = 0.03
 #: Turns of the tool about its axis that are tried.
 _QUARTERS = [
     np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
@@ -121,7 +126,8 @@ class Station:
     @property
     def catcher(self) -> CatcherSettings:
         """Settings of its catcher."""
-        return for_parts(catcher_settings(self.arm, self.scene), self.scene.ball)
+        given, slow = catcher_settings(self.arm, self.scene), self.settings.speed < np.inf
+        return for_parts(given, self.scene.ball, slow=slow)
 
     @property
     def notes(self) -> dict[str, str]:
@@ -137,12 +143,15 @@ class Station:
         return make_meeter(name, Meeting(self.map, self.settings), rate=rate, along=along)
 
 
-def for_parts(settings: CatcherSettings, part: Ball) -> CatcherSettings:
-    """Return a catcher's settings for parts that are met, not for balls that fly."""
+def for_parts(settings: CatcherSettings, part: Ball, *, slow: bool = False) -> CatcherSettings:
+    """Return a catcher's settings for parts that are met, not for balls that fly.
+
+    An arm that has to be ``slow`` does not catch up with what it was kept from following.
+    """
     across = part.sides[0] if part.sides else 2.0 * part.radius
     return replace(
-        settings, flight=CARRIED, sigma_ready=0.05, ball_radius=0.5 * across, adapt_q=np.inf,
-        adapt_dq=np.inf,
+        settings, flight=CARRIED, sigma_ready=0.05, ball_radius=0.5 * across, adapt_dq=np.inf,
+        adapt_q=_BEHIND if slow else np.inf,
     )  # fmt: skip
 
 
@@ -188,7 +197,7 @@ def station(
         belt = Belt(middle=(float(place[0]), float(place[1])), height=float(place[2]) - half)
         scene = scene.model_copy(update={"belt": belt})
     arm = Arm(replace(raw.model, q_ready=q), raw.limits)
-    low, high = place - room - 0.02, place + room + 0.02
+    low, high = place - room - _BEYOND[target], place + room + _BEYOND[target]
     takes = tool.delay if isinstance(tool, Suction) else _takes(tool, scene)
     f = unlearned_meeting(arm, free, frame=frame, coupling=coupling)
     settings = MeetingSettings(
