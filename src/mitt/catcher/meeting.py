@@ -149,7 +149,10 @@ def _limit(step: Array, across: Array, most: float) -> None:
     """Shorten a step to ``most`` [m]; along a belt and across it, which lag unequally, each."""
     if most == np.inf:
         return
-    beside = across @ step
+    beside = np.zeros(3)
+    for i in range(3):  # a product of matrices in a kernel would need SciPy
+        for j in range(3):
+            beside[i] += across[i, j] * step[j]
     on = step - beside
     both = across[0, 0] + across[1, 1] + across[2, 2] > 0.5
     most_on, most_beside = (_SPLIT[0] * most, _SPLIT[1] * most) if both else (most, most)

@@ -152,7 +152,8 @@ def recorded(recording: Recording, place: Array, rng: np.random.Generator | None
         beside = np.sort(np.abs(t[max(k - _FEWEST, 0) : k + _FEWEST] - now))
         wide = max(_WINDOW, 1.001 * float(beside[_FEWEST - 1]))
         near = slice(*np.searchsorted(t, (now - wide, now + wide)).tolist())
-        weight = (1.0 - (np.abs(t[near] - now) / wide) ** 3) ** 1.5  # the root of the tricube
+        away = np.minimum(np.abs(t[near] - now) / wide, 1.0)
+        weight = (1.0 - away**3) ** 1.5  # the root of the tricube
         powers = weight[:, None] * np.vander(t[near] - now, 3, increasing=True)
         given = weight[:, None] * recording.r[near]
         rows.append(np.linalg.lstsq(powers, given, rcond=None)[0][:2])
