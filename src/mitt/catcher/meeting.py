@@ -44,6 +44,8 @@ _LEAVES = (0.2, 0.3, 0.4, 0.6, 0.9, 1.4, 2.0)
 _LEAST = 0.1
 #: Rates at which the followed target closes up to the estimate, along a belt and across it [1/s].
 _ALONG, _ACROSS = 40.0, 8.0
+#: The first of them where the tool's speed is limited: what may not be fast need not be quick.
+_SLOWLY = 15.0
 #: Estimate and followed target are in step if no farther apart [m, m/s].
 _NEAR, _SLOW = 0.003, 0.035
 #: A target is given up that is so far from where it is followed [m], that moves across its belt so
@@ -55,7 +57,7 @@ _AHEAD = 0.25
 _OUTSIDE, _OUTWARDS = 0.03, 0.1
 #: Share of the tool's largest speed that is used, and at which what is followed is given up; how
 #: much faster than planned the way may be, and how long what is followed lags [s].
-_USED, _OVER, _ROUGH, _LAG = 0.97, 1.03, 1.1, 0.15
+_USED, _OVER, _ROUGH, _LAG = 0.97, 1.03, 1.1, 0.4
 #: Shares of the speed that are left along a belt and across it, where both are limited.
 _SPLIT = (0.95, 0.3)
 
@@ -115,12 +117,12 @@ def _glide(given: Array, across: Array, dt: float, lead: Array, motion: Array) -
     """Let a followed motion go on for one tick towards what is given a time ``dt`` later [s].
 
     ``lead`` has the place that leads it, shape (3,), the largest speed of that place [m/s], and the
-    rate at which it follows [1/s]; 0 where it is at once where it should be.
+    rate at which it follows [1/s], 0 where it is at once where it should be; and the rate along.
     """
-    moves, rests, step = np.zeros(3), np.zeros(3), np.zeros(3)
+    moves, rests, step, rate = np.zeros(3), np.zeros(3), np.zeros(3), lead[5]
     for i in range(3):
         r = given[0, i] - dt * given[1, i]
-        moves[i] = r + (3.0 * given[1, i] + 3.0 * given[2, i] / _ALONG) / _ALONG
+        moves[i] = r + (3.0 * given[1, i] + 3.0 * given[2, i] / rate) / rate
         rests[i] = r
     for i in range(3):
         to = moves[i]
@@ -133,7 +135,7 @@ def _glide(given: Array, across: Array, dt: float, lead: Array, motion: Array) -
     for i in range(3):
         lead[i] += step[i]
         r, dr, ddr = lead[i] - motion[0, i], motion[1, i], motion[2, i]
-        moves[i] = _ALONG * (-3.0 * ddr + _ALONG * (-3.0 * dr + _ALONG * r))
+        moves[i] = rate * (-3.0 * ddr + rate * (-3.0 * dr + rate * r))
         rests[i] = _ACROSS * (-3.0 * ddr + _ACROSS * (-3.0 * dr + _ACROSS * r))
     for i in range(3):
         jerk = moves[i]
@@ -182,7 +184,8 @@ class Glide:
             speeds: Largest speed in each tick from the first on, of which the last stays [m/s],
                 shape (k,); none if left out.
         """
-        self._t, self._motion, self._lead = inf, np.zeros((3, 3)), np.zeros(5)
+        self._t, self._motion, self._lead = inf, np.zeros((3, 3)), np.zeros(6)
+        self._lead[5] = _ALONG if speeds is None else _SLOWLY
         self._speeds, self._begun = np.array([inf]) if speeds is None else speeds, inf
         self.calm = inf
         self.pose: Array | None = None
@@ -223,8 +226,9 @@ class Glide:
             self._motion[1] *= most / speed
         if most < inf:
             self._motion[2] = 0.0
-        ahead = 3.0 * self._motion[1] + 3.0 * self._motion[2] / _ALONG
-        self._lead[:3] = self._motion[0] + ahead / _ALONG
+        rate = float(self._lead[5])
+        ahead = 3.0 * self._motion[1] + 3.0 * self._motion[2] / rate
+        self._lead[:3] = self._motion[0] + ahead / rate
 
 
 def _rise(x: Array, T: float) -> Array:

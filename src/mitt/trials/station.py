@@ -61,11 +61,8 @@ _HALF = Tolerance(torque=0.8, speed=0.5, acceleration=0.4)
 _SHARES = (0.5, 0.6, 0.7)
 #: Half-width of the work area, in lengths of the arm.
 _WIDE = {"belt": 0.32, "hand": 0.2}
-#: How much larger the work area is than what the waiting pose was looked for [m]: a person may
-#: stop short of it or beyond, and the verdict looks at each meeting.
-_BEYOND = {"belt": np.full(3, 0.02), "hand": np.array([0.06, 0.06, 0.02])}
 #: Gap between told and true joint angles at which a slow arm gives up [rad].
-_BEHIND = 0.03
+_BEHIND = 0.02
 #: Turns of the tool about its axis that are tried.
 _QUARTERS = [
     np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
@@ -197,7 +194,7 @@ def station(
         belt = Belt(middle=(float(place[0]), float(place[1])), height=float(place[2]) - half)
         scene = scene.model_copy(update={"belt": belt})
     arm = Arm(replace(raw.model, q_ready=q), raw.limits)
-    low, high = place - room - _BEYOND[target], place + room + _BEYOND[target]
+    low, high = place - room - 0.02, place + room + 0.02
     takes = tool.delay if isinstance(tool, Suction) else _takes(tool, scene)
     f = unlearned_meeting(arm, free, frame=frame, coupling=coupling)
     settings = MeetingSettings(
