@@ -73,6 +73,8 @@ def files(tmp_path_factory: pytest.TempPathFactory, learned: Learned) -> Path:
     save_map(folder / "MAP.json", learned, version="0")
     rows = [f"{0.002 * k:.3f},{3.0 - 0.01 * k:.3f},0.1,{0.3 + 0.005 * k:.3f}" for k in range(40)]
     (folder / "POINTS.csv").write_text("\n".join(["t_s,x_m,y_m,z_m", *rows]))
+    rows = [f"a,{0.01 * k:.2f},0.6,{0.002 * k:.4f},0.3" for k in range(300)]
+    (folder / "MOTIONS.csv").write_text("\n".join(["flight,t_s,x_m,y_m,z_m", *rows]))
     write_rig(folder / "RIG.toml", calibrated(), version="0")
     (folder / "STUDY.toml").write_text(TEXT)
     head = "x_m,y_m,z_m,u_left_px,v_left_px,u_right_px,v_right_px"

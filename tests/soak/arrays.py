@@ -76,7 +76,7 @@ def sweep(examples: Examples) -> Count:
     for name, (call, right) in examples.refusals().items():
         for wanted, value in right.items():
             for wrong in nonsense(value):
-                if not (wrong is None and wanted in ("design", "scene", "eyes", "settings")):
+                if not (wrong is None and wanted in _LEFT_OUT):
                     _call(f"{name}({wanted})", call, right | {wanted: wrong}, count, must=True)
     return count
 
@@ -127,6 +127,8 @@ _IGNORED: Final = {
     "rival.unsettled": ("q",), "forecast": (),
 }  # fmt: skip
 """Parameters that a function has because others of its kind do, and does not look at."""
+_LEFT_OUT = ("design", "scene", "eyes", "settings", "q_rest")
+"""Parts of what is refused for something else that may be None."""
 
 
 def _fits(name: str, wanted: str, value: Value) -> bool:
