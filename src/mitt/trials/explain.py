@@ -40,6 +40,7 @@ LIMITS = {
     "domain": "the ball flies outside the domain of the map",
     "region": "the catch would be outside the region that the map was learned for",
     "time": "there would be too little time",
+    "blocked": "the arm would be kept from following",
 }
 
 
