@@ -76,7 +76,7 @@ def sweep(examples: Examples) -> Count:
     for name, (call, right) in examples.refusals().items():
         for wanted, value in right.items():
             for wrong in nonsense(value):
-                if not (wrong is None and wanted in _LEFT_OUT):
+                if not (wrong is None and wanted in ("design", "scene", "eyes", "settings")):
                     _call(f"{name}({wanted})", call, right | {wanted: wrong}, count, must=True)
     return count
 
@@ -127,14 +127,12 @@ _IGNORED: Final = {
     "rival.unsettled": ("q",), "forecast": (),
 }  # fmt: skip
 """Parameters that a function has because others of its kind do, and does not look at."""
-_LEFT_OUT = ("design", "scene", "eyes", "settings", "q_rest")
-"""Parts of what is refused for something else that may be None."""
 
 
 def _fits(name: str, wanted: str, value: Value) -> bool:
     """Say whether a value that is wrong elsewhere is right here."""
     if value is None:
-        left_out = ("alpha", "least", "ddr_o", "t_seen", "t_first")
+        left_out = ("alpha", "least", "ddr_o", "t_seen", "t_first", "q_rest")
         at_rest = wanted == "dq" and name.endswith(".verdict")
         return wanted in left_out or at_rest or (name == "eyes.step" and wanted == "frames")
     if name == "ArmState":  # the catcher knows how many joints there are
