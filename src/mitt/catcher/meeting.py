@@ -53,7 +53,7 @@ _NEAR, _SLOW = 0.003, 0.035
 _ASTRAY, _STRAYS, _FALLS = 0.1, 0.25, 0.6
 #: How far it may be from there before the way down of a slow tool begins [m].
 _AHEAD = 0.25
-#: How far outside the work area, and on a belt how fast outwards, a target is given up [m, m/s].
+#: How far outside the work area, and how fast outwards, a target is given up [m, m/s].
 _OUTSIDE, _OUTWARDS = 0.03, 0.1
 #: Share of the tool's largest speed that is used, and at which what is followed is given up; how
 #: much faster than planned the way may be, and how long what is followed lags [s].
@@ -527,7 +527,7 @@ class Meeting(Generator):
             return "tool" if slow else "taken"
         out = ball.r_o - np.clip(ball.r_o, s.low, s.high)
         far = float(np.linalg.norm(out))
-        leaves = s.along is None or float(out @ v) > _OUTWARDS * far
+        leaves = float(out @ v) > _OUTWARDS * far
         return "area" if due and far > _OUTSIDE and leaves else ""
 
     def leaving(self, motion: Array) -> Array | None:
