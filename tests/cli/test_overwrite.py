@@ -87,8 +87,20 @@ def quick(monkeypatch: pytest.MonkeyPatch, learned: Learned, a_map: Path) -> Qui
 def test_each_command_that_writes_a_folder_or_a_file_is_looked_at_here() -> None:
     """A new command with --out has to be added to this file."""
     with_out = {name for name, kind in COMMANDS.items() if hasattr(kind, "out")}
-    assert with_out == {"catch", "learn", "design", "run", "study", "track", "see", "calibrate",
-                        "replay"}  # fmt: skip
+    assert with_out == {"catch", "meet", "bat", "learn", "design", "run", "study", "track", "see",
+                        "calibrate", "replay"}  # fmt: skip
+
+
+@pytest.mark.parametrize("words", [("meet", "--trials", 1), ("bat", "--throws", 1)])
+def test_what_is_not_of_a_meeting_or_a_hit_is_left(
+    tmp_path: Path, quick: Quick, words: tuple[object, ...]
+) -> None:
+    """In a folder of the user's: refused at first, and with all of it there in the end."""
+    mine = put(tmp_path)
+    assert quick(*words, "--out", tmp_path) == 2
+    assert quick(*words, "--out", tmp_path, "--overwrite") == 0
+    assert all_there(tmp_path, mine)
+    assert (tmp_path / RESULT).exists()
 
 
 def test_catch_leaves_what_is_not_its_own(tmp_path: Path, quick: Quick) -> None:

@@ -157,7 +157,7 @@ class Cases:
             "sharpness": one, "unsettled": {"ball": ball, "q": q}, "wait": throw, "waiting": one,
             "verdict": throw, "on": {"arm": self.arm},
         }  # fmt: skip
-        parts = {x.name: getattr(f, x.name) for x in fields(f)}
+        parts = {x.name: getattr(f, x.name) for x in fields(f)} | {"q_rest": self.q}
         learns = {"arm": self.arm, "design": f.design, "flights": [self.flight], "seed": 1,
                   "around": Neighbourhood(), "settings": LearnSettings()}  # fmt: skip
         saved = self.folder / "map.json"
