@@ -211,7 +211,7 @@ class BatOptions(Options):
     """Hit balls back to a target, or put the paddle in their way; print a table and write DIR.
 
     Attributes:
-        arm: The arm: a name, as wam or ur5e, or a file.
+        arm: The arm, one that has a stance for batting.
         limits: Limit set, as of mitt catch; wam-48v for the wam if left out.
         target: Where balls are sent [m], as X,Y,Z; 2.4 m before the arm if left out.
         shield: Put the paddle in the way, at rest, instead of hitting to a target.
@@ -233,7 +233,7 @@ class BatOptions(Options):
         "mitt bat --limits wam-80v --target 3,0.3,0.4 --vision points",
     )
 
-    arm: ArmName = "wam"
+    arm: Literal["wam", "ur5e"] = "wam"
     limits: Limits = None
     target: Annotated[str | None, Arg("X,Y,Z")] = None
     shield: bool = False
