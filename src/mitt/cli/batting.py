@@ -9,7 +9,17 @@ import numpy as np
 
 import mitt
 from mitt.cli.options import BatOptions
-from mitt.cli.screen import checked, print_json, progress, say, show, table, tell_of_kernels
+from mitt.cli.screen import (
+    checked,
+    number,
+    print_json,
+    progress,
+    repeated,
+    say,
+    show,
+    table,
+    tell_of_kernels,
+)
 from mitt.clock import Progress
 from mitt.errors import InputError
 from mitt.files.writing import check_folder, locked, new_folder, write_json
@@ -30,6 +40,8 @@ from mitt.trials.source import Source, source_of
 from mitt.world.flights import Recording, builtin_flights, read_flights
 from mitt.world.scene import DEFAULT_SCENE, Scene, read_scene
 
+#: Options that may name a file.
+_FILES = ("scene", "limits", "flights")
 #: Name of the recorded flights that ship.
 _SHIPPED = "tennicam"
 #: Limits of the WAM's motors: those of the idealised arm would flatter.
@@ -66,7 +78,7 @@ def bat(options: BatOptions) -> int:
             result = _result(options, asked, station, trials, summary(trials, runner.stopwatch))
             write_json(asked.out / "result.json", result)
             report("report", 0, 1)
-            typed = shlex.join(["mitt", "bat", *_words(options)])
+            typed = shlex.join(["mitt", "bat", *repeated(options, files=_FILES)])
             content = BatContent(result=result, arm=station.arm, scene=asked.scene, log=log,
                                  command=typed)  # fmt: skip
             write_bat_page(asked.out / "report.html", content)
@@ -169,16 +181,6 @@ def _default_folder(options: BatOptions) -> Path:
     return folder if options.overwrite else new_folder(folder)
 
 
-def _words(options: BatOptions) -> list[str]:
-    """Return the words that make a run again."""
-    plain, words = asdict(BatOptions()), list[str]()
-    for name, value in asdict(options).items():
-        if value == plain[name] or name in ("out", "overwrite", "json", "check"):
-            continue
-        words += [f"--{name}"] if value is True else [f"--{name}", str(value)]
-    return words
-
-
 def _show(options: BatOptions, trials: list[BatTrial], said: dict[str, Any], out: Path) -> None:
     """Print the table of a run: the first 20 trials, and 40 of the others that failed."""
     rows = table(
@@ -188,8 +190,8 @@ def _show(options: BatOptions, trials: list[BatTrial], said: dict[str, Any], out
     )  # fmt: skip
     for t in trials[:20] + [x for x in trials[20:] if x.status != "hit"][:40]:
         cells = (
-            _number(t.t_hit_s, 2), _number(None if t.miss_m is None else 100.0 * t.miss_m, 1),
-            _number(t.return_speed_m_s, 1), _number(t.peak_contact_force_n, 0),
+            number(t.t_hit_s, 2), number(None if t.miss_m is None else 100.0 * t.miss_m, 1),
+            number(t.return_speed_m_s, 1), number(t.peak_contact_force_n, 0),
             str(t.limit_violations),
         )  # fmt: skip
         why = "" if t.status == "hit" else t.binding_limit or ""
@@ -207,8 +209,3 @@ def _misses(said: dict[str, Any]) -> str:
         return ""
     return (f"; miss {100.0 * said['median_miss_m']:.1f} cm in the median, "
             f"90 % within {100.0 * said['p90_miss_m']:.1f}")  # fmt: skip
-
-
-def _number(value: float | None, digits: int) -> str:
-    """Return a number as a table has it."""
-    return "" if value is None else f"{value:.{digits}f}"

@@ -16,8 +16,10 @@ from mitt.cli.options import ArmOptions, CatchOptions, LearnOptions
 from mitt.cli.screen import (
     check_new_files,
     checked,
+    number,
     print_json,
     progress,
+    repeated,
     say,
     show,
     table,
@@ -87,7 +89,7 @@ def prepare(options: CatchOptions) -> Prepared:
     with noted() as read:
         prepared = _prepared(options)
     read.pop(str(options.map), None)  # a run keeps its map
-    return replace(prepared, again={"words": _words(options), "read": read})
+    return replace(prepared, again={"words": repeated(options, files=_FILES), "read": read})
 
 
 def prepared_again(folder: Path, kept: Kept) -> Prepared:
@@ -108,21 +110,6 @@ def prepared_again(folder: Path, kept: Kept) -> Prepared:
     if changed := difference(read, prepared.again["read"]):
         raise FileError(changed, "the file that the run read", "another content")
     return prepared
-
-
-def _words(options: CatchOptions) -> list[str]:
-    """Return the options that make a run again, files by where they are from anywhere."""
-    out = []
-    for field in fields(options):
-        name, value = field.name, getattr(options, field.name)
-        if name in ("out", "overwrite", "json", "check") or value == field.default:
-            continue
-        said = f"--{name.replace('_', '-')}"
-        path = Path(value) if isinstance(value, str | Path) else Path()
-        if name in _FILES and path.is_file() and (path.suffix or name == "scene"):
-            value = path.absolute()
-        out.append(said if value is True else f"{said}={value}")
-    return out
 
 
 def _prepared(options: CatchOptions) -> Prepared:
@@ -233,18 +220,13 @@ def _row(trial: Trial) -> tuple[str, ...]:
     return (
         str(trial.index),
         trial.status,
-        _number(trial.t_catch_s, 3),
-        _number(trial.position_error_mm, 1),
-        _number(trial.velocity_error_m_s, 2),
-        _number(trial.peak_contact_force_n, 0) + ("!" if trial.over_force else ""),
+        number(trial.t_catch_s, 3),
+        number(trial.position_error_mm, 1),
+        number(trial.velocity_error_m_s, 2),
+        number(trial.peak_contact_force_n, 0) + ("!" if trial.over_force else ""),
         f"{100 * max(trial.peak_speed_ratio):.0f}",
         reason_of(trial.stopped_by) or trial.binding_limit or "",
     )
-
-
-def _number(value: float | None, digits: int) -> str:
-    """Return a number for the table; nothing where there is none."""
-    return "" if value is None else f"{value:.{digits}f}"
 
 
 def learn(options: LearnOptions) -> int:

@@ -2,7 +2,7 @@
 
 import shlex
 from collections.abc import Callable
-from dataclasses import asdict, fields, replace
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,17 @@ from typing import Any
 import mitt
 from mitt.arm.tools import TOOLS
 from mitt.cli.options import MeetOptions
-from mitt.cli.screen import checked, print_json, progress, say, show, table, tell_of_kernels
+from mitt.cli.screen import (
+    checked,
+    number,
+    print_json,
+    progress,
+    repeated,
+    say,
+    show,
+    table,
+    tell_of_kernels,
+)
 from mitt.clock import Progress
 from mitt.errors import FileError, InputError, meant
 from mitt.files.recordings import write_recording
@@ -23,6 +33,8 @@ from mitt.trials.station import TARGETS, Station, station
 from mitt.world.flights import Recording, read_flights
 from mitt.world.scene import read_scene, scene_of
 
+#: Options that may name a file.
+_FILES = ("arm", "scene", "limits", "target")
 #: What a scene is where none is named: a camera of 60 Hz, 30 ms late, and 2 mm of noise.
 _SCENE = {
     "base": "lab",
@@ -65,7 +77,7 @@ def meet(options: MeetOptions) -> int:
                 report("report", 0, 1)
                 from mitt.report.meet_page import write_meet_page  # noqa: PLC0415 (plots)
 
-                typed = shlex.join(["mitt", "meet", *_words(options)])
+                typed = shlex.join(["mitt", "meet", *repeated(options, files=_FILES)])
                 write_meet_page(out / "report.html", result, course, command=typed)
                 report("report", 1, 1)
     if options.json:
@@ -134,16 +146,6 @@ def _tool_speed(options: MeetOptions) -> float:
     return float("inf") if options.target == "belt" else _NEAR_PERSON
 
 
-def _words(options: MeetOptions) -> list[str]:
-    """Return the words that make a run again."""
-    return [
-        f"--{field.name.replace('_', '-')}={value}"
-        for field in fields(options)
-        if (value := getattr(options, field.name)) != field.default
-        and field.name not in ("out", "overwrite", "json", "check")
-    ]
-
-
 def _result(
     options: MeetOptions, at: Station, trials: list[MeetTrial], said: dict[str, Any]
 ) -> dict[str, Any]:
@@ -181,9 +183,9 @@ def _show(options: MeetOptions, trials: list[MeetTrial], said: dict[str, Any], o
     )  # fmt: skip
     for t in trials[:20] + [x for x in trials[20:] if x.status != "met"][:40]:
         cells = (
-            _number(t.t_met_s, 2), f"{1e3 * t.in_sync_s:.0f}", _number(t.position_error_mm, 1),
-            _number(t.velocity_error_m_s, 2),
-            _number(t.peak_contact_force_n, 0) + ("!" if t.over_force else ""),
+            number(t.t_met_s, 2), f"{1e3 * t.in_sync_s:.0f}", number(t.position_error_mm, 1),
+            number(t.velocity_error_m_s, 2),
+            number(t.peak_contact_force_n, 0) + ("!" if t.over_force else ""),
         )  # fmt: skip
         why = t.binding_limit or ""
         if t.status == "met":
@@ -198,8 +200,3 @@ def _show(options: MeetOptions, trials: list[MeetTrial], said: dict[str, Any], o
         *([] if hand is None else [f"force on the hand: at most {hand:.0f} N"]),
         f"written: {out / ('report.html' if (out / 'report.html').exists() else 'result.json')}",
     )  # fmt: skip
-
-
-def _number(value: float | None, digits: int) -> str:
-    """Return a number as a table has it."""
-    return "" if value is None else f"{value:.{digits}f}"

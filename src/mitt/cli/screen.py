@@ -71,6 +71,31 @@ def check_new_files(
         check_folder(path.parent, overwrite=True)
 
 
+def repeated(options: Any, *, files: Collection[str]) -> list[str]:  # noqa: ANN401
+    """Return the words of options that make a run again, files by where they are from anywhere.
+
+    Args:
+        options: What was said.
+        files: Names of the options that may name a file.
+    """
+    out = list[str]()
+    for field in fields(options):
+        name, value = field.name, getattr(options, field.name)
+        if name in ("out", "overwrite", "json", "check") or value == field.default:
+            continue
+        said = f"--{name.replace('_', '-')}"
+        path = Path(value) if isinstance(value, str | Path) else Path()
+        if name in files and path.is_file() and (path.suffix or name == "scene"):
+            value = path.absolute()
+        out.append(said if value is True else f"{said}={value}")
+    return out
+
+
+def number(value: float | None, digits: int) -> str:
+    """Return a number as a table has it; nothing for None."""
+    return "" if value is None else f"{value:.{digits}f}"
+
+
 def _named(options: Any, *, without: Collection[str] = ()) -> list[Path]:  # noqa: ANN401
     """Return what options name that may be a file, but for some of them."""
     out: list[Path] = []
