@@ -1,8 +1,8 @@
 """Fields of settings that a user makes, checked when they are made, and shown in one line.
 
-A class of settings is a frozen dataclass. The annotation of a field says what it may be, and which
-numbers: ``Annotated[float, Range(0.0, 10.0)]``. A pair of numbers is itself a range, from low to
-high.
+A class of settings is a frozen dataclass, mostly a :class:`Settings`. The annotation of a field
+says what it may be, and which numbers: ``Annotated[float, Range(0.0, 10.0)]``. A pair of numbers is
+itself a range, from low to high.
 """
 
 from collections.abc import Iterable, Mapping
@@ -69,6 +69,21 @@ def brief(value: Any) -> str:  # noqa: ANN401
         if field.repr and not (default is not MISSING and _same(own, default)):
             told.append((field.name, own))
     return line(type(value).__name__, told)
+
+
+class Settings:
+    """A base of settings whose fields are checked when they are made; ``repr=False`` goes with it.
+
+    Raises:
+        InputError: A field is not what it may be; the message names it.
+    """
+
+    __slots__ = ()
+    __repr__ = brief
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be."""
+        check(self)
 
 
 def line(name: str, told: Iterable[tuple[str, object]]) -> str:

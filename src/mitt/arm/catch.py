@@ -10,15 +10,15 @@ from typing import Annotated, Final, NamedTuple
 
 import numpy as np
 
-from mitt.fields import Range, check
+from mitt.fields import Range, Settings
 from mitt.signals import Array
 
 LOST: Final = 10.0
 """Share of a ball that is lost whatever the arm does, as one that is too large for the hand."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CaughtBall:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class CaughtBall(Settings):
     """What is known of the ball that will be in the hand.
 
     Attributes:
@@ -34,10 +34,6 @@ class CaughtBall:
     restitution: Annotated[float, Range(0.0, 1.0)] = 0.2
     friction: Annotated[float, Range(0.0, 100.0)] = 1.0
     doubt: Annotated[float, Range(0.0, 1.0)] = 0.1
-
-    def __post_init__(self) -> None:
-        """Refuse what no ball can be; InputError names the field."""
-        check(self)
 
     @property
     def heaviest(self) -> float:

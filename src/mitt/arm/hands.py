@@ -33,7 +33,7 @@ from mitt import checks
 from mitt.arm.catch import LOST, Catch, CaughtBall, ClosingPlan, Strike, reduced
 from mitt.arm.description import Capsule, Hand, checked_inertia
 from mitt.errors import InputError
-from mitt.fields import Range, brief, check
+from mitt.fields import Range, Settings, brief, check
 from mitt.kernels import kernel
 from mitt.signals import Array
 
@@ -53,8 +53,8 @@ _PALM, _RIM, _PALM_CAPSULE = 0.041, 0.012, 0.045
 _LATE = 0.002
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Finger:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Finger(Settings):
     """A one-joint finger: two rods with a fixed bend, turning in a plane along the palm normal.
 
     Angles are measured in that plane from the palm normal, inward positive.
@@ -82,12 +82,6 @@ class Finger:
     thickness: Annotated[float, Range(1e-4, 0.1)] = 0.006
     mass: Annotated[float, Range(1e-6, 10.0)] = 0.025
     armature: Annotated[float, Range(0.0, 1.0)] = 5e-5
-
-    __repr__ = brief
-
-    def __post_init__(self) -> None:
-        """Refuse what no finger can be; InputError names the field."""
-        check(self)
 
     def points(self, angle: float | Array) -> tuple[Array, Array, Array]:
         """Return joint, bend and tip [m], each shape (..., 2): outward and along the palm normal.
@@ -138,8 +132,8 @@ class Finger:
         return free
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FingerDrive:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class FingerDrive(Settings):
     """Servo inside the hand: full torque far from the commanded angle, PD near it.
 
     Attributes:
@@ -156,12 +150,6 @@ class FingerDrive:
     settling: Annotated[float, Range(1e-5, 1.0)] = 0.0025
     gain: Annotated[float, Range(0.0, 1e4)] = 0.12
     closed: Annotated[float, Range(1e-3, np.pi)] = np.pi / 2
-
-    __repr__ = brief
-
-    def __post_init__(self) -> None:
-        """Refuse what no drive can be; InputError names the field."""
-        check(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -33,7 +33,7 @@ from mitt.arm.kinematics import (
     vec,
 )
 from mitt.errors import InputError
-from mitt.fields import brief, check
+from mitt.fields import Settings, brief
 from mitt.kernels import Fields, Record, kernel
 from mitt.signals import Array
 
@@ -62,8 +62,8 @@ SEGMENT: Final = np.dtype([("start", VECTOR), ("end", VECTOR)])
 """Where both ends of a shape are in the world [m]."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Surroundings:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Surroundings(Settings):
     """What stands around the arm.
 
     A part of the arm that is within 10 mm of the floor in the ready pose, as the foot of an arm
@@ -76,12 +76,6 @@ class Surroundings:
 
     floor: float = -1.0
     zones: tuple[Capsule, ...] = ()
-
-    __repr__ = brief
-
-    def __post_init__(self) -> None:
-        """Refuse what cannot be; InputError names the field."""
-        check(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

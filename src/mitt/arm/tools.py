@@ -20,7 +20,7 @@ import numpy as np
 from mitt.arm.catch import LOST, Catch, CaughtBall, ClosingPlan, Strike, reduced
 from mitt.arm.description import Capsule, Hand
 from mitt.arm.hands import FingerDrive, rate
-from mitt.fields import Range, brief, check
+from mitt.fields import Range, Settings
 from mitt.signals import Array
 
 #: Acceleration with which a commanded jaw comes to its speed [m/s^2].
@@ -33,8 +33,8 @@ def _block(mass: float, width: float, length: float) -> Array:
     return np.diag([across, across, mass * width**2 / 6.0])
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Suction(Hand):
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Suction(Hand, Settings):
     """A suction cup on a tube; its bellows give way along the tube.
 
     Attributes:
@@ -61,12 +61,6 @@ class Suction(Hand):
     delay: Annotated[float, Range(0.0, 5.0)] = 0.05
     force: Annotated[float, Range(1e-3, inf)] = 150.0
     closes: ClassVar[bool] = True
-
-    __repr__ = brief
-
-    def __post_init__(self) -> None:
-        """Refuse what cannot be; InputError names the field."""
-        check(self)
 
     @property
     def com(self) -> float:
@@ -116,8 +110,8 @@ class Suction(Hand):
         )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Jaw(Hand):
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Jaw(Hand, Settings):
     """A jaw of two fingers that move along the plate's x axis, one towards the other.
 
     Attributes:
@@ -146,12 +140,6 @@ class Jaw(Hand):
     delay: Annotated[float, Range(0.0, 5.0)] = 0.05
     force: Annotated[float, Range(1e-3, inf)] = 235.0
     closes: ClassVar[bool] = True
-
-    __repr__ = brief
-
-    def __post_init__(self) -> None:
-        """Refuse what cannot be; InputError names the field."""
-        check(self)
 
     @property
     def com(self) -> float:
@@ -198,8 +186,8 @@ class Jaw(Hand):
         ))  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Paddle(Hand):
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Paddle(Hand, Settings):
     """A round bat on a handle; the z axis leads out of its face.
 
     A bat of table tennis weighs 0.15 to 0.2 kg, and its blade is 0.15 m wide; this one is larger,
@@ -227,12 +215,6 @@ class Paddle(Hand):
     half: Annotated[float, Range(0.001, 0.5)] = 0.04
     force: Annotated[float, Range(1e-3, inf)] = inf
     enters: ClassVar[float] = 0.01
-
-    __repr__ = brief
-
-    def __post_init__(self) -> None:
-        """Refuse what cannot be; InputError names the field."""
-        check(self)
 
     @property
     def com(self) -> float:

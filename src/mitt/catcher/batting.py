@@ -16,7 +16,7 @@ import numpy as np
 from mitt.arm.arm import Arm
 from mitt.catcher.generators import Generator
 from mitt.errors import InputError
-from mitt.fields import Range, brief, check
+from mitt.fields import Range, Settings, brief
 from mitt.map.batting import BattingMap, easiest
 from mitt.map.demand import Tolerance, shares_of
 from mitt.map.mapping import DirectMap
@@ -31,8 +31,8 @@ _ANEW = 0.02
 _INSTANTS = 12
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BattingSettings:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class BattingSettings(Settings):
     """Where a ball is sent, and when it is met.
 
     Attributes:
@@ -55,12 +55,6 @@ class BattingSettings:
     shortest: Annotated[float, Range(0.01, 10.0)] = 0.15
     again: Annotated[float, Range(0.001, 10.0)] = 0.08
     until: Annotated[float, Range(0.0, 1.0)] = 0.12
-
-    __repr__ = brief
-
-    def __post_init__(self) -> None:
-        """Refuse what cannot be; InputError names the field."""
-        check(self)
 
     @property
     def aim(self) -> Array | None:

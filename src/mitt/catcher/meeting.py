@@ -24,7 +24,7 @@ import numpy as np
 from mitt.arm.arm import Arm
 from mitt.catcher.generators import Generator
 from mitt.control.envelope import bounds_of
-from mitt.fields import Range, brief, check
+from mitt.fields import Range, Settings, brief
 from mitt.kernels import kernel
 from mitt.map.demand import Tolerance, shares_of
 from mitt.map.meeting import MeetingMap
@@ -62,8 +62,8 @@ _USED, _OVER, _ROUGH, _LAG = 0.97, 1.03, 1.1, 0.4
 _SPLIT = (0.95, 0.3)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MeetingSettings:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class MeetingSettings(Settings):
     """Where and how a target is met.
 
     Attributes:
@@ -94,12 +94,6 @@ class MeetingSettings:
     speed: Annotated[float, Range(1e-3, inf)] = inf
     along: tuple[float, float, float] | None = None
     gentle: Annotated[float, Range(0.0, 40.0)] = 0.0
-
-    __repr__ = brief
-
-    def __post_init__(self) -> None:
-        """Refuse what cannot be; InputError names the field."""
-        check(self)
 
     @property
     def window(self) -> float:

@@ -9,7 +9,7 @@ from mitt.arm.catch import CaughtBall
 from mitt.arm.shapes import Surroundings
 from mitt.ball.filter import THROWN_BALL, FilterConfig
 from mitt.control.encoders import Encoders
-from mitt.fields import Range, brief, check
+from mitt.fields import Range, Settings
 
 
 class Phase(Enum):
@@ -38,8 +38,8 @@ PATIENCE = 0.1
 SOON = 0.1
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CatcherSettings:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class CatcherSettings(Settings):
     """Settings of the catcher.
 
     Attributes:
@@ -89,12 +89,6 @@ class CatcherSettings:
     max_tracking_error: Annotated[float, Range(1e-6, inf)] = 0.8
     torque_lead: Annotated[float, Range(0.0, 1.0)] = 0.001
     setpoint_delay: Annotated[int, Range(0, 1000)] = 0
-
-    __repr__ = brief
-
-    def __post_init__(self) -> None:
-        """Refuse what cannot be; InputError names the field."""
-        check(self)
 
     @property
     def caught(self) -> CaughtBall:

@@ -42,7 +42,7 @@ from mitt.arm.dynamics import bias_and_mass
 from mitt.control.envelope import bounds_of
 from mitt.control.stop import MassWork
 from mitt.errors import InputError
-from mitt.fields import Range, brief, check
+from mitt.fields import Range, Settings
 from mitt.kernels import Fields, Record, kernel
 from mitt.signals import TICK, Array
 
@@ -149,8 +149,8 @@ _LEAST_UNKNOWN, _MOST_UNKNOWN = 0.1, 0.3
 IN_TIME, BRIDGED_TIME = 0.005, 0.020
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Encoders:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Encoders(Settings):
     """What is known of the encoders.
 
     Attributes:
@@ -163,12 +163,6 @@ class Encoders:
 
     step: float | tuple[float, ...] | None = None
     unknown: Annotated[float, Range(0.0, 1e6)] = 2.0
-
-    __repr__ = brief
-
-    def __post_init__(self) -> None:
-        """Refuse what cannot be; InputError names the field."""
-        check(self)
 
     def steps(self, own: Array) -> Array:
         """Return the resolution of each joint's encoder [rad], shape (n,).

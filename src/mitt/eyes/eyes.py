@@ -16,12 +16,12 @@ from mitt.eyes.camera import Rig, fixed_rig, pack_cameras
 from mitt.eyes.localization import EyesHandle, EyesMemory, eyes_handle, localize
 from mitt.eyes.segmentation import SegmenterConfig, forget, pack_segmenter
 from mitt.eyes.triangulation import TriangulatorConfig, pack_ball, unseen
-from mitt.fields import Range, brief, check
+from mitt.fields import Range, Settings
 from mitt.signals import Array, BallState, Frame, Image, Sighting
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class EyesConfig:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class EyesConfig(Settings):
     """What the catcher knows of its ball and its images.
 
     Attributes:
@@ -33,12 +33,6 @@ class EyesConfig:
     ball_radius: Annotated[float, Range(1e-3, 1.0)] = 0.04
     segmenter: SegmenterConfig = field(default_factory=SegmenterConfig)
     triangulator: TriangulatorConfig = field(default_factory=TriangulatorConfig)
-
-    __repr__ = brief
-
-    def __post_init__(self) -> None:
-        """Refuse what cannot be; InputError names the field."""
-        check(self)
 
 
 class EyesStatus(Enum):

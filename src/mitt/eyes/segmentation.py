@@ -49,7 +49,7 @@ from mitt.eyes.blobs import (
     trim,
     weigh,
 )
-from mitt.fields import Range, brief, check
+from mitt.fields import Range, Settings
 from mitt.kernels import Fields, Record, kernel, record_of, view
 from mitt.signals import Frame, Image, Moments
 
@@ -105,8 +105,8 @@ _NONE = np.empty((0, 0), np.uint8)
 """No background."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SegmenterConfig:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class SegmenterConfig(Settings):
     """How a target is separated from the background.
 
     Attributes:
@@ -128,12 +128,6 @@ class SegmenterConfig:
     reach: Annotated[int, Range(0, 1000)] = 3
     background_period: Annotated[int, Range(1, 10**9)] = 64
     frozen: Annotated[int, Range(0, 10**6)] = 3
-
-    __repr__ = brief
-
-    def __post_init__(self) -> None:
-        """Refuse what cannot be; InputError names the field."""
-        check(self)
 
 
 def pack_segmenter(config: SegmenterConfig) -> Record:

@@ -20,7 +20,7 @@ import numpy as np
 from mitt.ball.motion_models import invert_positive
 from mitt.errors import InputError
 from mitt.eyes.camera import Rig, in_camera, pack_cameras, ray_of, sphere_centroid
-from mitt.fields import Range, brief, check
+from mitt.fields import Range, Settings
 from mitt.kernels import Fields, Record, kernel
 from mitt.signals import Array, Moments, Sighting
 
@@ -49,8 +49,8 @@ NEAR = 1.01
 """Depth over the radius below which a ball is not in front of a camera."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TriangulatorConfig:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class TriangulatorConfig(Settings):
     """How exact the centroids are.
 
     The standard deviation of a centroid is sqrt(floor^2 + (spread / r^1.5)^2), r the radius of
@@ -68,12 +68,6 @@ class TriangulatorConfig:
     sigma_spread: Annotated[float, Range(0.0, 1e3)] = 0.058
     max_residual: Annotated[float, Range(0.0, 1e6)] = 2.0
     max_skew: Annotated[float, Range(0.0, 1.0)] = 1e-4
-
-    __repr__ = brief
-
-    def __post_init__(self) -> None:
-        """Refuse what cannot be; InputError names the field."""
-        check(self)
 
 
 def pack_ball(config: TriangulatorConfig, ball_radius: float, rig: Rig) -> Record:

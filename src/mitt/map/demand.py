@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from mitt.arm.arm import Arm, trusted_deceleration
 from mitt.arm.dynamics import dynamics_scratch, inverse_dynamics, slopes_work
 from mitt.arm.limits import drive_asked, drives_of, torque_share
-from mitt.fields import Range, check
+from mitt.fields import Range, Settings
 from mitt.kernels import Record, kernel
 from mitt.signals import Array
 
@@ -32,8 +32,8 @@ KINDS: Final = ("torque", "speed", "range", "acceleration")
 FOLLOWED = 0.012
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Tolerance:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Tolerance(Settings):
     """Share of each limit at which a throw is refused.
 
     By default more than 1: the envelope keeps the limits whatever is asked, and asking for too
@@ -53,10 +53,6 @@ class Tolerance:
     speed: Annotated[float, Range(1e-6, np.inf)] = 1.6
     acceleration: Annotated[float, Range(1e-6, np.inf)] = 1.6
     strength: Annotated[float | None, Range(1e-6, 1e3)] = None
-
-    def __post_init__(self) -> None:
-        """Refuse what cannot be; InputError names the field."""
-        check(self)
 
 
 class Demand(NamedTuple):

@@ -27,7 +27,7 @@ import numpy as np
 from mitt import checks
 from mitt.arm.arm import Arm
 from mitt.errors import InputError
-from mitt.fields import Range, brief, check
+from mitt.fields import Range, Settings, brief
 from mitt.map.demand import demand
 from mitt.map.map_design import MapDesign
 from mitt.map.mapping import (
@@ -50,8 +50,8 @@ _HALVINGS, _PENALTY = 6, 300.0
 _NEWTON_STEPS, _SMALL = 30, 1e-9
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LearnSettings:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class LearnSettings(Settings):
     """How to learn.
 
     Attributes:
@@ -65,12 +65,6 @@ class LearnSettings:
     tolerance: Annotated[float, Range(0.0, 1.0)] = 1e-3
     share: Annotated[float, Range(0.01, 100.0)] = 0.92
     near: Annotated[float, Range(0.0, 100.0)] = 0.6
-
-    __repr__ = brief
-
-    def __post_init__(self) -> None:
-        """Refuse what cannot be; InputError names the field."""
-        check(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

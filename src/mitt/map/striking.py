@@ -45,7 +45,7 @@ from mitt.arm.kinematics import (
     times,
 )
 from mitt.ball.flight import advance
-from mitt.fields import Range, brief, check
+from mitt.fields import Range, Settings, brief
 from mitt.kernels import big_kernel, kernel
 from mitt.signals import Array
 
@@ -63,8 +63,8 @@ _NEAR: Final = 1e-4
 ASTRAY: Final = 1e-5
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Impact:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Impact(Settings):
     """How a ball and a paddle part.
 
     Attributes:
@@ -78,12 +78,6 @@ class Impact:
     restitution: Annotated[float, Range(0.0, 1.0)] = 0.75
     loss: Annotated[float, Range(0.0, 1.0)] = 0.0
     drag: Annotated[float, Range(0.0, 10.0)] = 0.04
-
-    __repr__ = brief
-
-    def __post_init__(self) -> None:
-        """Refuse what cannot be; InputError names the field."""
-        check(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -372,8 +366,8 @@ def _speeds(arm: Arm, q: Array, v: Array) -> Array:
     return dq
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Restitution:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Restitution(Settings):
     """What is known of a ball's restitution from its hits; a filter of one number.
 
     Attributes:
@@ -387,12 +381,6 @@ class Restitution:
     sigma: Annotated[float, Range(0.0, 1.0)] = 0.05
     drift: Annotated[float, Range(0.0, 1.0)] = 0.002
     sigma_v: Annotated[float, Range(1e-6, 10.0)] = 0.05
-
-    __repr__ = brief
-
-    def __post_init__(self) -> None:
-        """Refuse what cannot be; InputError names the field."""
-        check(self)
 
     def after(self, strike: Strike, behind: float, mass: float, v_out: Array) -> "Restitution":
         """Return what is known after a hit.

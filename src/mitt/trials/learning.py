@@ -24,7 +24,7 @@ from mitt.ball.flight import acceleration, advance
 from mitt.catcher.generators import Direct
 from mitt.catcher.several import Several
 from mitt.errors import InputError
-from mitt.fields import Range, check
+from mitt.fields import Range, Settings
 from mitt.map.learn import Flight, Learned, LearnSettings, learn_from
 from mitt.map.map_design import MapDesign, catch_place, default_design, further_designs
 from mitt.map.mapping import DirectMap, unlearned
@@ -32,8 +32,8 @@ from mitt.map.tangent import to_go
 from mitt.signals import Array
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Neighbourhood:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Neighbourhood(Settings):
     """What kinds of flights there are, and how well they are known.
 
     Attributes:
@@ -73,10 +73,6 @@ class Neighbourhood:
     azimuth: Annotated[tuple[float, float], Range(-7.0, 7.0)] = (-0.15, 0.15)
     flight: Annotated[tuple[float, float], Range(1e-3, 100.0)] = (0.42, 0.65)
     max_speed_share: Annotated[float, Range(1e-6, np.inf)] = np.inf
-
-    def __post_init__(self) -> None:
-        """Refuse what cannot be; InputError names the field."""
-        check(self)
 
 
 def neighbourhood_of_ball(drag: float) -> Neighbourhood:
