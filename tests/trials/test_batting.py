@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 
 from mitt.ball.flight import advance
 from mitt.cli.main import main
-from mitt.errors import ModelError
+from mitt.errors import InputError, ModelError
 from mitt.files.arm_file import load_arm
+from mitt.files.recordings import Recorded
 from mitt.signals import Sighting
 from mitt.trials.bat_station import BatStation, bat_station
 from mitt.trials.batting import (
@@ -24,6 +25,8 @@ from mitt.trials.batting import (
     returned_velocity,
     true_scene,
 )
+from mitt.trials.log import keep_recording
+from mitt.trials.replayed import changed, replay
 from mitt.trials.source import source_of
 from mitt.world.scene import named_scene
 
@@ -123,6 +126,22 @@ def test_balls_are_hit_to_the_target_and_tell_of_the_restitution() -> None:
     assert list(runner(3).run()) == trials
 
 
+def test_a_trial_is_replayed_to_the_bit(tmp_path: Path) -> None:
+    """With images; a rival's is not recorded, and a replay of batting takes no other map."""
+    s = station()
+    source = source_of(s.arm, seed=1, drag=s.scene.ball.drag, count=1)
+    of = BatRunner(s, source, keeps=True)
+    keep_recording("all", "hit", of, tmp_path, of.trial(0))
+    recorded = Recorded(tmp_path / "recordings" / "trial-00000.mcap")
+    assert recorded.has_images
+    assert replay(recorded).identical
+    with pytest.raises(InputError, match="batting"):
+        changed(recorded.about, generator="ik")
+    rival = BatRunner(s, source, pixels=False, generator="ik")
+    with pytest.raises(InputError, match="recording"):
+        rival.recording(rival.trial(0))
+
+
 def test_a_shield_stops_balls() -> None:
     """They touch the face first, within every limit; there is no target to be missed."""
     trials = list(runner(2, shield=True).run())
@@ -142,5 +161,11 @@ def test_the_command_writes_what_the_contract_says(
     assert said["schema"] == "mitt.bat/1"
     assert said["summary"]["throws"] == len(said["trials"]) == 2
     assert "Where the balls pass the target" in (out / "report.html").read_text()
-    for wrong in (["--target", "1,2"], ["--speed", "7,5"], ["--shield", "--target", "3,0,0"]):
+    rival = ["--record", "all", "--generator", "ik"]
+    for wrong in (
+        rival,
+        ["--target", "1,2"],
+        ["--speed", "7,5"],
+        ["--shield", "--target", "3,0,0"],
+    ):
         assert main(["bat", *wrong, "--check"]) == 2

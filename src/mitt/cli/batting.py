@@ -1,7 +1,9 @@
 """``mitt bat``: hit thrown balls back to a target, or stop them."""
 
 import shlex
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +25,7 @@ from mitt.cli.screen import (
 from mitt.clock import Progress
 from mitt.errors import InputError
 from mitt.files.writing import check_folder, locked, new_folder, write_json
+from mitt.interrupts import notice, status_of, words_of
 from mitt.report.bat_page import BatContent, write_bat_page
 from mitt.signals import Array
 from mitt.trials.bat_station import (
@@ -34,8 +37,8 @@ from mitt.trials.bat_station import (
     throw_ranges,
 )
 from mitt.trials.batting import SCHEMA, BatRunner, BatTrial, summary
-from mitt.trials.log import TrialLog
-from mitt.trials.result import finite
+from mitt.trials.log import TrialLog, keep_recording
+from mitt.trials.result import finite, kept_words
 from mitt.trials.source import Source, source_of
 from mitt.world.flights import Recording, builtin_flights, read_flights
 from mitt.world.scene import DEFAULT_SCENE, Scene, read_scene
@@ -68,26 +71,36 @@ def bat(options: BatOptions) -> int:
         around=coming(asked.speed, asked.recordings), learns=not options.check,
     )  # fmt: skip
     source = _source(options, asked, station)
+    if options.record != "none" and options.generator != "direct":
+        raise InputError("--record", "none beside a rival", options.record,
+                         do="only what the map did can be replayed")  # fmt: skip
     if options.check:
         return checked(f"{source.count} throws, output to {asked.out}")
     with locked(asked.out):
         tell_of_kernels()
         with progress() as report:
-            runner = BatRunner(station, source, pixels=options.vision == "pixels")
-            trials, log = _run(runner, source.count, report)
+            runner = BatRunner(
+                station, source, pixels=options.vision == "pixels", generator=options.generator,
+                keeps=options.record != "none",
+            )  # fmt: skip
+            keep = partial(keep_recording, options.record, "hit", runner, asked.out)
+            trials, log, stopped = _run(runner, source.count, report, keep)
             result = _result(options, asked, station, trials, summary(trials, runner.stopwatch))
             write_json(asked.out / "result.json", result)
-            report("report", 0, 1)
-            typed = shlex.join(["mitt", "bat", *repeated(options, files=_FILES)])
-            content = BatContent(result=result, arm=station.arm, scene=asked.scene, log=log,
-                                 command=typed)  # fmt: skip
-            write_bat_page(asked.out / "report.html", content)
-            report("report", 1, 1)
+            if trials and not stopped:
+                report("report", 0, 1)
+                typed = shlex.join(["mitt", "bat", *repeated(options, files=_FILES)])
+                content = BatContent(result=result, arm=station.arm, scene=asked.scene, log=log,
+                                     command=typed)  # fmt: skip
+                write_bat_page(asked.out / "report.html", content)
+                report("report", 1, 1)
     if options.json:
         print_json(result)
     else:
         _show(options, trials, result["summary"], asked.out)
-    return 0
+    if stopped:
+        say(f"{words_of(stopped)}; {kept_words(len(trials), source.count, asked.out)}")
+    return stopped
 
 
 def _asked(options: BatOptions) -> _Asked:
@@ -141,16 +154,26 @@ def _source(options: BatOptions, asked: _Asked, station: BatStation) -> Source:
     return replace(source, shares=tuple(strike_share(x) for x in asked.recordings))
 
 
-def _run(runner: BatRunner, count: int, report: Progress) -> tuple[list[BatTrial], TrialLog | None]:
-    """Run all trials; return them, and the log of the first that was hit."""
+def _run(
+    runner: BatRunner, count: int, report: Progress, keep: Callable[[BatTrial], None]
+) -> tuple[list[BatTrial], TrialLog | None, int]:
+    """Run all trials, each kept when it ends.
+
+    Returns them, the log of the first that was hit, and the status of an interrupt or 0.
+    """
     trials, log = list[BatTrial](), None
     report("batting", 0, count)
-    for trial in runner.run():
-        trials.append(trial)
-        if log is None and trial.status == "hit":
-            log = runner.log()
-        report("batting", len(trials), count)
-    return trials, log
+    try:
+        for trial in runner.run():
+            trials.append(trial)
+            keep(trial)
+            if log is None and trial.status == "hit":
+                log = runner.log()
+            report("batting", len(trials), count)
+    except KeyboardInterrupt as stop:
+        notice()
+        return trials, log, status_of(stop)
+    return trials, log, 0
 
 
 def _result(
@@ -165,6 +188,7 @@ def _result(
         "limits": station.arm.limits.name,
         "scene": options.scene or DEFAULT_SCENE,
         "vision": options.vision,
+        "generator": options.generator,
         "flights": options.flights,
         "target": None if asked.target is None else asked.target.tolist(),
         "shield": options.shield,
@@ -177,14 +201,15 @@ def _result(
 
 def _default_folder(options: BatOptions) -> Path:
     """Return where the result goes whose user named no place."""
-    folder = Path("runs") / f"bat-{options.seed}"
+    name = "" if options.generator == "direct" else f"-{options.generator}"
+    folder = Path("runs") / f"bat-{options.seed}{name}"
     return folder if options.overwrite else new_folder(folder)
 
 
 def _show(options: BatOptions, trials: list[BatTrial], said: dict[str, Any], out: Path) -> None:
     """Print the table of a run: the first 20 trials, and 40 of the others that failed."""
     rows = table(
-        f"{options.arm}, {'shield' if options.shield else 'to a target'}",
+        f"{options.arm}, {'shield' if options.shield else 'to a target'}, {options.generator}",
         ("trial", "status", "t [s]", "miss [cm]", "back [m/s]", "[N]", "beyond [ms]", "why"),
         left=("status", "why"), no_wrap=True,
     )  # fmt: skip

@@ -23,10 +23,10 @@ from mitt.cli.screen import (
 )
 from mitt.clock import Progress
 from mitt.errors import FileError, InputError, meant
-from mitt.files.recordings import write_recording
 from mitt.files.writing import check_folder, file_name, locked, new_folder, write_json
 from mitt.interrupts import notice, status_of, words_of
 from mitt.rivals.meeting import PLANNERS
+from mitt.trials.log import keep_recording
 from mitt.trials.meeting import SCHEMA, Course, MeetRunner, MeetTrial, summary
 from mitt.trials.result import finite, kept_words
 from mitt.trials.station import TARGETS, Station, station
@@ -69,7 +69,7 @@ def meet(options: MeetOptions) -> int:
         tell_of_kernels()
         with progress() as report:
             trials, course, stopped = _run(
-                runner, count, report, partial(_record, options, runner, out)
+                runner, count, report, partial(keep_recording, options.record, "met", runner, out)
             )
             result = _result(options, at, trials, summary(trials, runner.stopwatch))
             write_json(out / "result.json", result)
@@ -129,14 +129,6 @@ def _recordings(target: str) -> tuple[Recording, ...]:
 def _speed(options: MeetOptions) -> float:
     """Return the speed of belt or hand [m/s]."""
     return options.speed or _SPEEDS.get(options.target, _SPEEDS["hand"])
-
-
-def _record(options: MeetOptions, runner: MeetRunner, out: Path, trial: MeetTrial) -> None:
-    """Write the recording of the last trial, if it is wanted."""
-    if options.record == "all" or (options.record == "failures" and trial.status != "met"):
-        (out / "recordings").mkdir(exist_ok=True)
-        path = out / "recordings" / f"trial-{trial.index:05d}.mcap"
-        write_recording(path, runner.recording(trial))
 
 
 def _tool_speed(options: MeetOptions) -> float:

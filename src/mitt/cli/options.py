@@ -223,6 +223,9 @@ class BatOptions(Options):
         scene: The world: ideal, lab or rough, or a TOML file.
         flights: Recorded flights to use: columns flight,t_s,x_m,y_m,z_m; or tennicam, the 44 of
             table tennis that ship.
+        generator: What moves the arm: direct, the map; rivals to the same contact: quintic, ruckig,
+            mpc, ik; and clairvoyant, which is told the true flight and restitution.
+        record: Recordings to keep, of trials that the map made: none, failures or all.
         out: Folder to write; a new runs/bat-<seed> if left out.
         overwrite: Use a folder that has files in it.
     """
@@ -245,6 +248,8 @@ class BatOptions(Options):
     vision: Literal["pixels", "points"] = "pixels"
     scene: Scene = None
     flights: Annotated[str | None, Arg("CSV|NAME")] = None
+    generator: Literal["direct", "quintic", "ruckig", "mpc", "ik", "clairvoyant"] = "direct"
+    record: Literal["none", "failures", "all"] = "none"
     out: Folder = None
     overwrite: bool = False
 

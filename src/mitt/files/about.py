@@ -12,6 +12,7 @@ from pydantic import Field
 from mitt.arm.arm import Arm
 from mitt.arm.description import ArmModel
 from mitt.arm.limits import Limits
+from mitt.catcher.batting import Batting, BattingSettings
 from mitt.catcher.meeting import Meeting, MeetingSettings
 from mitt.catcher.settings import CatcherSettings
 from mitt.errors import FileError, MittError
@@ -20,8 +21,10 @@ from mitt.eyes.eyes import EyesConfig
 from mitt.files.maps import map_content, map_of
 from mitt.files.schema import Part, from_plain, parsed, to_plain
 from mitt.files.writing import json_digest
+from mitt.map.batting import BattingMap
 from mitt.map.demand import Tolerance
 from mitt.map.learn import Learned
+from mitt.map.map_design import MapDesign
 from mitt.map.mapping import DirectMap
 from mitt.map.meeting import MeetingMap
 from mitt.map.polynomial import CatchBasis
@@ -50,7 +53,8 @@ class About:
         refines: Whether a direct map is refined in each tick.
         version: Of mitt.
         notes: What else a reader should know: texts by name.
-        meeting: How it meets parts, before it has met any; None where it catches balls.
+        meeting: How it meets parts, before it has met any; None where it does something else.
+        batting: How it strikes balls, before it has seen one; None where it does something else.
     """
 
     arm: Arm
@@ -64,6 +68,7 @@ class About:
     version: str = __version__
     notes: Mapping[str, str] = field(default_factory=dict)
     meeting: Meeting | None = None
+    batting: Batting | None = None
 
     @property
     def shapes(self) -> tuple[tuple[int, int], ...]:
@@ -93,6 +98,8 @@ class About:
         }
         if self.meeting is not None:
             content["meeting"] = _meeting_content(self.meeting)
+        if self.batting is not None:
+            content["batting"] = _batting_content(self.batting)
         return json.dumps(content | {"digest": json_digest(content)}, allow_nan=False)
 
 
@@ -110,6 +117,7 @@ class _About(Part):
     refines: bool
     maps: list[dict[str, Any]] = Field(max_length=64)
     meeting: dict[str, Any] | None = None
+    batting: dict[str, Any] | None = None
     settings: dict[str, Any]
     rig: dict[str, Any]
     eyes: dict[str, Any]
@@ -133,8 +141,8 @@ def about_of(text: str, *, place: str) -> About:
     except (ValueError, RecursionError) as error:
         raise FileError(place, f"JSON of schema {SCHEMA}", str(error)[:80], do=do) from None
     content = parsed(_About, raw, place=place, wanted=f"a recording of schema {SCHEMA}", do=do)
-    if not content.maps and content.meeting is None:
-        raise FileError(place, "a map, or a way of meeting", "neither", do=do)
+    if not content.maps and content.meeting is None and content.batting is None:
+        raise FileError(place, "a map, or a way of meeting or batting", "none", do=do)
     if json_digest({k: x for k, x in raw.items() if k != "digest"}) != content.digest:
         raise FileError(place, "a recording that matches its digest", "one that was altered", do=do)
     try:
@@ -155,6 +163,7 @@ def about_of(text: str, *, place: str) -> About:
             version=content.version,
             notes=content.notes,
             meeting=None if content.meeting is None else _meeting_of(content.meeting, arm),
+            batting=None if content.batting is None else _batting_of(content.batting, arm),
         )
     except (MittError, ValueError, RecursionError, OverflowError) as error:
         raise FileError(place, "a catcher that can be made again", error) from None
@@ -202,6 +211,39 @@ def _meeting_of(raw: dict[str, Any], arm: Arm) -> Meeting:
         coupling=of.coupling,
     )  # fmt: skip
     return Meeting(f, of.settings, of.tolerance)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Struck:
+    """What a way of batting says of itself; as of :class:`BattingMap` and :class:`Batting`."""
+
+    design: MapDesign
+    basis: CatchBasis
+    alpha: Array
+    H: Array
+    region: Array
+    q_rest: Array
+    held: tuple[int, ...]
+    settings: BattingSettings
+    tolerance: Tolerance
+
+
+def _batting_content(batting: Batting) -> Any:  # noqa: ANN401 (any JSON value)
+    """Return what makes a way of batting again, but for its arm."""
+    f, g = batting.map.map, batting.map
+    return to_plain(_Struck(
+        design=f.design, basis=f.basis, alpha=f.alpha, H=f.H, region=f.region,
+        q_rest=f.arm.q_ready if f.q_rest is None else f.q_rest, held=g.held,
+        settings=batting.settings, tolerance=batting.tolerance,
+    ))  # fmt: skip
+
+
+def _batting_of(raw: dict[str, Any], arm: Arm) -> Batting:
+    """Return a way of batting for an arm."""
+    of = from_plain(_Struck, raw, place="batting")
+    f = DirectMap(arm=arm, design=of.design, basis=of.basis, alpha=of.alpha, H=of.H,
+                  region=of.region, q_rest=of.q_rest)  # fmt: skip
+    return Batting(BattingMap(map=f, held=of.held), of.settings, of.tolerance)
 
 
 def _endless(f: DirectMap) -> DirectMap:

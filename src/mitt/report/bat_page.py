@@ -26,6 +26,12 @@ _LEAST, _MOST = 0.3, 1.5
 #: Trials in the table.
 _ROWS = 500
 
+_NAMES = ("arm", "limits", "scene", "vision", "generator", "seed")
+_HEAD = (
+    "throw", "status", "binding limit", "hit at [s]", "off the middle [mm]", "miss [cm]",
+    "speed [m/s]", "force [N]", "beyond a limit [ms]",
+)  # fmt: skip
+
 _SECTIONS = (
     Section("summary", "Summary", "What happened"),
     Section("returns", "Returns", "Where the balls went"),
@@ -72,7 +78,8 @@ def write_bat_page(path: Path, content: BatContent) -> None:
         path,
         page(
             "bat", _SECTIONS, title=f"{said['hit']} of {said['throws']} balls {of}",
-            command="bat", result=result, said=said, counts=counts, made_with=made_with(),
+            frame="task", command="bat", names=_NAMES, head=_HEAD, numbers=6,
+            result=result, said=said, counts=counts, made_with=made_with(),
             typed=content.command, rows=_rows(trials),
             returns=returns(passes).svg if passes else "",
             learned=learned(misses).svg if len(misses) > 1 else "",

@@ -173,7 +173,7 @@ def write_design_page(path: Path, found: Design, scene: Scene, *, command: str) 
         path,
         page(
             "design", _SECTIONS, title=f"What {path.stem} can catch",
-            command="design", typed=f"mitt {command}", made_with=made_with(),
+            command="design", frame="task", typed=f"mitt {command}", made_with=made_with(),
             hard=force_in_words(found),
             found=found, best=best, pictures=pictures, helps=rows,
             advice=advice, limits=found.whole.limits.name,

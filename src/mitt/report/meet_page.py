@@ -23,6 +23,8 @@ _HEAD = (
     "relative [m/s]", "force [N]", "on the hand [N]", "tool [m/s]", "beyond a limit [ms]",
 )  # fmt: skip
 
+_NAMES = ("arm", "limits", "tool", "target", "generator", "seed")
+
 _SECTIONS = (
     Section("summary", "Summary", "What happened"),
     Section("course", "One meeting", "One meeting"),
@@ -52,6 +54,7 @@ def write_meet_page(path: Path, result: dict[str, Any], course: Course, *, comma
         path,
         page(
             "meet", _SECTIONS, title=f"{said['met']} of {said['trials']} met", command="meet",
+            frame="task", names=_NAMES, numbers=8,
             result=result, said=said, made_with=made_with(), typed=command, whys=whys,
             counts=", ".join(f"{said[s]} {s}" for s in STATUSES if said[s]),
             head=_HEAD, failed=_rows(failed), rows=_rows(trials), course=gap_and_speed(course).svg,

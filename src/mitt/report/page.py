@@ -41,8 +41,9 @@ class Section:
 
 
 def page(
-    template: str, sections: Sequence[Section], *, title: str, command: str, **values: object
-) -> str:
+    template: str, sections: Sequence[Section], *, title: str, command: str,
+    frame: str | None = None, **values: object,
+) -> str:  # fmt: skip
     """Return a page.
 
     Args:
@@ -51,12 +52,14 @@ def page(
         sections: Sections in their order.
         title: Heading of the page.
         command: Command that made it.
+        frame: Template of the blocks that it shares with other pages.
         values: What the blocks show.
     """
-    source = _environment().get_template(f"{template}.html")
+    sources = [_environment().get_template(f"{name}.html") for name in (frame, template) if name]
+    blocks = {name: (x, block) for x in sources for name, block in x.blocks.items()}
     html = {
-        name: "".join(block(source.new_context(values))).strip()
-        for name, block in source.blocks.items()
+        name: "".join(blocks[name][1](blocks[name][0].new_context(values))).strip()
+        for name in ("settings", "footer", *(s.name for s in sections))
     }
     parts = [
         {"name": s.name.replace("_", "-"), "link": s.link, "title": s.title, "html": html[s.name]}

@@ -43,7 +43,7 @@ _DOUBT, _SEEN, _TRUE = (86, 180, 233), (110, 120, 130), (240, 228, 66)
 def scene_of(about: About) -> Scene:
     """Return a scene with ball or part, belt and floor of a recording, for its shapes alone."""
     scene, s = Scene(), about.settings
-    if about.meeting is not None and "scene" in about.notes:
+    if not about.maps and "scene" in about.notes:
         try:
             return Scene.model_validate_json(about.notes["scene"])
         except ValueError as error:

@@ -35,6 +35,7 @@ from mitt.map.prediction import flown
 from mitt.rivals.intercept import Intercept
 from mitt.rivals.mpc import MpcPlanner
 from mitt.rivals.planned import Plan, Planner, RuckigPlanner, plan_quintic
+from mitt.rivals.pursuit import coasting
 from mitt.rivals.servo import Bounds, bounds_of, follow, rate_of
 from mitt.signals import TICK, Array, BallState, JointReference, MapStatus
 from mitt.verdict.feasibility import Verdict
@@ -189,9 +190,7 @@ class Replanned:
         if w.plan is None:
             return w.motion
         motion, late = w.plan.at(min(t, w.end)), max(t - w.end, 0.0)
-        if late > 0.0:
-            motion = np.array([motion[0] + late * motion[1], motion[1], 0.0 * motion[2]])
-        return motion
+        return coasting(motion, late) if late > 0.0 else motion
 
     def _plan(self, meeting: Meeting, ball: BallState, branch: Array) -> None:
         """Plan from where the last plan has brought the arm; that one stays out of reach.

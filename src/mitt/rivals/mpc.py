@@ -181,9 +181,14 @@ def solve(problem: Quadratic) -> Array | None:
     return a if left < 1e-4 else None  # at the intercept [rad, rad/s]
 
 
+def mpc_path(arm: Arm) -> Planned:
+    """Return the pursuit by plans that are made anew whenever 10 ms have gone by."""
+    return Planned(planner=MpcPlanner(arm), dead_q=0.0, dead_dq=0.0, every=0.01)
+
+
 def make_mpc(f: DirectMap) -> Generator:
     """Return the rival for the arm of a map."""
-    return rival(f, Planned(planner=MpcPlanner(f.arm), dead_q=0.0, dead_dq=0.0, every=0.01))
+    return rival(f, mpc_path(f.arm))
 
 
 @kernel

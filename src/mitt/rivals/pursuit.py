@@ -48,8 +48,16 @@ class Pursuit(Protocol):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Chase:
-    """What a rival remembers of one throw between two ticks."""
+class Chase:
+    """What a rival remembers of one throw between two ticks.
+
+    Attributes:
+        t: When [s].
+        pursuit: The path there.
+        catch: The catch.
+        chosen_at: Where it was when it was chosen [m], shape (3,).
+        motion: q, dq, ddq as commanded, shape (3, n).
+    """
 
     t: float
     pursuit: Pursuit
@@ -58,14 +66,14 @@ class _Chase:
     motion: Array
 
 
-class _Memory:
+class ChaseMemory:
     """The chase before and after the newest instant."""
 
-    def __init__(self, chase: _Chase | None) -> None:
+    def __init__(self, chase: Chase | None) -> None:
         """Start with one."""
         self.before, self.after = chase, chase
 
-    def at(self, t: float) -> _Chase | None:
+    def at(self, t: float) -> Chase | None:
         """Return the chase to continue for time ``t`` [s]."""
         if self.after is not None and t > self.after.t:
             self.before = self.after
@@ -89,7 +97,7 @@ class Rival(Generator):
     pursuit: Pursuit
     q_hold: Array
     foreign: bool = False
-    memory: _Memory = field(default_factory=lambda: _Memory(None))
+    memory: ChaseMemory = field(default_factory=lambda: ChaseMemory(None))
 
     @property
     def arms(self) -> tuple[Arm, ...]:
@@ -148,8 +156,8 @@ class Rival(Generator):
         catch, chase = self._choose(ball, motion), None
         if catch is not None:
             pursuit = self.pursuit.begin(catch, ball.t, motion)
-            chase = _Chase(ball.t, pursuit, catch, catch.r_c, motion)
-        return replace(self, q_hold=motion[0].copy(), memory=_Memory(chase))
+            chase = Chase(ball.t, pursuit, catch, catch.r_c, motion)
+        return replace(self, q_hold=motion[0].copy(), memory=ChaseMemory(chase))
 
     def reference(self, ball: BallState) -> JointReference:
         """Go on with the pursuit; at rest where there is nothing to pursue."""
@@ -167,7 +175,7 @@ class Rival(Generator):
             motion = self._following(chase, ball)
         if not np.isfinite(motion).all():
             return resting(t, chase.motion[0])
-        self.memory.after = _Chase(t, pursuit, catch, chosen_at, motion)
+        self.memory.after = Chase(t, pursuit, catch, chosen_at, motion)
         return JointReference(
             t=t, status=MapStatus.INSIDE, q_d=motion[0], dq_d=motion[1], ddq_d=motion[2],
             q_o=catch.end[0], dq_o=catch.end[1], time_to_catch=catch.t_c - t,
@@ -184,7 +192,7 @@ class Rival(Generator):
         """Return the best catch; None too where the ball cannot be."""
         return self.chooser.choose(ball, motion) if _sane(ball) else None
 
-    def _aimed(self, chase: _Chase, ball: BallState) -> tuple[Intercept, Pursuit, Array]:
+    def _aimed(self, chase: Chase, ball: BallState) -> tuple[Intercept, Pursuit, Array]:
         """Return the catch at the newest prediction, chosen anew if that has moved.
 
         With it the pursuit of it, and where the catch was when it was chosen [m], shape (3,).
@@ -200,15 +208,14 @@ class Rival(Generator):
             return aimed, pursuit, chosen_at
         return chosen, pursuit.begin(chosen, chase.t, chase.motion), chosen.r_c
 
-    def _following(self, chase: _Chase, ball: BallState) -> Array:
+    def _following(self, chase: Chase, ball: BallState) -> Array:
         """Return the motion with the ball, after the catch."""
         f, rows = self.chooser.map, chase.motion.copy()
         at = np.array([ball.r_o, ball.dr_o, ball.ddr_o])
         near = np.linalg.norm(ball.r_o - f.arm.position(rows[0])) < _MOVED
         if near and meet(f.packed, self.chooser.hand, (0.0, 0.0), at, rows, f.work):
             return rows
-        after = ball.t - chase.t
-        return np.array([chase.motion[0] + after * chase.motion[1], chase.motion[1], 0.0 * rows[0]])
+        return coasting(chase.motion, ball.t - chase.t)
 
     def _may_rise(self, ball: BallState, motion: Array) -> bool:
         """Say whether a bounce could make the ball catchable: it comes in low."""
@@ -266,6 +273,11 @@ def _passing(f: DirectMap, ball: BallState) -> float:
 def _sane(ball: BallState) -> bool:
     """Say whether an estimate is finite and not absurd."""
     return bool(np.all(np.abs(state_of(ball)) < 1e3))
+
+
+def coasting(motion: Array, after: float) -> Array:
+    """Return q, dq, ddq so much later [s] of joints that keep their speeds, shape (3, n)."""
+    return np.array([motion[0] + after * motion[1], motion[1], 0.0 * motion[2]])
 
 
 def resting(t: float, q: Array) -> JointReference:

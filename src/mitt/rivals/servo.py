@@ -115,8 +115,9 @@ class Servo:
     """Pursuit of a goal that moves.
 
     Attributes:
-        reach: The arm.
-        point: Returns position, velocity and acceleration of the point that attracts, (3, 3).
+        most: Bounds of the joints.
+        lead: Writes where the joints are to be, q, dq, ddq (3, n), for a catch and a ball; row 0
+            is where they were to be a tick before.
         slowest: Smallest bandwidth of the joints [rad/s].
         join: Share of the time to the catch in which the first gap to the goal is closed; 0 to
             leave that to the bandwidth.
@@ -127,8 +128,8 @@ class Servo:
         gap: Motion minus goal when the pursuit began, shape (3, n).
     """
 
-    reach: Reach
-    point: Callable[[Intercept, BallState], Array]
+    most: Bounds
+    lead: Callable[[Intercept, BallState, Array], None]
     slowest: float
     join: float = 0.0
     t: float = 0.0
@@ -146,14 +147,14 @@ class Servo:
         if self.motion is None or self.goal is None:
             raise RuntimeError("a pursuit must begin before it goes on")
         goal, rows, left = self.goal.copy(), self.motion.copy(), np.zeros_like(self.goal)
-        self.reach.lead(self.point(catch, ball), catch.t_c - ball.t, goal)
+        self.lead(catch, ball, goal)
         gap = self.motion - goal if self.gap is None else self.gap
         span = max(self.join * (catch.t_c - self.t_s), 1e-3)
         if self.join > 0.0 and ball.t - self.t_s < span:
             quintic(gap, np.zeros_like(gap), span, ball.t - self.t_s, left)
         rate = rate_of(catch.t_c - ball.t, self.slowest, _FASTEST)
         if ball.t > self.t:
-            follow(self.reach.most, goal + left, rate, ball.t - self.t, rows)
+            follow(self.most, goal + left, rate, ball.t - self.t, rows)
         return rows, replace(self, t=ball.t, motion=rows, goal=goal, gap=gap)
 
 
@@ -246,21 +247,48 @@ def on_the_line(catch: Intercept, ball: BallState) -> Array:
     d sigma / dt -> 1 at the catch. Of the two elbows that reach a point that of the catch is taken;
     the gap between the arm and that motion is closed on the way.
 
-    With u = left / D it is at the ball's place of the time sigma = t_c - D (u - u^3 + u^4 / 2), so
-    that d sigma / dt = 1 - u^2 (3 - 2 u).
+    It is at the ball's place of the time sigma of :func:`run_up`.
     """
     left = catch.t_c - ball.t
-    u = min(max(left / _RUN, 0.0), 1.0)
-    ds, dds = 1.0 - u * u * (3.0 - 2.0 * u), 6.0 * u * (1.0 - u) / _RUN
+    early, ds, dds = run_up(left)
     point = np.empty((3, 3))
-    fly_on(state_of(ball), left - _RUN * (u - u * u * u + 0.5 * ((u * u) * (u * u))), point)
+    fly_on(state_of(ball), left - early, point)
     r, dr, ddr = point
     return np.array([r, dr * ds, ddr * ds * ds + dr * dds])
 
 
+def run_up(left: float) -> tuple[float, float, float]:
+    """Return how long before the catch a goal is that sets off shortly before it.
+
+    With u = left / D it is where it would be at sigma = t_c - D (u - u^3 + u^4 / 2), so that
+    d sigma / dt = 1 - u^2 (3 - 2 u).
+
+    Args:
+        left: Time to the catch [s].
+
+    Returns:
+        t_c - sigma [s], d sigma / dt, and its rate [1/s].
+    """
+    u = min(max(left / _RUN, 0.0), 1.0)
+    ds, dds = 1.0 - u * u * (3.0 - 2.0 * u), 6.0 * u * (1.0 - u) / _RUN
+    return _RUN * (u - u * u * u + 0.5 * ((u * u) * (u * u))), ds, dds
+
+
 def make_ik(f: DirectMap) -> Generator:
     """Return the rival for the arm of a map."""
-    return rival(f, Servo(reach=Reach(f), point=on_the_line, slowest=15.0, join=0.95))
+    return rival(f, _servo(f, on_the_line, slowest=15.0, join=0.95))
+
+
+def _servo(
+    f: DirectMap, point: Callable[[Intercept, BallState], Array], *, slowest: float, join: float
+) -> Servo:
+    """Return the pursuit of a point, of which position to acceleration are given, (3, 3)."""
+    reach = Reach(f)
+
+    def lead(catch: Intercept, ball: BallState, goal: Array) -> None:
+        reach.lead(point(catch, ball), catch.t_c - ball.t, goal)
+
+    return Servo(most=reach.most, lead=lead, slowest=slowest, join=join)
 
 
 def virtual_ball(catch: Intercept, ball: BallState) -> Array:
@@ -291,4 +319,4 @@ def virtual_ball(catch: Intercept, ball: BallState) -> Array:
 
 def make_ds(f: DirectMap) -> Generator:
     """Return the rival for the arm of a map."""
-    return rival(f, Servo(reach=Reach(f), point=virtual_ball, slowest=6.0))
+    return rival(f, _servo(f, virtual_ball, slowest=6.0, join=0.0))

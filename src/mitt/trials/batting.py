@@ -25,11 +25,14 @@ from mitt.catcher.state import Result, copied, gathered
 from mitt.clock import Stopwatch
 from mitt.errors import InputError, ModelError
 from mitt.eyes.eyes import Eyes
+from mitt.files.about import About
+from mitt.files.recordings import Recording
 from mitt.map.striking import Restitution, Strike, mass_behind
-from mitt.signals import GRAVITY, TICK, Array, Senses, Sighting
+from mitt.rivals.batting import ORACLE, make_batter
+from mitt.signals import GRAVITY, TICK, Array, Frame, Senses, Sighting
 from mitt.trials.bat_station import BatStation
 from mitt.trials.catcher_settings import eyes_settings
-from mitt.trials.log import TrialLog, log_of
+from mitt.trials.log import TrialLog, log_of, recording_of
 from mitt.trials.runner import LOOKS, cameras_of
 from mitt.trials.score import measure, reason_of, stop_as_json
 from mitt.trials.source import Source
@@ -105,24 +108,33 @@ class BatRunner:
         known: What is known of the restitution by now.
         stopwatch: Wall-clock time of the catcher's ticks.
         ticks: Results of all ticks of the last trial.
+        senses: What the catcher took in the last trial, where that is kept.
     """
 
-    def __init__(self, station: BatStation, source: Source, *, pixels: bool = True) -> None:
+    def __init__(
+        self, station: BatStation, source: Source, *, pixels: bool = True,
+        generator: str = "direct", keeps: bool = False,
+    ) -> None:  # fmt: skip
         """Build the world.
 
         Args:
             station: The arm with its paddle.
             source: What is thrown.
             pixels: Whether the catcher sees images; noisy points if not.
+            generator: Name of what moves the arm.
+            keeps: Whether what the catcher takes is kept, for a recording.
         """
         s, paddle = station, paddle_of(station.arm)
-        self._station, self._source, self._pixels = s, source, pixels
+        self._station, self._source, self._generator = s, source, generator
+        self._keeps, self.senses = keeps, list[Senses]()
         told = restitution_on(s.scene, paddle)
         self.known = Restitution(mean=told, sigma=_SIGMA * told)
         cameras = cameras_of(s.rig, s.scene) if pixels else None
         scene = true_scene(s.scene, told, source.seed)
+        self._true = restitution_on(scene, paddle)
         self.world = World(scene, s.arm.model, cameras=cameras, limits=s.arm.limits)
         self._eyes = Eyes(s.rig, eyes_settings(s.scene))
+        self._views = list[tuple[Frame, ...]]()
         self.stopwatch = Stopwatch()
         self._catcher: Catcher | None = None
         self.ticks: Result | None = None
@@ -139,12 +151,11 @@ class BatRunner:
         believed = self.known.mean
         world.reset(source.ball(index), source.trial_seed(index) % 2**31)
         catcher = self._fresh(believed)
-        views = world.views_before(LOOKS)
-        if views:
-            catcher.learn_background(views)
+        self._views, self.senses = world.views_before(LOOKS), []
         watcher = copy(self._eyes)
-        if views:
-            watcher.learn_background(views)
+        if self._views:
+            catcher.learn_background(self._views)
+            watcher.learn_background(self._views)
         rows, seen = self._play(catcher, watcher)
         self.ticks, self._t_0 = gathered(rows), catcher.t_0
         ticks = self.ticks
@@ -163,11 +174,31 @@ class BatRunner:
         if self.ticks is None:
             raise InputError("log", "a trial before", "none")
         of = self._station.arm, self.ticks, self.world.trace()
-        return log_of(*of, t_0=self._t_0)
+        background = tuple(frame for frames in self._views for frame in frames)
+        return log_of(*of, t_0=self._t_0, senses=tuple(self.senses), background=background)
+
+    def recording(self, trial: BatTrial) -> Recording:
+        """Return the recording of the last trial, which has to be kept.
+
+        Raises:
+            InputError: What moved the arm is not the map: only that is made again by a replay.
+        """
+        s = self._station
+        if self._generator != "direct" or not self.senses:
+            raise InputError("a recording of batting", "kept trials of the map", self._generator)
+        about = About(
+            arm=s.arm, generator="batting", maps=(), batting=s.generator(trial.restitution),
+            settings=s.catcher, rig=s.rig, eyes=eyes_settings(s.scene),
+            notes={"scene": s.scene.model_dump_json()},
+        )  # fmt: skip
+        return recording_of(self.log(), trial, about, {"seed": self._source.seed})
 
     def _fresh(self, restitution: float) -> Catcher:
-        """Return a fresh catcher that believes in a restitution."""
-        generator = self._station.generator(restitution)
+        """Return a fresh catcher that believes in a restitution; an oracle knows the true one."""
+        knows = self._generator == ORACLE
+        batting = self._station.generator(self._true if knows else restitution)
+        flight = self.world.flight if knows else None
+        generator = make_batter(self._generator, batting, flight=flight)
         if self._catcher is None:
             s = self._station
             self._catcher = Catcher(s.arm, generator, self._eyes, settings=s.catcher)
@@ -184,6 +215,8 @@ class BatRunner:
             senses = world.sense(look=looks)
             if 0.0 <= since < _LOOK:
                 seen += _sighted(senses, watcher)
+            if self._keeps:
+                self.senses.append(senses)
             with self.stopwatch:
                 command = catcher.step(senses)
             world.apply(command)

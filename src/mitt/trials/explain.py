@@ -42,6 +42,9 @@ LIMITS = {
     "time": "there would be too little time",
     "blocked": "the arm would be kept from following",
 }
+#: What is said of a trial that did what it was to do, of whatever task.
+_SUCCESS = {"caught": "The ball was caught.", "met": "The part was met.",
+            "hit": "The ball was hit."}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -172,7 +175,7 @@ def explain(x: Replayed, e: Evidence) -> Explanation:
         cause = (f"From {_ms(e.t[k])} on this replay commands something else. The arm moved as"
                  " recorded, so what comes later says nothing of a catch.")  # fmt: skip
     else:
-        cause = "The ball was caught." if status == "caught" else next(_causes(x, e))
+        cause = _SUCCESS.get(status) or next(_causes(x, e))
     return Explanation(status=status, cause=cause, facts=tuple(_facts(x, e)))
 
 

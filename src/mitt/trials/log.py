@@ -3,6 +3,8 @@
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,16 +14,35 @@ from mitt.catcher.settings import PHASES, Phase
 from mitt.catcher.state import Result
 from mitt.files.about import About
 from mitt.files.messages import CATCH_POINT, EVENT, TRUTH, clock_call, tick_rows
-from mitt.files.recordings import Notice, Recording, Track, heading_of
+from mitt.files.recordings import Notice, Recording, Track, heading_of, write_recording
 from mitt.signals import Array, Frame, Senses
 from mitt.trials.result import finite, plain
-from mitt.trials.score import Trial, reason_of
+from mitt.trials.score import reason_of
 from mitt.world.truth import Trace
 
 #: What the event of the first contact is called.
 FIRST_CONTACT = "first contact"
 #: Time around the catch in which the map's own time to it is taken for exact [s].
 _NEAR_CATCH = 0.006
+
+
+class Scored(Protocol):
+    """What a recording says of a trial, of whatever task; a dataclass."""
+
+    @property
+    def index(self) -> int:
+        """Its number."""
+        ...
+
+    @property
+    def status(self) -> str:
+        """How it ended."""
+        ...
+
+    @property
+    def stopped_by(self) -> dict[str, Any] | None:
+        """Why the catcher stopped; None where it did not."""
+        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -118,7 +139,7 @@ def catch_time(ticks: Result) -> float:
 
 
 def recording_of(
-    log: TrialLog, trial: Trial, about: About, notes: Mapping[str, object] | None = None
+    log: TrialLog, trial: Scored, about: About, notes: Mapping[str, object] | None = None
 ) -> Recording:
     """Return the recording of a trial.
 
@@ -151,7 +172,31 @@ def recording_of(
     )
 
 
-def _events(log: TrialLog, trial: Trial) -> tuple[Notice, ...]:
+class Recorder(Protocol):
+    """What runs trials and can say all of the last one."""
+
+    def recording(self, trial: Any) -> Recording:  # noqa: ANN401 (a trial of its task)
+        """Return the recording of the last trial."""
+        ...
+
+
+def keep_recording(wanted: str, success: str, runner: Recorder, out: Path, trial: Scored) -> None:
+    """Write the recording of the last trial into a folder, if it is wanted.
+
+    Args:
+        wanted: Which are: none, failures or all.
+        success: Status of a trial that has not failed.
+        runner: What ran it.
+        out: The folder of the run.
+        trial: The trial.
+    """
+    if wanted == "all" or (wanted == "failures" and trial.status != success):
+        (out / "recordings").mkdir(exist_ok=True)
+        path = out / "recordings" / f"trial-{trial.index:05d}.mcap"
+        write_recording(path, runner.recording(trial))
+
+
+def _events(log: TrialLog, trial: Scored) -> tuple[Notice, ...]:
     """Return what happened: first sight, start, catch, first contact, verdict."""
     touched = log.truth.t[log.truth.force > 0.0]
     refused = log.t[log.phase == PHASES.index(Phase.REFUSED)]

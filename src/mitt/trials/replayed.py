@@ -96,6 +96,8 @@ def recorded_generator(about: About) -> Generator:
     """
     if (meeting := about.meeting) is not None:
         return Meeting(meeting.map, meeting.settings, meeting.tolerance)
+    if (batting := about.batting) is not None:
+        return replace(batting)
     name, f = about.generator, about.maps[0]
     if name == "several":
         return Several(tuple(Direct(x) for x in about.maps))
@@ -124,8 +126,8 @@ def changed(
         settings: TOML with keys of :class:`mitt.catcher.settings.CatcherSettings`.
         generator: Another generator, made from the first map.
     """
-    if about.meeting is not None and (map_file is not None or generator is not None):
-        raise InputError("a replay of parts that were met", "no other map or generator", "one")
+    if not about.maps and (map_file is not None or generator is not None):
+        raise InputError("a replay of meeting or batting", "no other map or generator", "one")
     if map_file is not None:
         about = replace(about, maps=(read_map(map_file, about.arm).map,))
     if generator is not None:
