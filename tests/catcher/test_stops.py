@@ -88,6 +88,7 @@ def rest(q: Array) -> Array:
 CALLS: dict[str, Callable[[Catcher], object]] = {
     "move": lambda c: c.move(rest(c.result.command[0].copy())),
     "recover": lambda c: c.recover(checked=True),
+    "let_go": lambda c: c.let_go(),
     "stop": lambda c: c.stop(),
     "ticked": lambda c: c.ticked(0, 0.0),
     "ticked, grasps": lambda c: c.ticked(GRASPS, 0.0),
@@ -116,7 +117,7 @@ def test_no_call_undoes_a_stop(
     assert not catcher.done
     if thinks:
         catcher.think()
-    if name in ("move", "recover"):
+    if name in ("move", "recover", "let_go"):
         with pytest.raises(InputError, match=name):
             CALLS[name](catcher)
     else:

@@ -22,20 +22,28 @@ SCENE = {"base": "lab", "sensing": {"latency": 30, "point_noise": 0.002, "frame_
 
 
 @cache
-def runner_of(tool: str, target: Target, fault: str = "", **keys: float) -> MeetRunner:
-    """Return a runner of trials with a UR5e, one fault in each of them at most."""
+def runner_of(
+    tool: str, target: Target, fault: str = "", arm: str = "ur5e", **keys: float
+) -> MeetRunner:
+    """Return a runner of trials, one fault in each of them at most."""
     faults = [{"kind": fault, **keys}] if fault else []
     scene = scene_of({**SCENE, "faults": faults}, place="scene")
-    at = station("ur5e", TOOLS[tool], target, scene, speed=inf if target == "belt" else NEAR)
+    at = station(arm, TOOLS[tool], target, scene, speed=inf if target == "belt" else NEAR)
     return MeetRunner(at, seed=2, speed=0.3)
 
 
 @pytest.mark.parametrize(
-    ("tool", "target"), [("suction", "belt"), ("jaw", "hand"), ("suction", "hand")]
+    ("arm", "tool", "target"),
+    [
+        ("ur5e", "suction", "belt"),
+        ("ur5e", "jaw", "hand"),
+        ("ur5e", "suction", "hand"),
+        ("franka-panda", "suction", "belt"),  # whose torques have rates
+    ],
 )
-def test_what_is_met_is_put_away(tool: str, target: Target, tmp_path: Path) -> None:
+def test_what_is_met_is_put_away(arm: str, tool: str, target: Target, tmp_path: Path) -> None:
     """Held by contact, put on the tray, the arm back where it waits; and replayed to the bit."""
-    runner = runner_of(tool, target)
+    runner = runner_of(tool, target, arm=arm)
     trial = runner.trial(0)
     assert (trial.status, trial.placed, trial.at_rest) == ("met", True, True)
     assert trial.limit_violations == 0

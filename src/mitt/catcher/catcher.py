@@ -332,6 +332,17 @@ class Catcher:
         check_motion(self._arm.names, self._memory.state.safety.bounds, last, motion)
         self._planner.move(motion, self._memory.t)
 
+    def let_go(self) -> None:
+        """Open the hand of an arm that has braked and rests; its torques go on to hold it.
+
+        Raises:
+            InputError: It has not braked, or is commanded to move.
+        """
+        if self._planner.phase != BRAKE or not self._memory.at_rest:
+            given = self.phase.value if self._memory.at_rest else "one that moves"
+            raise InputError("let_go", "a catcher that has braked, its arm at rest", given)
+        self._memory.let_go(self._blank, self._arm, self._settings.around)
+
     def _unfit_to_move(self) -> str | None:
         """Return in words why no motion can begin now; None where one can."""
         if not self._memory.scalars["begun"]:

@@ -341,8 +341,11 @@ def rows_of(ticks: Result, first: int, last: int) -> Result:
 
 def gathered(results: Sequence[Result]) -> Result:
     """Return the results of single ticks, one or more, as one of many."""
-    scalars, *arrays = zip(*results, strict=True)
-    return Result(np.concatenate(scalars), *(np.stack(x) for x in arrays))
+    out = room_for(results[0], len(results))
+    for whole, rows in zip(out, zip(*results, strict=True), strict=True):
+        for k, row in enumerate(rows):
+            whole[k] = row[0] if whole is out.scalars else row
+    return out
 
 
 @final
@@ -427,6 +430,11 @@ class Memory:
         state.tracking.before[:] = self.state.tracking.before
         state.scalars["braked"] = self.scalars["braked"]
         overwrite((self.state, self.result), (state, result))
+
+    def let_go(self, blank: CatcherState, arm: Arm, around: Surroundings) -> None:
+        """Open the hand: the arm carries nothing from now on."""
+        self.state.fingers[:] = blank.fingers
+        exchange_arm(self.state, arm, around)
 
 
 def _begun(blank: CatcherState, eyes: Eyes) -> tuple[CatcherState, Result]:

@@ -387,7 +387,7 @@ class LiveLoop:
             self._empty = 0 if leg is Leg.BACK else self._empty
             self._leg = Leg(leg.value + 1)
         if self._leg is Leg.LET_GO and leg is not Leg.LET_GO:
-            self._ticks.fresh()  # its tool is open
+            self._ticks.catcher.let_go()
 
     def _catching(self, now: float) -> None:
         """See whether a throw is over."""

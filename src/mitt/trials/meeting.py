@@ -199,19 +199,17 @@ class MeetRunner:
             closed = float(fingers["t_begun"] + fingers["duration"])
         braked = catcher.phase is Phase.BRAKE and closed is None
         left = self._left_area() if braked and not _given_up(catcher) else None
-        last, put = catcher, None
+        put = None
         if catcher.phase is Phase.BRAKE and closed is not None:
-            last, put = self._put_away(catcher, results, closed)
+            put = self._put_away(catcher, results, closed)
         elif catcher.phase is Phase.FOLLOW:
             catcher.stop()
-        for _ in self._ticks(last, results, _SETTLES, look=False):
+        for _ in self._ticks(catcher, results, _SETTLES, look=False):
             pass
         trial = self._scored(index, catcher, results, closed)
-        stops = last is not catcher and last.phase is Phase.STOPPED
         return replace(
             trial, placed=None if trial.status != "met" or put is None else self._lies(put),
             binding_limit=left or trial.binding_limit,
-            stopped_by=stop_as_json(last.stopped_by) if stops else trial.stopped_by,
         )  # fmt: skip
 
     def _ticks(
@@ -269,13 +267,10 @@ class MeetRunner:
         r_o, s = self.world.truth().r_o, self._station.settings
         return None if np.all((r_o >= s.low) & (r_o <= s.high)) else "area"
 
-    def _put_away(
-        self, catcher: Catcher, results: list[Result], closed: float
-    ) -> tuple[Catcher, Placing | None]:
+    def _put_away(self, catcher: Catcher, results: list[Result], closed: float) -> Placing | None:
         """Carry the part to the tray and put it down; go back to where the arm waits.
 
-        What is not held is not carried. Returns the catcher that made the last motions, and where
-        the part was put, if it was.
+        What is not held is not carried. Returns where the part was put, if it was.
         """
         s = self._station
         here = catcher.result.command[0].copy()
@@ -287,14 +282,15 @@ class MeetRunner:
         if put is not None:
             self._move(catcher, results, put.over)
             self._move(catcher, results, put.down)
-        opened = Catcher(s.arm, self._generator, settings=s.catcher)
+        with suppress(InputError):  # it has stopped
+            catcher.let_go()
         delay = s.arm.model.hand.delay if s.arm.model.hand is not None else 0.0
-        for _ in self._ticks(opened, results, _OPENS + delay, look=False):
+        for _ in self._ticks(catcher, results, _OPENS + delay, look=False):
             pass
         if put is not None:
-            self._move(opened, results, put.over)
-        self._move(opened, results, s.arm.q_ready)
-        return opened, put
+            self._move(catcher, results, put.over)
+        self._move(catcher, results, s.arm.q_ready)
+        return put
 
     def _move(self, catcher: Catcher, results: list[Result], to: Array) -> None:
         """Move to a pose as slowly as the station says; where a limit forbids it, stay."""
