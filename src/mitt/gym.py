@@ -447,10 +447,10 @@ class Meet(Driven):
         self._speed = checks.number("speed", speed, least=0.01, most=5.0)
         limits = None if limits is None else checks.text("limits", limits)
         scene = _parts_scene() if scene is None else scene_from(scene)
+        self._set_up(render_mode, scene, action, ticks)
         at = station(str(checks.path("arm", arm)), replace(TOOLS[tool], delay=delay), target, scene,
                      limits=limits)  # fmt: skip
-        self._set_up(render_mode, at.scene, action, ticks)
-        self._at = at
+        self._at, self.scene = at, at.scene
         known = TOOLS[tool]
         closed = 0.5 * known.opening if isinstance(known, Jaw) else 1.0
         self._take(at.arm, World(at.scene, at.arm.model, limits=at.arm.limits), closed)

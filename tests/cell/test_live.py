@@ -95,12 +95,12 @@ def test_the_eyes_clock_is_learned_told_corrected_and_recorded(
 ) -> None:
     """From catch to catch; the recording replays to the bit and tells the whole offset."""
     path = tmp_path / "cell.mcap"
-    cell = LocalCell(throws=3, record=path)
+    cell = LocalCell(throws=2, record=path)
     cell.robot.on_points = lambda got: [replace(x, t=x.t + ahead) for x in got]
     cell.begin()
-    cell.until(lambda: cell.loop.counts.throws == 3 and cell.loop.idle, ticks=20_000)
+    cell.until(lambda: cell.loop.counts.throws == 2 and cell.loop.idle, ticks=20_000)
     clock = cell.loop.clock
-    assert clock.count == 3
+    assert clock.count == 2
     assert abs(clock.offset + ahead) < 0.001
     assert ("clock" in cell.loop.notes) == (abs(clock.offset) > 0.002)
     assert cell.simulated.violations == 0
@@ -109,7 +109,7 @@ def test_the_eyes_clock_is_learned_told_corrected_and_recorded(
     recorded = Recorded(path)
     assert replay(recorded).identical
     told = [used + caught_offset(recorded.about.arm, x).offset for used, x in catches_in(recorded)]
-    assert len(told) == 3
+    assert len(told) == 2
     assert abs(np.mean(told) + ahead) < 0.001
 
 

@@ -54,7 +54,7 @@ for name, on_points in {
     "lost": seen_first,
 }.items():
     left = 150
-    throws = 1 if name in ("aside", "below") else 2
+    throws = 2 if name in ("fast", "lost") else 1
     cell = LocalCell(throws=throws, seed=3, prepared=prepared)
     begun.clear()
     cell.robot.on_points = on_points

@@ -199,8 +199,8 @@ class _Episode:
             fault = self._tick(self._sense(told, faults, before))
             count.ticks += 1
             count.phases[catcher.phase.value] += 1
-            if catcher.tick is not None:
-                count.states[catcher.tick.state.value] += 1
+            if (made := catcher.tick) is not None:
+                count.states[made.state.value] += 1
             if fault:
                 count.fault_ticks += 1
                 count.non_finite += fault.startswith("not finite")

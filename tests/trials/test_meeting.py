@@ -32,6 +32,10 @@ def runner_of(
     return MeetRunner(at, seed=2, speed=0.3)
 
 
+#: What is replayed, too: each tool, each kind of target.
+REPLAYED = {("ur5e", "suction", "belt"), ("ur5e", "jaw", "hand")}
+
+
 @pytest.mark.parametrize(
     ("arm", "tool", "target"),
     [
@@ -42,7 +46,10 @@ def runner_of(
     ],
 )
 def test_what_is_met_is_put_away(arm: str, tool: str, target: Target, tmp_path: Path) -> None:
-    """Held by contact, put on the tray, the arm back where it waits; and replayed to the bit."""
+    """Held by contact, put on the tray, the arm back where it waits.
+
+    Replayed to the bit: with each tool and at each target once.
+    """
     runner = runner_of(tool, target, arm=arm)
     trial = runner.trial(0)
     assert (trial.status, trial.placed, trial.at_rest) == ("met", True, True)
@@ -54,8 +61,9 @@ def test_what_is_met_is_put_away(arm: str, tool: str, target: Target, tmp_path: 
     assert course is not None
     assert course.t_met == trial.t_met_s
     assert trial.peak_contact_force_n == pytest.approx(course.force.max())
-    write_recording(tmp_path / "trial.mcap", runner.recording(trial))
-    assert replay(Recorded(tmp_path / "trial.mcap")).identical
+    if (arm, tool, target) in REPLAYED:
+        write_recording(tmp_path / "trial.mcap", runner.recording(trial))
+        assert replay(Recorded(tmp_path / "trial.mcap")).identical
 
 
 def test_a_recorded_thing_is_taken() -> None:

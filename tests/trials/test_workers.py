@@ -104,9 +104,9 @@ def test_what_a_chunk_cannot_be_thrown_for_is_one_line_and_bad_input(
     assert not any("died" in line for line in finished.lost)
 
 
-def _start(study: Path, out: Path) -> "subprocess.Popen[bytes]":
+def _start(study: Path, out: Path, workers: int = 2) -> "subprocess.Popen[bytes]":
     """Start ``mitt study --resume`` as a process."""
-    words = ["study", str(study), "--out", str(out), "--workers", "2", "--resume"]
+    words = ["study", str(study), "--out", str(out), "--workers", str(workers), "--resume"]
     return subprocess.Popen(
         [sys.executable, "-m", "mitt", *words], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE
     )
@@ -132,7 +132,7 @@ def test_kill_9_loses_no_throw_and_doubles_none(
     _until_thrown(folder, 3)
     process.kill()
     process.communicate()
-    last = _start(tmp_path / "study.toml", folder.path)
+    last = _start(tmp_path / "study.toml", folder.path, workers=1)
     assert last.wait(120) == 0
     assert _files(folder.path) == _files(thrown_study)
 
@@ -151,8 +151,9 @@ def test_an_interrupt_keeps_what_is_done_and_says_130(tmp_path: Path, learned: L
     assert folder.trials.exists()
 
 
-def test_a_scheduler_that_does_not_answer_is_one_line() -> None:
+def test_a_scheduler_that_does_not_answer_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed")
+    monkeypatch.setattr("mitt.trials.workers._ANSWER", "300ms")
     start = os.times().elapsed
     with pytest.raises(InputError, match="Dask scheduler that answers"):
         engine_of("dask://127.0.0.1:9", None)

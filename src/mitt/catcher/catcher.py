@@ -209,6 +209,11 @@ class Catcher:
         return self._planner.verdict
 
     @property
+    def begun(self) -> bool:
+        """Whether it has made a tick."""
+        return self._ticked
+
+    @property
     def tick(self) -> Tick | None:
         """What the last tick brought about; None before the first."""
         return tick_of(self.result) if self._ticked else None

@@ -125,7 +125,7 @@ class LiveLoop:
         """Whether the arm waits in its ready pose for a ball that it has not decided on."""
         catcher = self._ticks.catcher
         watches = self.mode is Mode.CATCHING and catcher.phase is Phase.WATCH
-        return watches and catcher.tick is not None
+        return watches and catcher.begun
 
     @property
     def meets(self) -> bool:
@@ -209,7 +209,7 @@ class LiveLoop:
     def _stay(self) -> None:
         """Leave a robot that rests with a setpoint that moves nothing: it may be its last."""
         catcher = self._ticks.catcher
-        if catcher.tick is not None and self._ticks.rests:
+        if catcher.begun and self._ticks.rests:
             hand, stamp = catcher.result.scalars[0]["hand"], self._ticks.stamps.stamp
             self._link.stay(catcher.estimated[0], float(hand), stamp)
 

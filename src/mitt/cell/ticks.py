@@ -169,7 +169,7 @@ class Ticks:
         t = self.stamps.take(reading.t, arrived)
         if t is None:
             return None
-        if self.catcher.tick is not None:  # a fresh one begins with this reading
+        if self.catcher.begun:  # a fresh one begins with this reading
             self._counts.lost += max(round((t - self._last) / self._period) - 1, 0)
         self._last = t
         shift = self.stamps.at(0.0) - self._begun
@@ -183,7 +183,7 @@ class Ticks:
             frames = self._sight.show(self.catcher, shown, shown.t + shift + self._offset)
         elif shown is not None:
             self._counts.stray += 1
-        if self.catcher.tick is None and not np.all(np.isfinite(reading.q)):
+        if not self.catcher.begun and not np.all(np.isfinite(reading.q)):
             raise InputError("the first reading", "the angle of each joint", "NaN")
         self._counts.ticks += 1
         arm = ArmState(t=t, q=reading.q, dq=reading.dq)
@@ -201,7 +201,7 @@ class Ticks:
         An arm at rest repeats itself. One that moves does not, once a joint has moved by more than
         its encoder tells apart.
         """
-        new = self.catcher.tick is None or self.t < _SETTLES
+        new = not self.catcher.begun or self.t < _SETTLES
         if new or not np.array_equal(reading.q, self._read):
             self._read, self._moved = np.array(reading.q), np.zeros(len(reading.q))
             self._run, self._travel, self.frozen = 0, 0.0, False
