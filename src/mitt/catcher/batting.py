@@ -53,8 +53,8 @@ class BattingSettings(Settings):
     instants: Annotated[int, Range(1, 100)] = 7
     tried: Annotated[int, Range(1, 100)] = 3
     shortest: Annotated[float, Range(0.01, 10.0)] = 0.15
-    again: Annotated[float, Range(0.001, 10.0)] = 0.08
-    until: Annotated[float, Range(0.0, 1.0)] = 0.12
+    again: Annotated[float, Range(0.001, 10.0)] = 0.04
+    until: Annotated[float, Range(0.0, 1.0)] = 0.08
 
     @property
     def aim(self) -> Array | None:
@@ -64,6 +64,11 @@ class BattingSettings(Settings):
     def window(self, usual: float) -> Array:
         """Return the instants that are looked at about the usual one [s]."""
         return usual + np.linspace(-self.earlier, self.earlier, self.instants)
+
+
+def _spinning(ball: BallState) -> BallState:
+    """Return an estimate whose push, the lift of a spin, goes on for a while in its forecast."""
+    return replace(ball, led=True)
 
 
 class _Plan(NamedTuple):
@@ -168,7 +173,7 @@ class Batting(Generator):
             f = self.map.adapt(ball, q, dq, strike)
             if f is None:
                 continue
-            motion = f.motions(flown(ball, np.linspace(0.0, after, _INSTANTS)))
+            motion = f.motions(flown(_spinning(ball), np.linspace(0.0, after, _INSTANTS)))
             shares = shares_of(self.map.arm, motion, self.tolerance)
             binding = max(shares, key=lambda name: shares[name])
             if shares[binding] < best:
@@ -184,7 +189,7 @@ class Batting(Generator):
         s, usual = self.settings, self._usual(ball)
         if usual == inf:
             return []
-        impact, near = self._impact(ball), list[Strike]()
+        impact, near, ball = self._impact(ball), list[Strike](), _spinning(ball)
 
         def met(after: float) -> tuple[float, Strike] | None:
             if not s.shortest <= after < inf:
@@ -228,6 +233,7 @@ class Batting(Generator):
                 raise InputError("ball", "one that the paddle can reach", "another")
             return replace(self, strike=found[0], posed=found[1], t_contact=verdict.t_catch,
                            t_adapted=ball.t)  # fmt: skip
+        ball = _spinning(ball)
         left = self.as_map().reference(ball).time_to_catch
         if not self.settings.until <= left < inf:
             return replace(self, t_adapted=ball.t)

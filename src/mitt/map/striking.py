@@ -52,7 +52,7 @@ from mitt.signals import Array
 #: Steps of Newton's method, its largest steps [rad, s], and rounds of shooting in each.
 _STEPS, _TURN, _LATER, _ROUNDS = 14, 0.35, 0.15, 3
 #: Weight of a metre against a radian, what is added to the squares, and when it has settled.
-_WEIGHT, _DAMPING, _SETTLED = 1e3, 1e-9, 1e-10
+_WEIGHT, _DAMPING, _SETTLED = 1e3, 1e-9, 1e-7
 #: Shortest and longest flight to the target [s].
 _BRIEFEST, _LONGEST = 0.1, 2.0
 #: Speed of a returned ball by which the search for T begins [m/s].

@@ -64,8 +64,9 @@ from mitt.signals import Array
 
 #: |det J_c| below this share of the product of its columns' lengths counts as singular.
 _SINGULAR = 1e-9
-#: Newton: largest step of a coordinate p [rad], largest residual [m], steps allowed, stride [m].
-_NEWTON_STEP, _NEWTON_RESIDUAL, _NEWTON_STEPS, _STRIDE = 0.5, 1e-11, 40, 0.25
+#: Newton: largest step of a coordinate p [rad], largest residual [m], steps allowed; stride [m] and
+#: largest residual at its end [m].
+_NEWTON_STEP, _NEWTON_RESIDUAL, _NEWTON_STEPS, _STRIDE, _ON_WAY = 0.5, 1e-11, 40, 0.25, 0.02
 
 #: Beyond these a ball counts as outside the domain [m; m/s and m/s^2]: so what the map says stays
 #: finite, and the straight line of Newton's strides stays short.
@@ -371,21 +372,21 @@ def invert_newton(g: Tangent, r_o: Array, q_o: Array, w: Scratch) -> bool:
     parts = int(way / _STRIDE) + 1
     sign = _orientation(w.J_c)
     for part in range(1, parts + 1):
-        if not _newton(g, part / parts, q_o, w):
+        within = _ON_WAY if part < parts else _NEWTON_RESIDUAL
+        if not _newton(g, part / parts, within, q_o, w):
             return False
     return bool(_orientation(w.J_c) == sign)
 
 
 @kernel
-def _newton(g: Tangent, share: float, q_o: Array, w: Scratch) -> bool:
-    """Solve l_c(q_o) = ends[0] + share ends[1]."""
+def _newton(g: Tangent, share: float, within: float, q_o: Array, w: Scratch) -> bool:
+    """Solve l_c(q_o) = ends[0] + share ends[1] to a residual [m]; l_c is expanded at ``q_o``."""
     for _ in range(_NEWTON_STEPS):
-        expand(g, q_o, w)
         miss = 0.0
         for c in range(3):
             w.point[1, c] = w.ends[0, c] + share * w.ends[1, c] - w.point[0, c]
             miss = max(miss, abs(w.point[1, c]))
-        if miss < _NEWTON_RESIDUAL:
+        if miss < within:
             return True
         if not solve3(w.J_c, row(w.point, 1), g.free, w.step):
             return False
@@ -395,6 +396,7 @@ def _newton(g: Tangent, share: float, q_o: Array, w: Scratch) -> bool:
         turn_all(g, w.step)
         for a in range(3):
             q_o[g.free[a]] += w.step[g.free[a]] * min(1.0, _NEWTON_STEP / max(largest, 1e-300))
+        expand(g, q_o, w)
     return False
 
 
