@@ -3,7 +3,7 @@
 import json
 from collections.abc import Iterator
 from concurrent.futures import BrokenExecutor
-from dataclasses import replace
+from dataclasses import asdict, replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -26,8 +26,8 @@ from mitt.design.arm_design import (
     softer,
     task_at,
 )
-from mitt.design.candidate import Candidate, mutated
-from mitt.design.driven_arm import movable
+from mitt.design.candidate import Candidate, candidate_of, mutated
+from mitt.design.driven_arm import movable, whole_arm
 from mitt.design.evaluation import (
     BEYOND,
     FORCE,
@@ -40,11 +40,11 @@ from mitt.design.evaluation import (
 )
 from mitt.design.geometry import drawn, triples_of
 from mitt.design.poses import Touch
-from mitt.design.search import best_by_price, effort_of, ranked, surely
+from mitt.design.search import EFFORTS, best_by_price, effort_of, ranked, search, surely
 from mitt.design.search_jobs import Evaluator, Job, Procedure
 from mitt.design.task import BOX, FAR, REPORTED, Balls, Task, shifted
 from mitt.errors import InputError
-from mitt.files.arm_file import ArmFile, load_arm, read_arm_file, write_arm_file
+from mitt.files.arm_file import ArmFile, design_of, hand_of, load_arm, read_arm_file, write_arm_file
 from mitt.map.mapping import unlearned
 from mitt.report.design_page import advice_of
 from mitt.trials.learning import Neighbourhood
@@ -87,6 +87,63 @@ def test_an_arm_file_gives_the_design_back(found: Design, whole: Arm, tmp_path: 
     assert arm.model.design == best.candidate.design
     assert arm.model.aim is not None
     np.testing.assert_allclose(arm.model.aim, best.candidate.aim, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["xarm7", "ur10e", "franka-fr3"])
+def test_the_design_of_a_file_is_the_candidate_that_it_came_from(name: str) -> None:
+    """Of five joints as of six: pose, map and box; its joints held where they were."""
+    file = design_of(name)
+    assert file is not None
+    assert file.map is not None
+    whole = whole_arm(name, tip=None, limits=None, hand=hand_of(file.hand, 0.0))
+    c = candidate_of(whole, file)
+    mine, shipped = c.arm(whole), file.load()
+    assert difference(identity_of(mine), identity_of(shipped)) is None
+    for x, y in zip(asdict(c.design).values(), asdict(file.map).values(), strict=True):
+        np.testing.assert_allclose(x, y, atol=1e-12)
+    assert shipped.model.aim is not None
+    np.testing.assert_array_equal(c.aim, shipped.model.aim)
+
+
+@pytest.mark.parametrize("best", [1.0, 0.0])
+def test_a_design_is_refined_by_throws_in_images_and_never_made_worse(
+    found: Design, whole: Arm, task: Task, monkeypatch: pytest.MonkeyPatch, best: float
+) -> None:
+    """Where the share that is caught falls with the distance from some ready pose of joint 1.
+
+    It is that of the design itself, or one that is 0.3 rad off.
+    """
+    assert found.best is not None
+    start, asked = found.best.candidate, list[tuple[str, Job]]()
+
+    def share(c: Candidate) -> float:
+        return float(1.0 / (1.0 + abs(c.ready[0] - start.ready[0] - 0.3 * best)))
+
+    def worth(_: Evaluator, name: str, jobs: list[Job]) -> list[Evaluation]:
+        asked.extend((name, job) for job in jobs)
+        return [Evaluation(candidate=x.candidate, able=share(x.candidate), speed=3.0,
+                           thrown=1000 * x.by.throws, caught=round(1e3 * x.by.throws
+                           * share(x.candidate)), clean=round(1e3 * x.by.throws
+                           * share(x.candidate))) for x in jobs]  # fmt: skip
+
+    monkeypatch.setattr(Evaluator, "_worth", worth)
+    evaluator = Evaluator(whole, task, None, silent)
+    refined = search(evaluator, EFFORTS["refine"], rate=1.0, start=start)
+    assert share(refined[0].candidate) > share(start) + 0.05 * best - 1e-12
+    assert all(job.by.images for _, job in asked if job.by.throws)
+    assert not any("geometry" in name or "paper" in name for name, _ in asked)
+
+
+def test_an_arm_without_a_design_cannot_be_refined(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Neither a WAM, whose design follows from its limits, nor a file without a box."""
+    write_arm_file(tmp_path / "bare.toml", ArmFile(arm="ur5e", hand="basket", hand_mount="plate"))
+    out = str(tmp_path / "x.toml")
+    for arm in ("wam", str(tmp_path / "bare.toml")):
+        assert main(["design", arm, "--effort", "refine", "--out", out, "--check"]) == 2
+        assert "wanted an arm with a design" in capsys.readouterr().err
+    assert main(["design", "ur5e", "--effort", "refine", "--out", out, "--check"]) == 0
 
 
 def test_throws_are_aimed_where_the_design_wants_them(

@@ -5,6 +5,7 @@ import re
 import struct
 import tracemalloc
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ from mcap.writer import LIBRARY_IDENTIFIER, CompressionType, Writer
 from recorded_trials import CASES, Case, recorded
 from soak.packing import MAGIC, chunk_of, records_of
 
+from mitt.arm.arm import Arm
 from mitt.errors import FileError
 from mitt.files import messages as of
 from mitt.files import recordings as recorded_file
@@ -202,6 +204,18 @@ def test_what_a_recording_is_about_comes_back_to_the_bit(one: Path) -> None:
     assert again.text == about.text
     assert np.array_equal(again.maps[0].alpha, about.maps[0].alpha)
     assert again.settings == about.settings
+
+
+def test_a_design_that_the_arm_carries_comes_back(one: Path) -> None:
+    """An arm by name has one; a recording of it is read again."""
+    about = Recorded(one).about
+    model = replace(
+        about.arm.model, design=replace(about.maps[0].design, coupling=((1.0, 2.0, 3.0),))
+    )
+    about = replace(about, arm=Arm(model, about.arm.limits))
+    again = about_of(about.text, place="x")
+    assert again.arm.model.design == model.design
+    assert again.text == about.text
 
 
 def test_an_altered_text_about_the_catcher_is_refused(one: Path) -> None:

@@ -25,19 +25,14 @@ from mitt.cli.screen import (
 )
 from mitt.design.arm_design import Design, best_so_far, default_balls, release_speed
 from mitt.design.arm_design import design as search_design
+from mitt.design.candidate import candidate_of
 from mitt.design.driven_arm import held_as, whole_arm
 from mitt.design.evaluation import ENOUGH
 from mitt.design.search import effort_of, search_of
 from mitt.design.search_jobs import Answers
 from mitt.design.task import AROUND_FLIGHTS, Task, box_of, of_flights, of_throws, seen
 from mitt.errors import InputError, MittError, UnknownNameError
-from mitt.files.arm_file import (
-    ArmFile,
-    hand_of,
-    is_arm_file,
-    read_arm_file,
-    write_arm_file,
-)
+from mitt.files.arm_file import ArmFile, design_of, hand_of, is_arm_file, write_arm_file
 from mitt.files.writing import wrote
 from mitt.interrupts import finally_do, notice, status_of, tell, words_of
 from mitt.trials.workers import engine_of
@@ -58,7 +53,8 @@ def design(options: DesignOptions) -> int:
                       mount=origin.hand_mount, joints=_named(options))  # fmt: skip
     warn(whole.model.notes, json=options.json)
     joints = _joints(options, whole)
-    if file is not None and joints is None:
+    start = None if file is None or options.effort != "refine" else candidate_of(whole, file)
+    if file is not None and joints is None and is_arm_file(options.arm):
         whole, joints = _as_in(file, whole)
     scene = read_scene(options.scene or DEFAULT_SCENE, flights=options.flights is not None)
     check_floor(whole.model, scene.floor)
@@ -69,7 +65,7 @@ def design(options: DesignOptions) -> int:
         return checked(f"{whole.model.name}, {whole.n} joints, output to {options.out}")
     tell_of_kernels()
     effort = effort_of(options.effort, whole.n if joints is None else len(joints))
-    search = search_of(whole, task, effort, joints=joints, rate=rate)
+    search = search_of(whole, task, effort, joints=joints, rate=rate, start=start)
     engine = None if options.workers == 1 else engine_of("local", options.workers)
     answers = Answers.open(_search(options), search, resume=options.resume)
 
@@ -80,7 +76,7 @@ def design(options: DesignOptions) -> int:
         with finally_do(last_words), progress() as report:
             found = search_design(
                 whole, task, effort, progress=report, joints=joints, engine=engine, rate=rate,
-                answers=answers,
+                answers=answers, start=start,
             )  # fmt: skip
     except KeyboardInterrupt as stop:
         notice()
@@ -198,10 +194,17 @@ def _write_page(path: Path, found: Design, scene: Scene, command: str) -> None:
 
 
 def _given(options: DesignOptions) -> ArmFile | None:
-    """Return the arm file that is given as the arm, held to the description it was made for."""
-    if not is_arm_file(options.arm):
+    """Return the arm file that is given as the arm, held to the description it was made for.
+
+    To be refined, a name stands for the file of the design that ships.
+    """
+    refines = options.effort == "refine"
+    file = design_of(options.arm) if refines or is_arm_file(options.arm) else None
+    if refines and (file is None or options.joints or options.aim):
+        raise InputError("--effort refine", "an arm with a design, without --joints and --aim",
+                         options.arm, do="say --effort full")  # fmt: skip
+    if file is None:
         return None
-    file = read_arm_file(Path(options.arm))
     if file.hand == "none" and options.hand is None:
         raise InputError(options.arm, "an arm with a hand", 'hand = "none"',
                          do="say --hand three-finger or basket")  # fmt: skip

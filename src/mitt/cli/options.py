@@ -294,7 +294,8 @@ class DesignOptions(Options):
         flights: Recorded flights to be caught: columns flight,t_s,x_m,y_m,z_m.
         rate: Share of the throws to be caught; the softest design that does is taken.
         scene: The world in which it is tried: a name, or a TOML file.
-        effort: How much is tried: quick for a first look.
+        effort: How much is tried: quick for a first look; refine for small changes of the design
+            that ARM has, which it keeps if it finds nothing better.
         seed: Seed of the search.
         workers: Processes; one a core if left out.
         resume: Go on with a search that was broken off; it comes to the same design.
@@ -305,6 +306,7 @@ class DesignOptions(Options):
     examples: ClassVar = (
         "mitt design ARM.urdf --tip palm --joints yaw,pitch,elbow --out DESIGN.toml",
         "mitt design wam --limits wam-48v --effort quick --out soft.toml",
+        "mitt design ur5e --effort refine --out better.toml",
     )
 
     arm: Annotated[str, Arg("ARM", place=True)]
@@ -320,7 +322,7 @@ class DesignOptions(Options):
     flights: Csv = None
     rate: Annotated[float, Arg("SHARE")] = 0.98
     scene: Scene = None
-    effort: Literal["quick", "full"] = "full"
+    effort: Literal["quick", "full", "refine"] = "full"
     seed: Seed = 0
     workers: Whole = None
     resume: bool = False

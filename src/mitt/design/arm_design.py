@@ -426,7 +426,7 @@ def rate_of(count: int, of: int) -> str:
 def design(
     whole: Arm, task: Task, effort: Effort, *, progress: Progress,
     joints: Sequence[str] | None = None, engine: Engine | None = None, rate: float = RATE,
-    answers: Answers | None = None,
+    answers: Answers | None = None, start: Candidate | None = None,
 ) -> Design:  # fmt: skip
     """Find what an arm can catch and the map that does it.
 
@@ -440,15 +440,16 @@ def design(
         rate: Share of the throws that is asked for: the softest design that catches as many is
             taken.
         answers: Where answers are kept, and those of a search that was broken off are found.
+        start: A design to change a little; it looks for one from nothing if left out.
     """
-    start, answers = monotonic(), answers or Answers()
+    began, answers = monotonic(), answers or Answers()
     total = SearchProgress(effort, progress, answers, rate)
     evaluator = Evaluator(whole, task, engine, total, answers=answers)
-    confirmed = search(evaluator, effort, joints=joints, rate=rate)
+    confirmed = search(evaluator, effort, joints=joints, rate=rate, start=start)
     usual = reported(evaluator, confirmed[0].candidate, effort) if confirmed else None
     found = usual is not None and usual.enough
     best, own, reason = usual, release_speed(task) if found else 0.0, None
-    if not found and task.own:
+    if not found and (task.own or start is not None):
         reason = _lost(whole, usual)
     elif not found:
         total.again(effort.less())
@@ -466,7 +467,7 @@ def design(
         most = fastest(evaluator, best.candidate, task, rows, effort, own=own)
     return Design(
         whole=whole, task=task, found=found, reason=reason, best=best, fastest=most, rows=rows,
-        seconds=monotonic() - start, left_out=evaluator.tally.told(),
+        seconds=monotonic() - began, left_out=evaluator.tally.told(),
         confirmed=tuple(confirmed) if found else (), region=region,
     )  # fmt: skip
 

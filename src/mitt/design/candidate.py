@@ -9,8 +9,11 @@ from numpy.typing import NDArray
 from mitt.arm.arm import Arm
 from mitt.arm.description import mounting, rotation, transform
 from mitt.design.driven_arm import movable
+from mitt.errors import InputError
+from mitt.files.arm_file import ArmFile
 from mitt.map.map_design import MapDesign
-from mitt.signals import Array
+from mitt.map.mapping import unlearned
+from mitt.signals import Array, MapStatus
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -91,6 +94,45 @@ class Candidate:
             slope=(float(slope[0]), float(slope[1])),
             match_weight=self.match_weight,
         )
+
+
+def candidate_of(whole: Arm, file: ArmFile) -> Candidate:
+    """Return the way to catch that an arm file states.
+
+    Args:
+        whole: Its arm, with all joints active.
+        file: As ``mitt design`` writes one: with a map, and a box that is aimed at.
+
+    Raises:
+        InputError: It says nothing of these, or the map does not reach the middle of the box.
+    """
+    d, box = file.map, file.throws
+    if d is None or box is None or box.at is None or box.around is None:
+        raise InputError("--effort refine", "an arm with a design, [map] and at of [throws]",
+                         "one without", do="say --effort full")  # fmt: skip
+    arm, names, at = file.load(), list(whole.names), np.array(box.at)
+    held = {x.name: x.held for x in arm.model.links if x.held is not None}
+    active = [names.index(x) for x in arm.names]
+    a, b, c = (active[k] for k in d.free)
+    free, catch = [a, b, c], d.free.index(d.catch_joint)
+    others = [x for x in range(3) if x != catch]
+    A = np.zeros((whole.n, 3))
+    A[free, range(3)] = 1.0
+    A[free[catch], others] = d.slope
+    A[[k for k in active if k not in free]] = np.array(d.coupling).reshape(-1, 3)
+    q = np.array([held.get(name, 0.0) for name in names])
+    q[active] = arm.q_ready
+    ready = q[free]
+    status, q_o = unlearned(arm, d).to_joints(at)
+    if status is not MapStatus.INSIDE:
+        raise InputError("throws.at", "a point in the domain of the map", box.at)
+    there = q_o[list(d.free)]
+    there[catch] = d.q_catch + np.dot(d.slope, there[others])
+    return Candidate(
+        q=q + A @ np.linalg.solve(A[free], there - ready), free=(a, b, c), A=A, catch=catch,
+        kappa=d.kappa, inward=d.inward, ready=ready, aim=np.array([at, box.around]),
+        turn=file.hand_turn, match_weight=d.match_weight,
+    )  # fmt: skip
 
 
 def within(whole: Arm, q: Array, margin: float) -> NDArray[np.bool_]:

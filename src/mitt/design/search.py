@@ -49,9 +49,6 @@ _BY_THROWS, _BY_VERDICTS = 2, 3
 PRICES = (0.005, 0.1, 0.03, 0.2)
 #: How many times as many throws decide among the last as chose them.
 _MORE = 4
-#: Times their match weight with which the last candidates are tried: small changes come to soft
-#: catches slowly, and one number decides how soft a learned map is.
-_WEIGHTS = (1.0, 2.0, 4.0)
 #: Share of the throws that is asked for, if nothing else is said.
 RATE = 0.98
 
@@ -83,6 +80,10 @@ class Effort:
         sure: Fresh throws at the fastest of them that is caught.
         grid: Points of the region of balls on each side of its middle.
         slower: Searches for slower throws where the default ones are not caught.
+        size: Of the first small changes; 1 where they are to lead far.
+        weights: Times their match weight with which the last candidates are tried: small changes
+            come to soft catches slowly, and one number decides how soft a learned map is.
+        images: Whether all throws are seen in images, and not the last alone.
     """
 
     poses: int = 40_000
@@ -105,6 +106,9 @@ class Effort:
     sure: int = 50
     grid: int = 8
     slower: int = 3
+    size: float = 1.0
+    weights: tuple[float, ...] = (1.0, 2.0, 4.0)
+    images: bool = False
 
     def less(self) -> "Effort":
         """Return less of it, for one of several searches."""
@@ -131,6 +135,9 @@ EFFORTS = {
     "quick": Effort(rounds=2, changes=8, judged=16, generations=4, offspring=40, thrown=6,
                     throws=(12, 12), children=8, last=1, confirm=20),
     "full": Effort(),
+    "refine": Effort(rounds=0, changes=0, judged=0, generations=2, offspring=24, thrown=8,
+                     throws=(16, 24, 32), parents=3, children=10, last=3, confirm=40, again=2,
+                     size=0.4, weights=(1.0,), images=True),
 }  # fmt: skip
 
 
@@ -167,14 +174,15 @@ def stages(effort: Effort) -> dict[str, float]:
     for k in range(effort.generations):
         each = _LEARNED["glance"] * effort.offspring
         of[f"changing {k + 1} of {effort.generations}"] = each
-    of["throwing"] = effort.thrown * (_LEARNED["quick"] + effort.throws[0])
+    seen = _SEEN if effort.images else 1.0
+    of["throwing"] = effort.thrown * (_LEARNED["quick"] + seen * effort.throws[0])
     for k, throws in enumerate(effort.throws[1:]):
         how = "quick" if throws == effort.throws[0] else "many"
         again = effort.parents if throws > effort.throws[k] else 0
-        each = (effort.children + again) * (_LEARNED[how] + throws)
+        each = (effort.children + again) * (_LEARNED[how] + seen * throws)
         of[f"improving {k + 1} of {len(effort.throws) - 1}"] = each
     full = _LEARNED["full"]
-    of["confirming"] = len(_WEIGHTS) * effort.last * (full + _SEEN * effort.confirm)
+    of["confirming"] = len(effort.weights) * effort.last * (full + _SEEN * effort.confirm)
     of["confirming again"] = effort.again * (full + _SEEN * _MORE * effort.confirm)
     return of | {"reporting": full + _SEEN * effort.report}
 
@@ -235,7 +243,7 @@ class SearchProgress:
 
 def search(
     evaluator: Evaluator, effort: Effort, *, joints: Sequence[str] | None = None,
-    rate: float = RATE,
+    rate: float = RATE, start: Candidate | None = None,
 ) -> list[Evaluation]:  # fmt: skip
     """Search for ways to catch; the one to take comes first, and there may be none.
 
@@ -247,10 +255,32 @@ def search(
         effort: How much is tried.
         joints: Joints of which three are active; any if left out.
         rate: Share of the throws that is asked for.
+        start: What is changed a little, and returned where nothing better is found; sought by
+            geometry if left out.
 
     Raises:
         ModelError: The arm has too few joints.
     """
+    sound = _sought(evaluator, effort, joints) if start is None else [start]
+    worth = evaluator.try_all("learning", sound, Procedure(how="glance"))
+    worth = _softened(evaluator, effort, worth)
+    best = _distinct(worth, effort.thrown)
+    if start is not None:
+        best = [w.candidate for w in best_by_price(worth, effort.thrown)]
+        best = [start, *(c for c in best if c is not start)]
+    by = Procedure(throws=effort.throws[0], seed=_COMPARE + effort.throws[0], images=effort.images)
+    pool = evaluator.try_all("throwing", best, by)
+    pool = _refined(evaluator, effort, pool)
+    last = [w.candidate for w in best_by_price(pool, effort.last)]
+    if start is not None and start not in last:
+        last.append(start)
+    return _confirmed(evaluator, effort, last, rate)
+
+
+def _sought(
+    evaluator: Evaluator, effort: Effort, joints: Sequence[str] | None
+) -> list[Candidate]:  # fmt: skip
+    """Return candidates by geometry that are sound on paper."""
     whole, task = evaluator.whole, evaluator.task
     triples = triples_of(whole, joints)
     if len(triples) == 0:
@@ -261,32 +291,27 @@ def search(
         return []
     first = best_of(rows, count=6 * effort.judged, each=2 * effort.judged)
     candidates = candidates_of(whole, task.balls, first, rng)
-    sound = [w.candidate for w in evaluator.try_all("on paper", candidates, Procedure(how="paper"))]
-    worth = evaluator.try_all("learning", sound[: 2 * effort.judged], Procedure(how="glance"))
-    worth = _softened(evaluator, effort, worth)
-    fresh = _distinct(worth, effort.thrown)
-    by = Procedure(throws=effort.throws[0], seed=_COMPARE + effort.throws[0])
-    pool = evaluator.try_all("throwing", fresh, by)
-    pool = _refined(evaluator, effort, pool)
-    return _confirmed(evaluator, effort, best_by_price(pool, effort.last), rate)
+    sound = evaluator.try_all("on paper", candidates, Procedure(how="paper"))
+    return [w.candidate for w in sound[: 2 * effort.judged]]
 
 
 def search_of(
-    whole: Arm, task: Task, effort: Effort, *, joints: Sequence[str] | None, rate: float
-) -> str:
+    whole: Arm, task: Task, effort: Effort, *, joints: Sequence[str] | None, rate: float,
+    start: Candidate | None = None,
+) -> str:  # fmt: skip
     """Return all that decides a search, as a digest."""
     arm = to_plain((whole.model, whole.limits))
-    return digest(arm, plain_task(task), to_plain(effort), joints, rate)
+    return digest(arm, plain_task(task), to_plain(effort), joints, rate, to_plain(start))
 
 
 def _confirmed(
-    evaluator: Evaluator, effort: Effort, last: Sequence[Evaluation], rate: float
+    evaluator: Evaluator, effort: Effort, last: Sequence[Candidate], rate: float
 ) -> list[Evaluation]:
     """Return the last candidates, thrown at with their full maps, the one to take first."""
     softer = [
         replace(c, match_weight=x * c.match_weight)
-        for c in (w.candidate for w in last)
-        for x in (_WEIGHTS if c.match_weight > 0.0 else _WEIGHTS[:1])
+        for c in last
+        for x in (effort.weights if c.match_weight > 0.0 else effort.weights[:1])
     ]
     by = Procedure(throws=effort.confirm, seed=_CONFIRM, how="full", images=True)
     once = evaluator.try_all("confirming", softer, by)
@@ -361,7 +386,7 @@ def _softened(evaluator: Evaluator, effort: Effort, worth: list[Evaluation]) -> 
     pool = list(worth)
     for generation in range(effort.generations):
         parents = best_by_price(pool, 2 * effort.parents)
-        children = _changed(evaluator, parents, effort.offspring, (_BY_VERDICTS, generation))
+        children = _changed(evaluator, effort, parents, (_BY_VERDICTS, generation))
         name = f"changing {generation + 1} of {effort.generations}"
         pool += evaluator.try_all(name, children, Procedure(how="glance"))
     return pool
@@ -375,22 +400,23 @@ def _refined(evaluator: Evaluator, effort: Effort, pool: list[Evaluation]) -> li
             break
         name = f"improving {generation + 1} of {len(effort.throws) - 1}"
         how: How = "quick" if throws == effort.throws[0] else "many"
-        by = Procedure(throws=throws, seed=_COMPARE + throws, how=how)
+        by = Procedure(throws=throws, seed=_COMPARE + throws, how=how, images=effort.images)
         if throws > parents[0].thrown:  # what was best on a few throws was lucky as well
             again = [w.candidate for w in parents]
             parents = evaluator.try_all(name, again, replace(by, give_up=False))
             pool = list(parents)
-        children = _changed(evaluator, parents, effort.children, (_BY_THROWS, generation))
+        children = _changed(evaluator, effort, parents, (_BY_THROWS, generation))
         pool += evaluator.try_all(name, children, replace(by, least=0.2))
     return pool
 
 
 def _changed(
-    evaluator: Evaluator, parents: Sequence[Evaluation], count: int, of: tuple[int, int]
+    evaluator: Evaluator, effort: Effort, parents: Sequence[Evaluation], of: tuple[int, int]
 ) -> list[Candidate]:
     """Return small changes of candidates, of a stage and generation; later ones are smaller."""
     task, (stage, generation) = evaluator.task, of
-    size = 1.0 / (1.0 + 0.35 * generation)
+    count = effort.children if stage == _BY_THROWS else effort.offspring
+    size = effort.size / (1.0 + 0.35 * generation)
     children = list[Candidate]()
     for k in range(count if parents else 0):
         rng = np.random.default_rng([task.seed, stage, generation, k])

@@ -146,10 +146,7 @@ def about_of(text: str, *, place: str) -> About:
     if json_digest({k: x for k, x in raw.items() if k != "digest"}) != content.digest:
         raise FileError(place, "a recording that matches its digest", "one that was altered", do=do)
     try:
-        arm = Arm(
-            from_plain(ArmModel, content.arm.model, place="arm.model"),
-            from_plain(Limits, content.arm.limits, place="arm.limits"),
-        )
+        arm = _arm_of(content.arm)
         driven = content.driven
         return About(
             arm=arm,
@@ -167,6 +164,15 @@ def about_of(text: str, *, place: str) -> About:
         )
     except (MittError, ValueError, RecursionError, OverflowError) as error:
         raise FileError(place, "a catcher that can be made again", error) from None
+
+
+def _arm_of(said: _Arm) -> Arm:
+    """Return an arm; it names no type of its map's design, since it knows no maps."""
+    model = from_plain(ArmModel, said.model | {"design": None}, place="arm.model")
+    if (design := said.model.get("design")) is not None:
+        design = from_plain(MapDesign, design, place="arm.model.design")
+        model = replace(model, design=design)
+    return Arm(model, from_plain(Limits, said.limits, place="arm.limits"))
 
 
 def _as_learned(f: DirectMap) -> Learned:
