@@ -36,6 +36,13 @@ scene.faults = [{ kind = "kick", magnitude = 0.0 }]
 GENERATORS = ("direct", "unoptimised")
 
 
+def written(folder: Path, text: str) -> Path:
+    """Write a study file and return where it is."""
+    path = folder / "study.toml"
+    path.write_text(text)
+    return path
+
+
 class WorkerDiedError(Exception):
     """What an engine reports when a worker died."""
 

@@ -6,13 +6,14 @@ from typing import Any
 
 import pyarrow.parquet as pq
 import pytest
-from small_study import Here, quiet
+from small_study import Here, quiet, written
 
 from mitt.errors import InputError, UnknownNameError
-from mitt.report.meet_study_page import write_meet_study_page
-from mitt.trials.meet_study import MeetStudy, is_meet_study, read_meet_study
-from mitt.trials.meet_study_run import answer, meet_jobs, read_meet_result, run_meet_study
-from mitt.trials.study_folder import Folder, is_of_meetings
+from mitt.report.task_study_page import write_task_study_page
+from mitt.trials.meet_study import MeetStudy, read_meet_study
+from mitt.trials.study_folder import Folder, task_of_folder
+from mitt.trials.task_run import answer, read_task_result, run_task_study, task_jobs
+from mitt.trials.task_study import task_of_file
 
 TEXT = """
 task = "meet"
@@ -29,37 +30,32 @@ speed = 0.3
 """
 
 
-def _study(folder: Path, text: str) -> MeetStudy:
-    """Write a study file and read it."""
-    (folder / "study.toml").write_text(text)
-    return read_meet_study(folder / "study.toml")
-
-
 def test_a_study_writes_its_table_summary_and_page(tmp_path: Path) -> None:
     """A row a trial, a row a cell, and once more nothing is left to do."""
-    study, folder, engine = _study(tmp_path, TEXT), Folder(tmp_path / "out"), Here()
+    study = read_meet_study(written(tmp_path, TEXT))
+    folder, engine = Folder(tmp_path / "out"), Here()
     folder.claim(study, resume=False, overwrite=False)
-    assert run_meet_study(study, folder, engine, progress=quiet).status == 0
-    assert is_of_meetings(folder.path)
+    assert run_task_study(study, folder, engine, progress=quiet).status == 0
+    assert task_of_folder(folder.path) == "meet"
     table = pq.read_table(folder.trials).to_pylist()
     assert [row["generator"] for row in table] == ["direct", "quintic 50 Hz", "line"]
     assert all(row["status"] == "met" for row in table)
     summary = json.loads(folder.summary.read_text())
     assert [row["met"] for row in summary["rows"]] == [1, 1, 1]
     assert summary["answer"][0].startswith("belt, targets met: the map (1 of 1) is not told apart")
-    again = run_meet_study(study, folder, engine, progress=quiet)
+    again = run_task_study(study, folder, engine, progress=quiet)
     assert again.rows == summary["rows"]
     assert len(engine.done) == len(table)
-    write_meet_study_page(*read_meet_result(folder), folder, progress=quiet)
+    write_task_study_page(*read_task_result(folder, MeetStudy), folder, progress=quiet)
     page = (folder.path / "report.html").read_text()
     assert summary["answer"][0] in page
 
 
 def test_planners_have_their_rates_and_encoders_their_belts() -> None:
     """In the study that ships."""
-    assert is_meet_study(Path("meet"))
-    assert not is_meet_study(Path("smoke"))
-    cells = {job.place for job in meet_jobs(read_meet_study(Path("meet")))}
+    assert task_of_file(Path("meet")) == "meet"
+    assert task_of_file(Path("smoke")) is None
+    cells = {job.place for job in task_jobs(read_meet_study(Path("meet")))}
     assert ("mpc 1000 Hz", "hand") in cells
     assert ("line-compensated", "belt 1 m/s") in cells
     assert ("line", "hand") not in cells
@@ -68,9 +64,9 @@ def test_planners_have_their_rates_and_encoders_their_belts() -> None:
 def test_what_a_file_cannot_say_is_refused(tmp_path: Path) -> None:
     """An unknown generator, a name twice."""
     with pytest.raises(UnknownNameError, match="another"):
-        _study(tmp_path, TEXT.replace('"line"', '"another"'))
+        read_meet_study(written(tmp_path, TEXT.replace('"line"', '"another"')))
     with pytest.raises(InputError, match="twice"):
-        _study(tmp_path, TEXT + TEXT[TEXT.index("[[") :])
+        read_meet_study(written(tmp_path, TEXT + TEXT[TEXT.index("[[") :]))
 
 
 def test_the_answer_says_who_is_better_and_of_whom_that_is_not_known() -> None:
@@ -87,7 +83,7 @@ def test_the_answer_says_who_is_better_and_of_whom_that_is_not_known() -> None:
          "against_direct": of} | {x: {"median": 1.0} for x in names[1:]}
         for name, of in pairs
     ]  # fmt: skip
-    said = answer(rows)
+    said = answer(read_meet_study(Path("meet")), rows)
     assert said[0] == (
         "belt, targets met: the map (20 of 20) is better than a (20 of 20); worse than b (20 of "
         "20); not told apart from c (20 of 20)."

@@ -1,5 +1,6 @@
 """Study files: what they spell out, and what is refused in one line."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -8,9 +9,11 @@ from small_study import GENERATORS, TEXT, write_study
 from mitt.errors import InputError, MittError, UnknownNameError
 from mitt.files.schema import merged
 from mitt.reading import shipped
-from mitt.trials.meet_study import MeetStudy, is_meet_study, read_meet_study
+from mitt.trials.bat_study import read_bat_study
+from mitt.trials.meet_study import read_meet_study
 from mitt.trials.study_file import Study, extent, read_study
 from mitt.trials.study_folder import Folder
+from mitt.trials.task_study import TaskStudy, task_of_file
 from mitt.world.disturbances import Kick
 
 #: Names that a registry with all rivals has.
@@ -70,9 +73,11 @@ def test_two_names_never_share_a_recording(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", shipped("studies"))
 def test_studies_that_ship_can_be_read_by_name(name: str) -> None:
-    def read(path: Path) -> Study | MeetStudy:
-        meets = is_meet_study(path)
-        return read_meet_study(path) if meets else read_study(path, generators=EVERY)
+    def read(path: Path) -> Study | TaskStudy:
+        readers: dict[str, Callable[[Path], TaskStudy]]
+        readers = {"meet": read_meet_study, "bat": read_bat_study}
+        of_task = readers.get(str(task_of_file(path)))
+        return of_task(path) if of_task else read_study(path, generators=EVERY)
 
     study = read(Path(name))
     assert study.name == name

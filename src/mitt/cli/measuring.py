@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from mitt.bench.measure import QUICK, BenchSettings, measure
 from mitt.cli.catching import prepared_again
@@ -24,24 +24,40 @@ from mitt.files.writing import check_folder, locked, write_json, wrote
 from mitt.interrupts import tell, words_of
 from mitt.map.map_design import warnings_of
 from mitt.reading import read_json
-from mitt.trials.meet_study import MeetStudy, is_meet_study, read_meet_study
+from mitt.trials.bat_study import BatStudy, read_bat_study
+from mitt.trials.meet_study import MeetStudy, read_meet_study
 from mitt.trials.registry import available, check_generator
 from mitt.trials.result import MAX_BYTES, NAME, PAGE, RESULT, died, read_kept
 from mitt.trials.runs import FinishedRun
 from mitt.trials.study_file import Study, extent, read_study
-from mitt.trials.study_folder import MANIFEST, AnyStudy, Folder, is_of_meetings
+from mitt.trials.study_folder import MANIFEST, AnyStudy, Folder, task_of_folder
+from mitt.trials.task_study import Task, TaskStudy, task_of_file
 from mitt.trials.workers import check_engine, engine_of
 
 if TYPE_CHECKING:
     from mitt.trials.study_run import FinishedStudy
 
 
+class _TaskStudies(NamedTuple):
+    """How studies of a task are read: a file, and what a folder says of its own."""
+
+    read: Callable[[Path], TaskStudy]
+    kind: type[TaskStudy]
+
+
+_TASKS: Final = {
+    "meet": _TaskStudies(read_meet_study, MeetStudy),
+    "bat": _TaskStudies(read_bat_study, BatStudy),
+}
+
+
 def study(options: StudyOptions) -> int:
     """Run ``mitt study``; return its exit status."""
     from mitt.trials.study_run import run_study  # noqa: PLC0415 (needs pyarrow, as nothing else here)
 
-    if is_meet_study(options.study):
-        return _study_of_meetings(options)
+    task = task_of_file(options.study)
+    if isinstance(task, str) and task in _TASKS:
+        return _study_of_task(options, _TASKS[task].read(options.study))
     study = read_study(options.study, generators=available())
     folder = _folder(options, study)
     for name in study.counts:
@@ -58,18 +74,17 @@ def study(options: StudyOptions) -> int:
     return _ended(folder, finished)
 
 
-def _study_of_meetings(options: StudyOptions) -> int:
-    """Run a study of meetings; return the exit status."""
-    from mitt.trials.meet_study_run import meet_jobs, run_meet_study  # noqa: PLC0415
+def _study_of_task(options: StudyOptions, study: TaskStudy) -> int:
+    """Run a study of a task; return the exit status."""
+    from mitt.trials.task_run import run_task_study, task_jobs  # noqa: PLC0415 (needs pyarrow)
 
-    study = read_meet_study(options.study)
     folder = _folder(options, study)
     if options.check:
-        trials = sum(len(job.trials) for job in meet_jobs(study))
+        trials = sum(len(job.trials) for job in task_jobs(study))
         return checked(f"{trials:,} trials, output to {folder.path}")
-    finished = _run(options, study, folder, partial(run_meet_study, study, folder))
+    finished = _run(options, study, folder, partial(run_task_study, study, folder))
     if not options.json:
-        _show_meetings(study, folder, finished)
+        _show_task(study, folder, finished)
     return _ended(folder, finished)
 
 
@@ -110,25 +125,33 @@ def _ended(folder: Folder, finished: "FinishedStudy") -> int:
     return finished.status
 
 
-def _show_meetings(study: MeetStudy, folder: Folder, finished: "FinishedStudy") -> None:
-    """Print a table for each condition: a row a generator, medians of what was measured."""
+def _show_task(study: TaskStudy, folder: Folder, finished: "FinishedStudy") -> None:
+    """Print a table for each condition with rivals: a row a generator, medians of what is measured.
+
+    Conditions with one generator share a table.
+    """
+    task = study.task_of
+    head = (task.success, *(x.words.partition(" [")[2].rstrip("]") for x in task.measures.values()))
+    groups: dict[str, list[Mapping[str, Any]]] = {}
     for condition in study.conditions:
-        head = ("generator", "met", "error [mm]", "rel. [m/s]", "[rad/s^2]", "[N]", "sync [ms]")
-        rates = table(f"{study.name}: {condition.name}", head, left=("generator",))
-        for row in finished.rows:
-            if row["condition"] == condition.name:
-                met = f"{row['met']} of {row['trials']}" + ("" if row["complete"] else " *")
-                rates.add_row(str(row["generator"]), met, *_medians(row))
-        show(rates)
+        several = len(study.players(condition)) > 1
+        groups.setdefault(condition.name if several else "", []).extend(
+            row for row in finished.rows if row["condition"] == condition.name
+        )
+    for name, rows in groups.items():
+        first = "generator" if name else "condition"
+        shown = table(f"{study.name}: {name or 'conditions'}", (first, *head), left=(first,))
+        for row in rows:
+            done = f"{row[task.success]} of {row['trials']}" + ("" if row["complete"] else " *")
+            shown.add_row(str(row[first]), done, *_medians(task, row))
+        show(shown)
     show(f"written: {folder.summary} and {folder.trials.name}; mitt report {folder.path} says more")
 
 
-def _medians(row: Mapping[str, Any]) -> list[str]:
+def _medians(task: Task, row: Mapping[str, Any]) -> list[str]:
     """Return the medians of a row as a table has them."""
-    digits = {"error_mm": 1, "velocity_m_s": 3, "acceleration": 0, "force_n": 0}
-    out = ["" if row[k] is None else f"{row[k]['median']:.{n}f}" for k, n in digits.items()]
-    sync = row["in_sync_s"]
-    return [*out, "" if sync is None else f"{1e3 * sync['median']:.0f}"]
+    known = [(row[name], x.digits) for name, x in task.measures.items()]
+    return ["" if of is None else f"{of['median']:.{digits}f}" for of, digits in known]
 
 
 def _show_study(study: Study, folder: Folder, finished: "FinishedStudy") -> None:
@@ -168,9 +191,10 @@ def report(options: ReportOptions) -> int:
 def _page_of_study(options: ReportOptions) -> int:
     """Write the page of a study; tables and plots are loaded only now."""
     folder = Folder(options.folder)
+    task = task_of_folder(folder.path)
     write, said = (
-        _page_of_meetings(folder)
-        if is_of_meetings(folder.path)
+        _page_of_task(folder, _TASKS[task].kind)
+        if isinstance(task, str) and task in _TASKS
         else _page_of_throws(folder, options.replays)
     )
     if options.check:
@@ -194,13 +218,13 @@ def _page_of_throws(folder: Folder, replays: int) -> tuple[Callable[..., None], 
     )
 
 
-def _page_of_meetings(folder: Folder) -> tuple[Callable[..., None], str]:
-    """Return what writes the page of a study of meetings, and what the study holds."""
-    from mitt.report.meet_study_page import write_meet_study_page  # noqa: PLC0415
-    from mitt.trials.meet_study_run import read_meet_result  # noqa: PLC0415
+def _page_of_task(folder: Folder, kind: type[TaskStudy]) -> tuple[Callable[..., None], str]:
+    """Return what writes the page of a study of a task, and what the study holds."""
+    from mitt.report.task_study_page import write_task_study_page  # noqa: PLC0415
+    from mitt.trials.task_run import read_task_result  # noqa: PLC0415
 
-    study, rows = read_meet_result(folder)
-    return partial(write_meet_study_page, study, rows, folder), (
+    study, rows = read_task_result(folder, kind)
+    return partial(write_task_study_page, study, rows, folder), (
         f"study {study.name!r}, {len(rows)} rows"
     )
 

@@ -79,6 +79,7 @@ class BatTrial:
         return_speed_m_s: Its speed after the hit.
         off_middle_mm: How far from the middle of the face it was hit.
         peak_contact_force_n: Largest single contact force on the ball.
+        peak_acceleration: Largest commanded acceleration of each joint until the contact [rad/s^2].
         limit_violations: As of :class:`mitt.trials.score.Trial`.
         binding_limit: The limit that the verdict found most used, or what ended the trial.
         restitution: What the catcher believed it to be before the trial.
@@ -93,6 +94,7 @@ class BatTrial:
     return_speed_m_s: float | None
     off_middle_mm: float | None
     peak_contact_force_n: float | None
+    peak_acceleration: list[float]
     limit_violations: int
     binding_limit: str | None
     restitution: float
@@ -249,6 +251,7 @@ class BatRunner:
         why = reason_of(stopped) or ("unseen" if verdict is None else verdict.binding_limit)
         status = _status(world, catcher, hit)
         score = hit if status == "hit" else None
+        until = len(ticks.scalars) if contact is None else int(contact.t / TICK)
         return BatTrial(
             index=index,
             status=status,
@@ -258,6 +261,7 @@ class BatRunner:
             return_speed_m_s=None if score is None else score.speed,
             off_middle_mm=None if hit is None else 1e3 * hit.off_middle,
             peak_contact_force_n=None if contact is None else world.peak_force,
+            peak_acceleration=np.abs(ticks.command[:until, 2]).max(axis=0, initial=0.0).tolist(),
             limit_violations=measure(s.arm, ticks, world.trace()).limit_violations,
             binding_limit=why,
             restitution=believed,

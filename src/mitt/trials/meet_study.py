@@ -1,143 +1,135 @@
-"""What the file of a study of meetings may say, and the study that follows from it.
+"""Studies of meetings: what their files may say, and the study that follows from it.
 
-The same targets come by for every generator: those of the seed. A generator that plans is tried at
-each rate; one that follows a belt's encoder only where there is a belt.
+A generator that plans is tried at each rate; one that follows a belt's encoder only where there is
+a belt.
 """
 
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from threading import get_ident
+from typing import Annotated, ClassVar, Final, Literal
 
+import numpy as np
 from pydantic import Field
 
-import mitt
 from mitt.arm.tools import TOOLS, Jaw, Suction
-from mitt.errors import InputError, UnknownNameError
+from mitt.clock import Stopwatch
 from mitt.files.arm_file import load_arm
-from mitt.files.schema import Settings, validated
-from mitt.files.writing import json_digest
-from mitt.reading import noted, read_toml
+from mitt.reading import noted
 from mitt.rivals.meeting import LINES, MEETERS, PLANNERS
-from mitt.trials.study_file import Name, Table, study_path
-from mitt.world.scene import Scene, scene_of
+from mitt.trials.meeting import STATUSES, MeetRunner, MeetTrial
+from mitt.trials.station import Station, station
+from mitt.trials.task_study import (
+    Measure,
+    Player,
+    Task,
+    TaskCondition,
+    TaskStudy,
+    TaskStudySettings,
+    check_files,
+    read_settings,
+    study_of,
+)
 
-MEET_SCHEMA = "mitt.meet-study/1"
+MEET: Final = Task(
+    schema="mitt.meet-study/1", trial=MeetTrial, statuses=STATUSES, success="met",
+    rate="meet_rate", counted="targets met",
+    measures={
+        "error_mm": Measure("error at the grasp [mm]", lambda row: row["position_error_mm"], 1),
+        "velocity_m_s": Measure("relative speed [m/s]", lambda row: row["velocity_error_m_s"], 3),
+        "acceleration": Measure("peak acceleration [rad/s^2]",
+                                lambda row: max(row["peak_acceleration"], default=None), 0),
+        "force_n": Measure("force on the part [N]", lambda row: row["peak_contact_force_n"], 0),
+        "in_sync_s": Measure("in step [s]", lambda row: row["in_sync_s"], 3, more=True),
+    },
+)  # fmt: skip
+"""The task."""
 
 
-class MeetCondition(Settings):
+class MeetCondition(TaskCondition):
     """What comes by.
 
     Attributes:
-        name: What it is called.
         target: What moves the part.
         speed: Mean speed of the belt, or largest of the hand [m/s].
         tool_speed: Largest speed of the tool [m/s]; any if left out.
     """
 
-    name: Name
     target: Literal["belt", "hand"]
     speed: Annotated[float, Field(ge=0.01, le=5.0)]
     tool_speed: Annotated[float, Field(ge=0.01, le=20.0)] | None = None
 
 
-class MeetStudySettings(Settings):
+class MeetStudySettings(TaskStudySettings):
     """The file of a study of meetings.
 
     Attributes:
         task: Says that it is one.
-        name: What it is called.
-        about: What it asks, for the page.
-        seed: Seed of targets, plant and noise; the same for all generators.
-        trials: Trials of each generator with each target.
         generators: Names of the generators.
         rates: Plans a second, of those that plan [Hz].
         arm: The arm: a name or a file.
-        limits: Its limit set; its own if left out.
         tool: What it takes parts with.
         gripper_delay: Time from the command until the tool acts [s].
-        scene: Settings of the world.
         conditions: What comes by.
-        chunk: Trials of one piece of work.
     """
 
     task: Literal["meet"]
-    name: Name
-    about: Annotated[str, Field(max_length=2000)] = ""
-    seed: Annotated[int, Field(ge=0, lt=2**63)] = 8000
-    trials: Annotated[int, Field(ge=1, le=1_000_000)] = 30
     generators: Annotated[tuple[str, ...], Field(strict=False, min_length=1)] = MEETERS
     rates: Annotated[
         tuple[Annotated[float, Field(ge=1.0, le=1000.0)], ...], Field(strict=False, min_length=1)
     ] = (100.0,)
     arm: str = "ur5e"
-    limits: str | None = None
     tool: Literal["suction", "jaw"] = "suction"
     gripper_delay: Annotated[float, Field(ge=0.0, le=2.0)] = 0.05
-    scene: Table = Field(default_factory=dict)
     conditions: Annotated[tuple[MeetCondition, ...], Field(strict=False, min_length=1)]
-    chunk: Annotated[int, Field(ge=1, le=1000)] = 5
 
 
-class Meeter(Settings):
-    """A generator, at a rate where it plans.
+class MeetStudy(MeetStudySettings, TaskStudy):
+    """A study of meetings that can run."""
 
-    Attributes:
-        name: Its name.
-        rate: Plans a second [Hz]; None where it does not plan.
-    """
-
-    name: str
-    rate: float | None = None
-
-    @property
-    def label(self) -> str:
-        """What tables call it."""
-        return self.name if self.rate is None else f"{self.name} {self.rate:g} Hz"
-
-
-class MeetStudy(MeetStudySettings):
-    """A study of meetings that can run.
-
-    Attributes:
-        world: The world, spelled out.
-        version: Version of mitt.
-        arm_files: Digests of what the arm was read from, by name.
-        flights: None are thrown.
-    """
-
-    world: Scene
-    version: str
-    arm_files: dict[str, str] = Field(default_factory=dict)
-    flights: dict[str, str] = Field(default_factory=dict)
-
-    @property
-    def digest(self) -> str:
-        """SHA-256 of all that decides the results."""
-        return json_digest(self.model_dump(mode="json", exclude={"about"}))
+    task_of: ClassVar[Task] = MEET
 
     @property
     def gripper(self) -> Suction | Jaw:
         """The tool."""
         return replace(TOOLS[self.tool], delay=self.gripper_delay)
 
-    def meeters(self, condition: MeetCondition) -> tuple[Meeter, ...]:
+    @property
+    def setting(self) -> str:
+        """What its page says of arm and tool, in words."""
+        return f"{self.arm}, {self.tool}"
+
+    def players(self, condition: MeetCondition) -> tuple[Player, ...]:
         """Return the generators that meet what comes by."""
-        out: list[Meeter] = []
+        out: list[Player] = []
         for name in self.generators:
             if name in PLANNERS:
-                out += [Meeter(name=name, rate=rate) for rate in self.rates]
+                out += [Player(name=name, rate=rate) for rate in self.rates]
             elif name not in LINES or condition.target == "belt":
-                out.append(Meeter(name=name))
+                out.append(Player(name=name))
         return tuple(out)
 
+    def played(
+        self, player: Player, condition: MeetCondition, trials: range
+    ) -> tuple[list[MeetTrial], Stopwatch]:
+        """Run trials of a generator in a condition; return them, and the times of the ticks."""
+        at = _station_of(self.model_dump_json(), condition, get_ident())
+        generator = at.generator(player.name, rate=player.rate or 1.0)
+        runner = MeetRunner(at, seed=self.seed, speed=condition.speed, generator=generator)
+        return [runner.trial(k) for k in trials], runner.stopwatch
 
-def is_meet_study(path: Path) -> bool:
-    """Say whether a study file, or one that ships, is of meetings.
 
-    Raises:
-        FileError: It cannot be read or is no TOML.
-    """
-    return read_toml(study_path(path)).get("task") == "meet"
+@lru_cache(maxsize=8)
+def _station_of(text: str, condition: MeetCondition, thread: int) -> Station:  # noqa: ARG001
+    """Return the arm where it meets what comes by; kept for a thread."""
+    study = MeetStudy.model_validate_json(text)
+    speed = np.inf if condition.tool_speed is None else condition.tool_speed
+    with noted() as files:
+        at = station(study.arm, study.gripper, condition.target, study.world,
+                     limits=study.limits, speed=speed)  # fmt: skip
+    check_files(study, files)
+    return at
 
 
 def read_meet_study(path: Path) -> MeetStudy:
@@ -147,16 +139,7 @@ def read_meet_study(path: Path) -> MeetStudy:
         FileError: The file cannot be read or is no TOML.
         InputError: A key is unknown or its value cannot be used.
     """
-    path = study_path(path)
-    settings = validated(MeetStudySettings, read_toml(path), place=str(path))
-    for name in settings.generators:
-        if name not in MEETERS:
-            raise UnknownNameError(f"{path} key generators", name, MEETERS)
-    names = [condition.name for condition in settings.conditions]
-    if doubled := sorted({name for name in names if names.count(name) > 1}):
-        raise InputError(f"{path} key conditions", "names of their own", f"{doubled[0]!r} twice")
-    given: dict[str, Any] = settings.model_dump()
-    with noted() as files:
-        load_arm(settings.arm, hand=TOOLS[settings.tool], limits=settings.limits)
-    scene = scene_of(settings.scene, place=f"{path} key scene")
-    return MeetStudy(**given, world=scene, version=mitt.__version__, arm_files=files)
+    settings, made = read_settings(path, MeetStudySettings, MEETERS)
+    tool = TOOLS[settings.tool]
+    return study_of(MeetStudy, path, settings, made, settings.conditions,
+                    lambda: load_arm(settings.arm, hand=tool, limits=settings.limits))  # fmt: skip

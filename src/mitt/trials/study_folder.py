@@ -216,11 +216,11 @@ def _manifest(study: AnyStudy) -> dict[str, object]:
     }
 
 
-def is_of_meetings(path: Path) -> bool:
-    """Say whether a folder holds a study of meetings, not of throws."""
+def task_of_folder(path: Path) -> object:
+    """Return the task of the study that a folder holds; None of throws."""
     raw = read_json(path / MANIFEST) if (path / MANIFEST).is_file() else None
     study = raw.get("study") if isinstance(raw, dict) else None
-    return isinstance(study, dict) and study.get("task") == "meet"
+    return study.get("task") if isinstance(study, dict) else None
 
 
 _Kind = TypeVar("_Kind", bound=Settings)

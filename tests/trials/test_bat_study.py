@@ -1,0 +1,79 @@
+"""Studies of batting: what they write, what their map shows, what they refuse."""
+
+import json
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+from small_study import Here, quiet, written
+
+from mitt.errors import InputError, UnknownNameError
+from mitt.report.task_study_page import write_task_study_page
+from mitt.trials.bat_study import AXES, BatStudy, read_bat_study
+from mitt.trials.study_folder import Folder, task_of_folder
+from mitt.trials.task_run import read_task_result, run_task_study, task_jobs
+
+TEXT = """
+task = "bat"
+name = "small"
+trials = 1
+limits = "wam-48v"
+generators = ["direct", "ik"]
+
+[[conditions]]
+name = "usual"
+"""
+MAP = """
+[map]
+offsets = [-0.5, 0.5]
+speeds = [5.0, 6.0, 7.0]
+trials = 2
+"""
+
+
+def test_a_study_writes_its_table_summary_and_page(tmp_path: Path) -> None:
+    """A row a trial, a row a cell, and once more nothing is left to do."""
+    folder, engine = Folder(tmp_path / "out"), Here()
+    study = read_bat_study(written(tmp_path, TEXT))
+    folder.claim(study, resume=False, overwrite=False)
+    done = run_task_study(study, folder, engine, progress=quiet)
+    assert done.status == 0
+    assert task_of_folder(folder.path) == "bat"
+    table = pq.read_table(folder.trials).to_pylist()
+    assert [row["generator"] for row in table] == ["direct", "ik"]
+    summary = json.loads(folder.summary.read_text())
+    assert [row["trials"] for row in summary["rows"]] == [1, 1]
+    assert summary["answer"][0].startswith("usual, balls hit: the map (")
+    assert run_task_study(study, folder, engine, progress=quiet).rows == summary["rows"]
+    assert len(engine.done) == len(table)
+    write_task_study_page(*read_task_result(folder, BatStudy), folder, progress=quiet)
+    assert summary["answer"][0] in (folder.path / "report.html").read_text()
+
+
+def test_a_map_moves_the_target_along_each_axis_for_each_speed(tmp_path: Path) -> None:
+    """The usual target once a speed; what the summary says of each cell is in the picture."""
+    study = read_bat_study(written(tmp_path, TEXT + MAP))
+    cells = [c for c in study.conditions if c.moved is not None]
+    assert len(cells) == 2 * (1 + 2 * len(AXES))
+    assert {job.place[0] for job in task_jobs(study)} == {"direct", "ik"}
+    measured = {"median": 3.25, "p90": 9.0}
+    rows = [
+        {"generator": "direct", "condition": c.name, "trials": 2, "hit": k % 2,
+         "hit_rate": k % 2, "unreachable": 2 - k % 2, "refused_by": "domain",
+         "miss_cm": measured if k % 2 else None}
+        for k, c in enumerate(cells)
+    ]  # fmt: skip
+    assert [c for c, _ in study.cells(rows)] == cells
+    said = study.answer_more(rows)
+    assert said[0].startswith("Map: in 7 of 14 cells")
+    assert "by domain" in said[1]
+
+
+def test_what_a_file_cannot_say_is_refused(tmp_path: Path) -> None:
+    """An unknown generator, a name twice, nothing to be done."""
+    with pytest.raises(UnknownNameError, match="another"):
+        read_bat_study(written(tmp_path, TEXT.replace('"ik"', '"another"')))
+    with pytest.raises(InputError, match="twice"):
+        read_bat_study(written(tmp_path, TEXT + TEXT[TEXT.index("[[") :]))
+    with pytest.raises(InputError, match="a map"):
+        read_bat_study(written(tmp_path, TEXT[: TEXT.index("[[")]))
