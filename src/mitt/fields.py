@@ -1,8 +1,7 @@
 """Fields of settings that a user makes, checked when they are made, and shown in one line.
 
 A class of settings is a frozen dataclass, mostly a :class:`Settings`. The annotation of a field
-says what it may be, and which numbers: ``Annotated[float, Range(0.0, 10.0)]``. A pair of numbers is
-itself a range, from low to high.
+says what it may be, and which numbers: ``Annotated[float, Range(0.0, 10.0)]``.
 """
 
 from collections.abc import Iterable, Mapping
@@ -23,11 +22,12 @@ class Range(NamedTuple):
     """Least and largest number of a field, in the field's unit.
 
     Choices of this project, far beyond what arms, hands, balls and cameras are like; what stands in
-    a denominator is above 0.
+    a denominator is above 0. ``rises``: a pair of numbers is itself a range, from low to high.
     """
 
     least: float
     most: float
+    rises: bool = True
 
 
 #: Of a field that states none.
@@ -135,7 +135,7 @@ def _checked(name: str, value: object, hint: Any, bounds: Range) -> object:  # n
     if get_origin(hint) is Annotated:
         kind, bounds = get_args(hint)
         return _checked(name, value, kind, bounds)
-    low, high = bounds
+    low, high = bounds.least, bounds.most
     choices = [x for x in get_args(hint) if x is not NoneType]
     if NoneType in get_args(hint) and value is None:
         return None
@@ -168,6 +168,6 @@ def _row(name: str, value: object, kinds: tuple[Any, ...], bounds: Range) -> Any
     kept: tuple[Any, ...] = tuple(
         _checked(name, x, kind, bounds) for x, kind in zip(value, kinds, strict=True)
     )
-    if kinds == (float, float) and kept[0] > kept[1]:
+    if bounds.rises and kinds == (float, float) and kept[0] > kept[1]:
         raise InputError(name, "a range from low to high", f"{kept[0]:g} to {kept[1]:g}")
     return kept

@@ -25,7 +25,7 @@ from mitt.arm.limits import KINDS, LimitSet
 from mitt.arm.load import Mount, build_arm, is_shipped, with_encoders
 from mitt.arm.wam import LIMIT_SETS
 from mitt.errors import FileError, InputError, MittError, UnknownNameError, printable
-from mitt.files.schema import Finite, Part, Settings, parsed
+from mitt.files.schema import Finite, Part, Settings, from_plain, parsed
 from mitt.files.writing import toml_text, write_text
 from mitt.map.map_design import MapDesign, default_design, tangent_of
 from mitt.reading import difference, noted, read_bytes, read_toml, shipped, shipped_path
@@ -293,23 +293,11 @@ class _Hand(Part):
     force: Annotated[float, Field(gt=0.0, le=1e6)] | None = None
 
 
-class _Map(Part):
-    catch_joint: Annotated[int, Field(ge=0, le=63)] = 2
-    q_catch: Finite = MapDesign().q_catch
-    kappa: Finite = 1.0
-    inward: Finite = 0.0
-    order: Annotated[int, Field(ge=2, le=20)] = 4
-    free: tuple[int, int, int] = (0, 1, 2)
-    coupling: Annotated[tuple[tuple[Finite, Finite, Finite], ...], Field(max_length=64)] = ()
-    slope: tuple[Finite, Finite] = (0.0, 0.0)
-    match_weight: Annotated[float, Field(ge=0.0, le=1e6)] = 0.0
-
-
 class _ArmFile(Part):
     schema_name: Literal["mitt.arm/1"] = Field(alias="schema")
     arm: _Arm
     hand: _Hand = _Hand()
-    map: _Map | None = None
+    map: dict[str, Any] | None = None
     throws: ThrowSettings | None = None
     arrivals: ArrivalSettings | None = None
 
@@ -383,7 +371,7 @@ def _arm_file(content: _ArmFile, folder: Path) -> ArmFile:
         hand_mount=content.hand.mount,
         hand_tilt=content.hand.tilt,
         hand_force=content.hand.force,
-        map=None if content.map is None else MapDesign(**content.map.model_dump()),
+        map=None if content.map is None else from_plain(MapDesign, content.map, place="map"),
         throws=content.throws,
         arrivals=content.arrivals,
     )

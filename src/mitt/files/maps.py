@@ -11,36 +11,17 @@ from pydantic import Field
 from mitt import checks
 from mitt.arm.arm import Arm, difference, identity_of
 from mitt.errors import FileError, InputError, MittError
-from mitt.files.schema import Finite, Part, parsed
+from mitt.files.schema import Finite, Part, from_plain, parsed
 from mitt.files.writing import json_digest, write_json
 from mitt.map.learn import Learned, Step
 from mitt.map.map_design import MapDesign, tangent_of
 from mitt.map.mapping import DirectMap, basis_of
-from mitt.map.polynomial import MOST_ORDER
 from mitt.reading import read_json
 from mitt.version import __version__
 
 SCHEMA = "mitt.map/2"
 
 _AGAIN = "learn it again with mitt learn"
-
-
-class _Design(Part):
-    catch_joint: int = Field(ge=0, le=20)
-    q_catch: Finite
-    kappa: Finite
-    inward: Finite = 0.0
-    order: int = Field(ge=2, le=MOST_ORDER)
-    free: tuple[int, int, int]
-    coupling: tuple[tuple[Finite, Finite, Finite], ...] = ()
-    slope: tuple[Finite, Finite] = (0.0, 0.0)
-    match_weight: Finite = 0.0
-
-
-class _Step(Part):
-    cost_torque: Finite
-    cost_speed: Finite
-    worst: Finite
 
 
 class _MapFile(Part):
@@ -52,13 +33,13 @@ class _MapFile(Part):
     limits: str
     joints: list[str]
     identity: dict[str, list[Finite | None]]
-    design: _Design
+    design: dict[str, Any]
     centre: list[Finite]
     scale: list[Finite]
     alpha: list[list[Finite]]
     H: list[list[Finite]]
     region: list[list[Finite]]
-    steps: list[_Step]
+    steps: list[dict[str, Any]]
     flights: int
     left_out: int
     status: str
@@ -153,15 +134,15 @@ def map_of(raw: Any, arm: Arm, *, place: str) -> Learned:  # noqa: ANN401 (any J
 def _learned(place: str, content: _MapFile, arm: Arm) -> Learned:
     """Build the map from a file's content."""
     try:
-        design = MapDesign(**content.design.model_dump())
+        design = from_plain(MapDesign, content.design, place="design")
         basis = basis_of(design, np.array(content.centre), np.array(content.scale))
         alpha, H, region = map(np.array, (content.alpha, content.H, content.region))
         f = DirectMap(arm=arm, design=design, basis=basis, alpha=alpha, H=H, region=region)
         tangent_of(arm, design)
         np.linalg.cholesky(f.H)
+        steps = tuple(from_plain(Step, x, place="a step") for x in content.steps)
     except (MittError, ValueError, np.linalg.LinAlgError) as error:
         raise FileError(place, "a map that fits together", error) from error
-    steps = tuple(Step(**step.model_dump()) for step in content.steps)
     return Learned(
         map=f, maps=(f,), steps=steps, flights=content.flights, left_out=content.left_out,
         status=content.status,

@@ -5,20 +5,24 @@ Where no throw is given, balls come as the default ones do: from +x, falling (do
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 
 from mitt import checks
 from mitt.arm.arm import Arm
 from mitt.errors import InputError, ModelError
-from mitt.fields import brief
+from mitt.fields import Range, Settings
 from mitt.map.polynomial import MOST_ORDER
 from mitt.map.tangent import Tangent, plane_of
 from mitt.signals import Array
 
+#: Indices of joints.
+_JOINT = Range(0, 63)
 
-@dataclass(frozen=True, kw_only=True)
-class MapDesign:
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class MapDesign(Settings):
     """The choices that make a map, apart from its coefficients.
 
     Attributes:
@@ -41,47 +45,15 @@ class MapDesign:
             is the paper: b-dot vanishes at the catch, eq. (7).
     """
 
-    catch_joint: int = 2
+    catch_joint: Annotated[int, _JOINT] = 2
     q_catch: float = np.pi / 2
     kappa: float = 1.0
     inward: float = 0.0
-    order: int = 4
-    free: tuple[int, int, int] = (0, 1, 2)
+    order: Annotated[int, Range(2, MOST_ORDER)] = 4
+    free: Annotated[tuple[int, int, int], _JOINT] = (0, 1, 2)
     coupling: tuple[tuple[float, float, float], ...] = ()
-    slope: tuple[float, float] = (0.0, 0.0)
-    match_weight: float = 0.0
-
-    __repr__ = brief
-
-    def __post_init__(self) -> None:
-        """Refuse what no map can have; an arm may refuse more."""
-        fields: dict[str, object] = {
-            "catch_joint": checks.whole("catch_joint", self.catch_joint, least=0),
-            "order": checks.whole("order", self.order, least=2, most=MOST_ORDER),
-        }
-        for name, value in (
-            ("q_catch", self.q_catch), ("kappa", self.kappa), ("inward", self.inward)
-        ):  # fmt: skip
-            fields[name] = checks.number(name, value)
-            if not np.isfinite(value):
-                raise ModelError(name, "a finite number", value)
-        given = self.free if isinstance(self.free, tuple | list) else ()
-        if len(given) != 3:
-            raise InputError("free", "three indices of joints", checks.shown(self.free))
-        fields["free"] = tuple(checks.whole("free", k, least=0) for k in given)
-        none = isinstance(self.coupling, tuple | list) and len(self.coupling) == 0
-        rows = (
-            np.zeros((0, 3))
-            if none
-            else checks.array("coupling", self.coupling, (None, 3), finite=True)
-        )
-        fields["coupling"] = tuple((float(a), float(b), float(c)) for a, b, c in rows)
-        fields["match_weight"] = checks.number(
-            "match_weight", self.match_weight, least=0.0, most=1e6
-        )
-        fields["slope"] = tuple(checks.array("slope", self.slope, (2,), finite=True).tolist())
-        for name, kept in fields.items():
-            object.__setattr__(self, name, kept)
+    slope: Annotated[tuple[float, float], Range(-1e300, 1e300, rises=False)] = (0.0, 0.0)
+    match_weight: Annotated[float, Range(0.0, 1e6)] = 0.0
 
 
 #: Designs chosen by computation, by arm and limit set; any other arm or set has the paper's.
