@@ -142,7 +142,7 @@ class Parts:
         low, belt = np.array(self._at.settings.low), self._at.scene.belt
         if belt is None or r[2] < low[2] - _BEYOND:
             return bool(r[2] < low[2] - _BEYOND)
-        along = np.array([np.cos(belt.direction), np.sin(belt.direction)])
+        along = belt.along[:2]
         half = 0.5 * float(np.abs(along) @ (np.array(self._at.settings.high) - low)[:2])
         return bool(along @ (r[:2] - self._at.place[:2]) > half + _BEYOND)
 

@@ -6,16 +6,13 @@ from typing import final
 import numpy as np
 
 from mitt.arm.arm import Arm
-from mitt.arm.description import rotation
 from mitt.arm.kinematics import motion_of, sweep
 from mitt.catcher.catcher import Catcher
 from mitt.errors import InputError
 from mitt.map.meeting import MeetingMap
 from mitt.signals import TICK, Array
-from mitt.trials.placing import brought, carried, pointing_down
+from mitt.trials.placing import backed, carried, poses_at
 
-#: How far back the tool goes along its axis, from the target and from the place [m].
-_BACK = 0.1
 #: Cosine of the first axis with the vertical from which it stands upright.
 _UPRIGHT = 0.999
 #: Time for which the part is left alone after the tool has let go [s].
@@ -56,15 +53,6 @@ def _turn(arm: Arm, put: Array) -> tuple[float, float]:
     return turn, turn * float(np.sign(up))
 
 
-def _pose(f: MeetingMap, frame: Array, place: Array, start: Array) -> Array:
-    """Return the pose in which the tool is at a place [rad], shape (n,)."""
-    arm, q = f.arm, brought(f, frame, place, start)
-    if q is None or np.any((q < arm.q_min) | (q > arm.q_max)):
-        said = ", ".join(f"{x:.3g}" for x in place)
-        raise InputError("task.put", "a place that the tool reaches, and 0.1 m above it", said)
-    return q
-
-
 @final
 class PutDown:
     """Puts parts down at one place."""
@@ -84,13 +72,14 @@ class PutDown:
             InputError: The arm does not reach it.
         """
         self._f, self._pause, self._speed = f, pause + _LETS_GO, speed
-        self._back = -_BACK * f.frame[:, 2]
         turn, angle = _turn(f.arm, put)
         start = f.arm.q_ready.copy()
         start[0] += turn
-        frame = rotation(np.array([0.0, 0.0, 1.0]), angle) @ pointing_down(f.frame)
-        self._over = _pose(f, frame, put + np.array([0.0, 0.0, _BACK]), start)
-        self._down = _pose(f, frame, put, self._over)
+        poses = poses_at(f, angle, put, start)
+        if poses is None:
+            said = ", ".join(f"{x:.3g}" for x in put)
+            raise InputError("task.put", "a place that the tool reaches, and 0.1 m above it", said)
+        self._over, self._down = poses
 
     def go(self, catcher: Catcher, leg: Leg, share: float) -> float:
         """Let a catcher that rests begin a motion; return how long that takes [s].
@@ -115,6 +104,5 @@ class PutDown:
     def _end(self, leg: Leg, q: Array) -> Array:
         """Return the pose in which a motion from another ends [rad], shape (n,)."""
         if leg is Leg.BACK:
-            back = brought(self._f, self._f.frame, self._f.arm.position(q) + self._back, q)
-            return q if back is None else back
+            return backed(self._f, q)
         return self._down if leg is Leg.DOWN else self._over

@@ -16,15 +16,18 @@ from mitt.cli.screen import (
     number,
     print_json,
     progress,
+    rate_words,
     repeated,
+    run_folder,
     say,
     show,
     table,
     tell_of_kernels,
+    worth_a_row,
 )
 from mitt.clock import Progress
 from mitt.errors import InputError
-from mitt.files.writing import check_folder, locked, new_folder, write_json
+from mitt.files.writing import locked, write_json
 from mitt.interrupts import notice, status_of, words_of
 from mitt.report.bat_page import BatContent, write_bat_page
 from mitt.signals import Array
@@ -107,8 +110,8 @@ def _asked(options: BatOptions) -> _Asked:
     """Read and check what was said."""
     if options.shield and options.target is not None:
         raise InputError("target", "none for a shield", options.target, do="leave one of them out")
-    out = options.out or _default_folder(options)
-    check_folder(out, overwrite=options.overwrite or options.check)
+    rival = "" if options.generator == "direct" else f"-{options.generator}"
+    out = run_folder(options, f"bat-{options.seed}{rival}")
     name, flights = options.scene or DEFAULT_SCENE, options.flights is not None
     speed = None if options.speed is None else _numbers("speed", options.speed, 2)
     if speed is not None and not 1.0 <= speed[0] <= speed[1] <= 20.0:
@@ -199,21 +202,14 @@ def _result(
     }
 
 
-def _default_folder(options: BatOptions) -> Path:
-    """Return where the result goes whose user named no place."""
-    name = "" if options.generator == "direct" else f"-{options.generator}"
-    folder = Path("runs") / f"bat-{options.seed}{name}"
-    return folder if options.overwrite else new_folder(folder)
-
-
 def _show(options: BatOptions, trials: list[BatTrial], said: dict[str, Any], out: Path) -> None:
-    """Print the table of a run: the first 20 trials, and 40 of the others that failed."""
+    """Print the table of a run, and what it comes to."""
     rows = table(
         f"{options.arm}, {'shield' if options.shield else 'to a target'}, {options.generator}",
         ("trial", "status", "t [s]", "miss [cm]", "back [m/s]", "[N]", "beyond [ms]", "why"),
         left=("status", "why"), no_wrap=True,
     )  # fmt: skip
-    for t in trials[:20] + [x for x in trials[20:] if x.status != "hit"][:40]:
+    for t in worth_a_row(trials, "hit"):
         cells = (
             number(t.t_hit_s, 2), number(None if t.miss_m is None else 100.0 * t.miss_m, 1),
             number(t.return_speed_m_s, 1), number(t.peak_contact_force_n, 0),
@@ -222,15 +218,8 @@ def _show(options: BatOptions, trials: list[BatTrial], said: dict[str, Any], out
         why = "" if t.status == "hit" else t.binding_limit or ""
         rows.add_row(str(t.index), t.status, *cells, why)
     show(rows)
-    low, high = said["ci95"]
-    say(f"{'stopped' if options.shield else 'hit'} {said['hit']} of {said['throws']}, "
-        f"{100.0 * said['hit_rate']:.1f} % ({100.0 * low:.1f} to {100.0 * high:.1f})"
-        + _misses(said) + f"; {out / 'report.html'}")  # fmt: skip
-
-
-def _misses(said: dict[str, Any]) -> str:
-    """Return in words how near the target balls passed."""
-    if said["median_miss_m"] is None:
-        return ""
-    return (f"; miss {100.0 * said['median_miss_m']:.1f} cm in the median, "
-            f"90 % within {100.0 * said['p90_miss_m']:.1f}")  # fmt: skip
+    show(f"{'stopped' if options.shield else 'hit'} {rate_words(said, 'hit', 'throws')}")
+    if said["median_miss_m"] is not None:
+        show(f"miss: {100.0 * said['median_miss_m']:.1f} cm in the median, "
+             f"90 % within {100.0 * said['p90_miss_m']:.1f} cm")  # fmt: skip
+    show(f"written: {out / 'report.html'}")

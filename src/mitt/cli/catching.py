@@ -19,18 +19,21 @@ from mitt.cli.screen import (
     number,
     print_json,
     progress,
+    rate_words,
     repeated,
+    run_folder,
     say,
     show,
     table,
     tell_of_kernels,
     warn,
+    worth_a_row,
 )
 from mitt.clock import Progress
 from mitt.errors import FileError, InputError
 from mitt.files.arm_file import ArmSpec
 from mitt.files.maps import read_map, save_map
-from mitt.files.writing import check_folder, check_ours, file_name, locked, new_folder
+from mitt.files.writing import check_ours, locked
 from mitt.interrupts import notice, status_of, words_of
 from mitt.map.learn import Learned
 from mitt.map.map_design import warnings_of
@@ -145,20 +148,13 @@ def _prepared(options: CatchOptions) -> Prepared:
         drag=scene.ball.drag,
     )
     source = source if chosen.throws is None else widened(source, chosen.throws)
-    out = options.out or _default_folder(options)
-    check_folder(out, overwrite=options.overwrite or options.check)
+    out = run_folder(options, f"{options.seed}-{options.generator}")
     if not options.check:
         check_ours(out, LEAVES)
     said = asdict(options)
     settings = RunSettings(**{x.name: said[x.name] for x in fields(RunSettings)})
     return Prepared(settings=settings, arm=arm, design=design, scene=scene, source=source,
                     learned=learned, out=out)  # fmt: skip
-
-
-def _default_folder(options: CatchOptions) -> Path:
-    """Return where a run goes whose user named no place: a new folder, unless one may be used."""
-    folder = Path("runs") / file_name(f"{options.seed}-{options.generator}")
-    return folder if options.overwrite else new_folder(folder)
 
 
 def _run(prepared: Prepared, report: Progress) -> FinishedRun:
@@ -175,26 +171,24 @@ def _run(prepared: Prepared, report: Progress) -> FinishedRun:
 
 
 def _show(finished: FinishedRun) -> None:
-    """Print the table of a run: the first 20 throws, and 40 of the others that failed."""
+    """Print the table of a run, and what it comes to."""
     head, summary = finished.prepared.head, finished.result["summary"]
     scene = f"scene {head['scene']}" + (", changed" if "scene_changed" in head else "")
     title = (
         f"{head['arm']}, limits {head['limits']}, {head['generator']}, {head['vision']}, {scene}"
     )
-    shown = finished.trials[:20] + [t for t in finished.trials[20:] if t.status != "caught"][:40]
+    shown = worth_a_row(finished.trials, "caught")
     show(table_of(title, shown))
     if len(shown) < len(finished.trials):
         show(f"{len(finished.trials) - len(shown)} more throws, all in result.json")
     stops = (trial.stopped_by for trial in finished.trials)
     for hint in dict.fromkeys(str(stop["hint"]) for stop in stops if stop and stop["hint"]):
         show(f"stopped: {hint}")
-    low, high = summary["ci95"]
     whole = finished.trials and finished.interrupt is None
     page = "report.html" if whole else "result.json"
     failed = [f"{summary[status]} {status}" for status in STATUSES[1:] if summary[status]]
     show(
-        f"caught {summary['caught']} of {summary['throws']}: {100 * summary['catch_rate']:.1f} % "
-        f"(95 % interval {100 * low:.1f} to {100 * high:.1f} %)",
+        f"caught {rate_words(summary, 'caught', 'throws')}",
         *([", ".join(failed)] if failed else []),
         f"{force_words(summary['force_n'], summary['over_force'])}; "
         f"tick {summary['tick_us']['p50']:.0f} us median",

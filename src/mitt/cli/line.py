@@ -9,6 +9,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import MISSING, dataclass, fields
 from importlib import import_module
+from math import inf
 from textwrap import wrap
 from types import NoneType
 from typing import Any, Literal, get_args, get_origin, get_type_hints
@@ -58,7 +59,7 @@ def _answer(words: list[str]) -> str | None:
 def _as_said(options: Options, error: InputError) -> MittError:
     """Return an error that calls an input as the command line does, where it is an option."""
     names = {x.field: x.name for x in options_of(type(options))}
-    said = names.get(error.name.replace(" ", "_"))
+    said = names.get(error.name.rpartition(".")[2].replace(" ", "_"))
     return error if said is None else MittError(said + str(error).removeprefix(error.name))
 
 
@@ -117,7 +118,9 @@ class Option:
             raise InputError(self.name, "a number", repr(given))
         value, arg = self.kind(given), self.arg
         if arg.range is not None and not arg.range[0] <= value <= arg.range[1]:
-            raise InputError(self.name, arg.wanted, value)
+            low, high = arg.range
+            wanted = f"at least {low}" if high == inf else f"a number in {low}..{high}"
+            raise InputError(self.name, wanted, value)
         return value
 
 

@@ -15,15 +15,18 @@ from mitt.cli.screen import (
     number,
     print_json,
     progress,
+    rate_words,
     repeated,
+    run_folder,
     say,
     show,
     table,
     tell_of_kernels,
+    worth_a_row,
 )
 from mitt.clock import Progress
 from mitt.errors import FileError, InputError, meant
-from mitt.files.writing import check_folder, file_name, locked, new_folder, write_json
+from mitt.files.writing import locked, write_json
 from mitt.interrupts import notice, status_of, words_of
 from mitt.rivals.meeting import PLANNERS
 from mitt.trials.log import keep_recording
@@ -51,8 +54,7 @@ def meet(options: MeetOptions) -> int:
     """Run ``mitt meet``; return its exit status."""
     recordings = _recordings(options.target)
     count = options.trials or len(recordings) or _TRIALS
-    out = options.out or _default_folder(options)
-    check_folder(out, overwrite=options.overwrite or options.check)
+    out = run_folder(options, f"meet-{options.seed}-{Path(options.target).stem}")
     scene = scene_of(_SCENE, place="scene") if options.scene is None else read_scene(options.scene)
     tool = replace(TOOLS[options.tool], delay=options.gripper_delay)
     at = station(options.arm, tool, "belt" if options.target == "belt" else "hand", scene,
@@ -160,20 +162,14 @@ def _result(
     }
 
 
-def _default_folder(options: MeetOptions) -> Path:
-    """Return where the result goes whose user named no place."""
-    folder = Path("runs") / file_name(f"meet-{options.seed}-{Path(options.target).stem}")
-    return folder if options.overwrite else new_folder(folder)
-
-
 def _show(options: MeetOptions, trials: list[MeetTrial], said: dict[str, Any], out: Path) -> None:
-    """Print the table of a run: the first 20 trials, and 40 of the others that failed."""
+    """Print the table of a run, and what it comes to."""
     rows = table(
         f"{options.arm}, {options.tool}, {Path(options.target).name}, {options.generator}",
         ("trial", "status", "t [s]", "in step [ms]", "off [mm]", "rel. [m/s]", "[N]", "why"),
         left=("status", "why"), no_wrap=True,
     )  # fmt: skip
-    for t in trials[:20] + [x for x in trials[20:] if x.status != "met"][:40]:
+    for t in worth_a_row(trials, "met"):
         cells = (
             number(t.t_met_s, 2), f"{1e3 * t.in_sync_s:.0f}", number(t.position_error_mm, 1),
             number(t.velocity_error_m_s, 2),
@@ -184,11 +180,9 @@ def _show(options: MeetOptions, trials: list[MeetTrial], said: dict[str, Any], o
             why = "not placed" if t.placed is False else ""
         rows.add_row(str(t.index), t.status, *cells, why)
     show(rows)
-    low, high = said["ci95"]
     hand = said["hand_force_n"]
     show(
-        f"met {said['met']} of {said['trials']}: {100.0 * said['meet_rate']:.1f} % "
-        f"(95 % interval {100.0 * low:.1f} to {100.0 * high:.1f} %); placed {said['placed']}",
+        f"met {rate_words(said, 'met', 'trials')}; placed {said['placed']}",
         *([] if hand is None else [f"force on the hand: at most {hand:.0f} N"]),
         f"written: {out / ('report.html' if (out / 'report.html').exists() else 'result.json')}",
     )  # fmt: skip

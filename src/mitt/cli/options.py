@@ -19,23 +19,22 @@ class Arg:
         name: What it is called, where that is not the name of its field.
         place: Whether it is said by its place.
         range: Least and largest number that it takes; any where None.
-        wanted: What an error says was wanted where it is out of that range.
     """
 
     value: str
     name: str = ""
     place: bool = False
     range: tuple[float, float] | None = None
-    wanted: str = ""
 
 
 Csv = Annotated[Path | None, Arg("CSV")]
 Images = Annotated[str | None, Arg("IMAGES")]
 Metres = Annotated[float, Arg("M")]
 Whole = Annotated[int | None, Arg("N")]
-_OF_SEEDS = Arg("S", range=(0, 2**63 - 1), wanted="a number from 0 to 2^63 - 1")
+_OF_SEEDS = Arg("S", range=(0, 2**63 - 1))
 Seed = Annotated[int, _OF_SEEDS]
-Throws = Annotated[int | None, Arg("N", range=(1, inf), wanted="at least 1")]
+Count = Annotated[int | None, Arg("N", range=(1, inf))]
+Trials = Annotated[int | None, Arg("N", range=(1, 100_000))]
 Scene = Annotated[str | None, Arg("NAME|TOML")]
 Folder = Annotated[Path | None, Arg("DIR")]
 MapFile = Annotated[Path | None, Arg("MAP.json")]
@@ -127,9 +126,7 @@ class CatchOptions(ArmOptions):
         "mitt catch --arm ARM.toml --scene rough --record all",
     )
 
-    throws: Annotated[int | None, Arg("N", range=(1, 100_000), wanted="a number in 1..100000")] = (
-        None
-    )
+    throws: Trials = None
     seed: Seed = 0
     generator: Annotated[str, Arg("NAME")] = "direct"
     map: MapFile = None
@@ -183,22 +180,14 @@ class MeetOptions(Options):
     limits: Limits = None
     tool: Literal["suction", "jaw"] = "suction"
     target: Annotated[str, Arg("belt|hand|CSV")] = "belt"
-    speed: Annotated[float | None, Arg("M/S", range=(0.01, 5.0), wanted="a number in 0.01..5")] = (
-        None
-    )
-    gripper_delay: Annotated[float, Arg("S", range=(0.0, 2.0), wanted="a number in 0..2")] = 0.05
-    tool_speed: Annotated[
-        float | None, Arg("M/S", range=(0.01, 20.0), wanted="a number in 0.01..20")
-    ] = None
+    speed: Annotated[float | None, Arg("M/S", range=(0.01, 5.0))] = None
+    gripper_delay: Annotated[float, Arg("S", range=(0.0, 2.0))] = 0.05
+    tool_speed: Annotated[float | None, Arg("M/S", range=(0.01, 20.0))] = None
     generator: Literal["direct", "quintic", "ruckig", "mpc", "ds", "line", "line-compensated"] = (
         "direct"
     )
-    plan_rate: Annotated[float, Arg("HZ", range=(1.0, 1000.0), wanted="a number in 1..1000")] = (
-        100.0
-    )
-    trials: Annotated[int | None, Arg("N", range=(1, 100_000), wanted="a number in 1..100000")] = (
-        None
-    )
+    plan_rate: Annotated[float, Arg("HZ", range=(1.0, 1000.0))] = 100.0
+    trials: Trials = None
     seed: Seed = 0
     record: Literal["none", "failures", "all"] = "none"
     scene: Scene = None
@@ -240,9 +229,7 @@ class BatOptions(Options):
     limits: Limits = None
     target: Annotated[str | None, Arg("X,Y,Z")] = None
     shield: bool = False
-    throws: Annotated[int | None, Arg("N", range=(1, 100_000), wanted="a number in 1..100000")] = (
-        None
-    )
+    throws: Trials = None
     speed: Annotated[str | None, Arg("MIN,MAX")] = None
     seed: Seed = 0
     vision: Literal["pixels", "points"] = "pixels"
@@ -269,9 +256,7 @@ class LearnOptions(ArmOptions):
     examples: ClassVar = ("mitt learn --limits wam-80v --out MAP.json",)
 
     out: Annotated[Path, Arg("MAP.json")]
-    flights_count: Annotated[
-        int, Arg("N", name="flights", range=(1, 10_000), wanted="a number in 1..10000")
-    ] = 120
+    flights_count: Annotated[int, Arg("N", name="flights", range=(1, 10_000))] = 120
     seed: Annotated[int | None, _OF_SEEDS] = None
     overwrite: bool = False
 
@@ -348,7 +333,7 @@ class RunOptions(Options):
     examples: ClassVar = ("mitt run wam-sim --throws 5 --yes",)
 
     cell: CellName
-    throws: Throws = None
+    throws: Count = None
     yes: bool = False
     out: Folder = None
     overwrite: bool = False
@@ -369,7 +354,7 @@ class SimOptions(Options):
     examples: ClassVar = ("mitt sim wam-sim --throws 5 --seed 1",)
 
     cell: CellName
-    throws: Throws = None
+    throws: Count = None
     seed: Seed = 0
     scene: Scene = None
 
@@ -423,7 +408,7 @@ class ReportOptions(Options):
     examples: ClassVar = ("mitt report STUDY --replays 3",)
 
     folder: Annotated[Path, Arg("DIR", place=True)]
-    replays: Annotated[int, Arg("N", range=(0, 200), wanted="a number in 0..200")] = 6
+    replays: Annotated[int, Arg("N", range=(0, 200))] = 6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -469,7 +454,7 @@ class ViewOptions(Options):
 
     recording: Annotated[Path | None, Arg("REC.mcap|DIR", place=True)] = None
     host: Annotated[str, Arg("ADDRESS")] = "127.0.0.1"
-    port: Annotated[int, Arg("N", range=(1, 65_535), wanted="a number from 1 to 65535")] = 8080
+    port: Annotated[int, Arg("N", range=(1, 65_535))] = 8080
     seconds: Seconds = None
 
 
@@ -541,8 +526,8 @@ class SeeOptions(Options):
     video: Annotated[Path | None, Arg("MKV|MP4")] = None
     no_video: bool = False
     fps: Annotated[float | None, Arg("HZ")] = None
-    max_skew: Annotated[float, Arg("S", range=(0.0, 1.0), wanted="seconds in 0..1")] = 5e-4
-    frames: Annotated[int | None, Arg("N", range=(1, inf), wanted="1 or more")] = None
+    max_skew: Annotated[float, Arg("S", range=(0.0, 1.0))] = 5e-4
+    frames: Count = None
     ball: Literal["any", "thrown", "table-tennis"] = "any"
     ball_radius: Metres = 0.04
     overwrite: bool = False

@@ -8,7 +8,7 @@ from dataclasses import fields
 from multiprocessing import get_context
 from pathlib import Path
 from threading import Event
-from typing import Any
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console, JustifyMethod
@@ -20,8 +20,23 @@ from rich.text import Text
 
 from mitt.clock import Pace, Progress
 from mitt.errors import InputError, printable
-from mitt.files.writing import check_folder, overlaps, wrote
+from mitt.files.writing import check_folder, file_name, new_folder, overlaps, wrote
 from mitt.interrupts import end_with_parent, tell
+
+if TYPE_CHECKING:
+    from mitt.cli.options import BatOptions, CatchOptions, MeetOptions
+
+
+class _Ended(Protocol):
+    """A trial of whatever task."""
+
+    @property
+    def status(self) -> str:
+        """How it ended."""
+        ...
+
+
+_Trial = TypeVar("_Trial", bound=_Ended)
 
 
 def say(text: str) -> None:
@@ -89,6 +104,32 @@ def repeated(options: Any, *, files: Collection[str]) -> list[str]:  # noqa: ANN
             value = path.absolute()
         out.append(said if value is True else f"{said}={value}")
     return out
+
+
+def run_folder(options: "CatchOptions | MeetOptions | BatOptions", name: str) -> Path:
+    """Return the folder of a run: a new one in ``runs`` with a name, where the options name none.
+
+    Raises:
+        InputError: It may not be written.
+    """
+    out = options.out or Path("runs") / file_name(name)
+    if options.out is None and not options.overwrite:
+        out = new_folder(out)
+    check_folder(out, overwrite=options.overwrite or options.check)
+    return out
+
+
+def worth_a_row(trials: Sequence[_Trial], good: str) -> list[_Trial]:
+    """Return the trials that a table shows: the first 20, and 40 of the others that failed."""
+    return [*trials[:20], *[t for t in trials[20:] if t.status != good][:40]]
+
+
+def rate_words(said: Mapping[str, Any], good: str, of: str) -> str:
+    """Return in words how many trials of a summary were ``good``, of those counted as ``of``."""
+    low, high = said["ci95"]
+    share = 100.0 * said[good] / max(said[of], 1)
+    return (f"{said[good]} of {said[of]}: {share:.1f} % "
+            f"(95 % interval {100.0 * low:.1f} to {100.0 * high:.1f} %)")  # fmt: skip
 
 
 def number(value: float | None, digits: int) -> str:

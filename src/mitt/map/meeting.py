@@ -35,8 +35,9 @@ from mitt.map.polynomial import CatchBasis, bend, jets
 from mitt.map.reach import Reach, ReachScratch, reach_of, reach_scratch, reach_target
 from mitt.signals import Array
 
-#: Power of s that each monomial of b has: position, velocity and acceleration match.
-_LOWEST = 3
+#: Power of s that each monomial of b has: position, velocity and acceleration match; and degree of
+#: b in s and p together.
+_LOWEST, _ORDER = 3, 7
 #: Instants of the way at which the metric weighs b and its rates in s, and the weights of their
 #: squares: where accelerations and jerks are bounded those count, else accelerations and speeds.
 _GRID = 81
@@ -235,7 +236,7 @@ class MeetingMap:
 
 def unlearned_meeting(
     arm: Arm, free: tuple[int, ...], *, frame: Array | None = None,
-    coupling: Array | None = None, order: int = 7, across: int = 0,
+    coupling: Array | None = None, across: int = 0,
 ) -> MeetingMap:  # fmt: skip
     """Return the map with alpha = 0 and a metric that keeps small what the arm's limits bound.
 
@@ -247,11 +248,10 @@ def unlearned_meeting(
         free: As in :class:`MeetingMap`.
         frame: Where the tool's axes are to point; as in the ready pose if left out.
         coupling: As in :class:`MeetingMap`.
-        order: Degree of b in s and p together.
         across: Degree of b in p. What b says of p answers to the errors of the estimate, too.
     """
     centre, scale = np.append(arm.q_ready[list(free)], 0.0), np.ones(len(free) + 1)
-    basis = CatchBasis(order, len(free), centre, scale, lowest=_LOWEST, across=across)
+    basis = CatchBasis(_ORDER, len(free), centre, scale, lowest=_LOWEST, across=across)
     m, n = len(basis.powers), arm.n
     still, jets = np.zeros((3, len(free) + 1)), np.zeros((_GRID, 4, m))
     still[0], still[1, -1] = centre, -1.0

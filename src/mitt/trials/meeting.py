@@ -33,7 +33,7 @@ from mitt.files.recordings import Recording as Written
 from mitt.files.recordings import Track, heading_of
 from mitt.rivals.meeting import encoder_of
 from mitt.signals import TICK, Array, Senses
-from mitt.trials.placing import Placing, brought, carried, placing_of
+from mitt.trials.placing import Placing, backed, carried, placing_of
 from mitt.trials.result import finite
 from mitt.trials.score import measure, reason_of, stop_as_json
 from mitt.trials.station import Station
@@ -53,8 +53,6 @@ _LONGEST, _BEYOND = 7.0, 3.0
 #: How long after it has closed the tool has to hold the part [s]; last ticks of that time in one of
 #: which it touches it.
 _HELD, _LAST = 0.5, 20
-#: Way back with the part [m].
-_BACK = 0.1
 #: Time that the arm is given to come to rest at the end of a trial, and that a tool is given to
 #: open, beyond its delay [s].
 _SETTLES, _OPENS = 0.5, 0.7
@@ -273,9 +271,7 @@ class MeetRunner:
         What is not held is not carried. Returns where the part was put, if it was.
         """
         s = self._station
-        here = catcher.result.command[0].copy()
-        back = brought(s.map, s.map.frame, s.arm.position(here) - _BACK * s.map.frame[:, 2], here)
-        self._move(catcher, results, here if back is None else back)
+        self._move(catcher, results, backed(s.map, catcher.result.command[0].copy()))
         for _ in self._ticks(catcher, results, closed + _HELD - self.world.t):
             pass
         put = self.placing if self._holds(self.world.trace(), closed) else None

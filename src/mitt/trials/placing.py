@@ -1,8 +1,8 @@
-"""Where a part that was met is put: on a tray beside the station.
+"""How a part that was met is put down: on a tray beside the station, or at a place of a cell.
 
-The place is that of the station, turned about the arm's first axis: the pose that waits over it is
-the one in which the arm waits for parts, turned by the same angle, and as clear of the arm itself.
-The tool points down there, so that the part lies flat.
+The tray's place is that of the station, turned about the arm's first axis: the pose that waits over
+it is the one in which the arm waits for parts, turned by the same angle, and as clear of the arm
+itself. The tool points down there, so that the part lies flat.
 """
 
 from dataclasses import dataclass, replace
@@ -22,8 +22,10 @@ from mitt.world.scene import Scene, Tray
 #: of a belt, beyond half its width [m].
 _ANGLES = (1.57, -1.57, 1.2, -1.2, 2.0, -2.0, 2.6, -2.6)
 _BESIDE = 0.17
-#: How far above the tray a part comes down from, and is let go [m].
+#: How far above its place a part comes down from, and is let go over a tray [m].
 _ABOVE, _DROP = 0.1, 0.003
+#: How far back the tool goes along its axis from where it has met a part [m].
+_BACK = 0.1
 #: Share of the joints' speeds with which a part is carried.
 _SHARE = 0.4
 #: Most slow motions that are tried until the tool is slow enough.
@@ -49,8 +51,7 @@ class Placing:
 
 def placing_of(s: Station) -> Placing | None:
     """Return where a station puts its parts; None where no place is clear of its belt."""
-    arm, f = s.arm, s.map
-    frame = pointing_down(f.frame)
+    arm = s.arm
     for angle in _ANGLES:
         turned = rotation(np.array([0.0, 0.0, 1.0]), angle)
         over, place = _turned_by(arm, turned, angle), turned @ s.place
@@ -59,17 +60,12 @@ def placing_of(s: Station) -> Placing | None:
             continue
         if not arm.q_min[0] + room < over[0] < arm.q_max[0] - room:
             continue
-        poses = [over]
-        for above in (_ABOVE, _DROP):
-            q = brought(f, turned @ frame, place + np.array([0.0, 0.0, above]), poses[-1])
-            if q is None or np.any((q <= arm.q_min) | (q >= arm.q_max)):
-                break
-            poses.append(q)
-        else:
+        poses = poses_at(s.map, angle, place, over, drop=_DROP)
+        if poses is not None:
             sides = s.scene.ball.sides
             low = float(place[2]) - (s.scene.ball.radius if sides is None else 0.5 * sides[2])
             tray = Tray(middle=(float(place[0]), float(place[1])), height=low)
-            return Placing(tray=tray, place=place, over=poses[1], down=poses[2])
+            return Placing(tray=tray, place=place, over=poses[0], down=poses[1])
     return None
 
 
@@ -83,24 +79,42 @@ def _turned_by(arm: Arm, turned: Array, angle: float) -> Array | None:
     return None
 
 
-def pointing_down(frame: Array) -> Array:
-    """Return a tool's frame whose z axis points down and whose x axis is level, shape (3, 3)."""
-    x, down = frame[:, 0] * [1.0, 1.0, 0.0], np.array([0.0, 0.0, -1.0])
-    x = x / np.linalg.norm(x)
-    return np.column_stack([x, np.cross(down, x), down])
-
-
-def brought(f: MeetingMap, frame: Array, place: Array, start: Array) -> Array | None:
-    """Return the pose that brings the tool to a place [rad], (n,); None where there is none.
+def poses_at(
+    f: MeetingMap, angle: float, place: Array, start: Array, *, drop: float = 0.0
+) -> tuple[Array, Array] | None:
+    """Return the poses above a place and at it, the tool pointing down; None where there are none.
 
     Args:
         f: The meeting map.
-        frame: Columns: where the tool's axes are to point, shape (3, 3).
-        place: The place [m], shape (3,).
+        angle: By which the tool is turned about the vertical [rad].
+        place: Where the middle of a part is put [m], shape (3,).
         start: Pose in which the inverse starts [rad], shape (n,).
+        drop: How far above the place the part is let go [m].
     """
-    target = np.array([place, np.zeros(3), np.zeros(3)])
-    inside, rows = replace(f, frame=frame).virtual(target, start)
+    x, down = f.frame[:, 0] * [1.0, 1.0, 0.0], np.array([0.0, 0.0, -1.0])
+    x = x / np.linalg.norm(x)
+    frame = np.column_stack([x, np.cross(down, x), down])
+    poses, g = [start], replace(f, frame=rotation(np.array([0.0, 0.0, 1.0]), angle) @ frame)
+    for above in (_ABOVE, drop):
+        q = _brought(g, place + np.array([0.0, 0.0, above]), poses[-1])
+        if q is None or np.any((q <= f.arm.q_min) | (q >= f.arm.q_max)):
+            return None
+        poses.append(q)
+    return poses[1], poses[2]
+
+
+def backed(f: MeetingMap, q: Array) -> Array:
+    """Return the pose from which the tool has gone back along its axis; q itself if there is none.
+
+    q is the pose in which a part was met [rad], shape (n,).
+    """
+    back = _brought(f, f.arm.position(q) - _BACK * f.frame[:, 2], q)
+    return q if back is None else back
+
+
+def _brought(f: MeetingMap, place: Array, start: Array) -> Array | None:
+    """Return the pose that brings the tool to a place, from a start; None where there is none."""
+    inside, rows = f.virtual(np.array([place, np.zeros(3), np.zeros(3)]), start)
     return rows[0].copy() if inside else None
 
 
@@ -109,7 +123,7 @@ def _crosses(scene: Scene, place: Array) -> bool:
     belt = scene.belt
     if belt is None:
         return False
-    across = np.array([-np.sin(belt.direction), np.cos(belt.direction)])
+    across = np.array([-belt.along[1], belt.along[0]])
     return abs(float(across @ (place[:2] - belt.middle))) < 0.5 * belt.width + _BESIDE
 
 

@@ -116,7 +116,7 @@ class Station:
             speed: Mean speed of the belt, or largest of the hand [m/s].
         """
         if self.scene.belt is not None and self.target == "belt":
-            return drawn_ride(rng, self.place, self.scene.belt.direction, speed=speed)
+            return drawn_ride(rng, self.place, self.scene.belt.along, speed=speed)
         to = self.place + 0.03 * rng.standard_normal(3)
         return replace(drawn_reach(rng, to=to, speed=speed), orientation=self.presented)
 
@@ -134,9 +134,8 @@ class Station:
 
     def generator(self, name: str, *, rate: float = 100.0) -> Generator:
         """Return what meets things here, by name; see :func:`mitt.rivals.meeting.make_meeter`."""
-        belt, along = self.scene.belt, None
-        if belt is not None and self.target == "belt":
-            along = np.array([np.cos(belt.direction), np.sin(belt.direction), 0.0])
+        belt = self.scene.belt if self.target == "belt" else None
+        along = None if belt is None else belt.along
         return make_meeter(name, Meeting(self.map, self.settings), rate=rate, along=along)
 
 
@@ -200,7 +199,7 @@ def station(
     settings = MeetingSettings(
         low=tuple(low.tolist()), high=tuple(high.tolist()), above=_ABOVE, settle=_SETTLE[target],
         closing=takes, speed=speed, gentle=_GENTLE[target],
-        along=_along(scene) if target == "belt" else None,
+        along=tuple(scene.belt.along.tolist()) if target == "belt" and scene.belt else None,
     )  # fmt: skip
     settings = replace(settings, down=_time_down(f, settings, place, _LEAST_DOWN[target]))
     return Station(arm=arm, map=f, settings=settings, scene=scene, place=place, target=target)
@@ -223,12 +222,6 @@ def _time_down(f: MeetingMap, settings: MeetingSettings, place: Array, least: fl
         if rows is not None and max(way.shares(rows[:, :3], left[0] - left[1]).values()) <= 1.0:
             return down
     return _DOWN[-1]
-
-
-def _along(scene: Scene) -> tuple[float, float, float]:
-    """Return the direction of the scene's belt, a unit vector."""
-    turned = 0.0 if scene.belt is None else scene.belt.direction
-    return float(np.cos(turned)), float(np.sin(turned)), 0.0
 
 
 def _takes(jaw: Jaw, scene: Scene) -> float:

@@ -8,12 +8,14 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
+import numpy as np
 from pydantic import Field, field_validator
 
 from mitt import checks
 from mitt.errors import FileError, InputError, meant
 from mitt.files.schema import Settings, merged, validated
 from mitt.reading import read_toml, shipped_path
+from mitt.signals import Array
 from mitt.world.faults import FaultPlan
 
 NotNegative = Annotated[float, Field(ge=0.0)]
@@ -193,6 +195,11 @@ class Belt(Settings):
     height: Annotated[float, Field(ge=-5.0, le=5.0)] = -0.1
     length: Annotated[float, Field(gt=0.1, le=100.0)] = 6.0
     width: Annotated[float, Field(gt=0.02, le=10.0)] = 0.3
+
+    @property
+    def along(self) -> Array:
+        """Where it leads, a unit vector, shape (3,)."""
+        return np.array([np.cos(self.direction), np.sin(self.direction), 0.0])
 
 
 class Tray(Settings):

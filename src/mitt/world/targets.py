@@ -14,8 +14,14 @@ import numpy as np
 from mitt.signals import Array
 from mitt.world.flights import CATCH_FRACTION, Recording, placing
 
-#: Frequencies of a hand's tremor [Hz].
-_TREMOR = (8.0, 12.0)
+#: Frequencies of a hand's tremor [Hz], and its amplitude at most [m].
+_TREMOR, _SHAKES = (8.0, 12.0), 3e-4
+#: A reach, by choices of this project: its length [m], the most changes of mind, and the standard
+#: deviation of each, an axis [m].
+_REACH, _CHANGES, _OFF = 0.6, 3, 0.06
+#: A belt: half-width of the relative changes of its speed, and about how long before it comes by
+#: the middle a part appears [s]; choices too.
+_VARIES, _AHEAD = 0.3, 1.6
 #: Times at which a recorded motion is smoothed, the half width of the window [s], and the least
 #: number of samples in it.
 _STEP, _WINDOW, _FEWEST = 0.005, 0.05, 7
@@ -69,31 +75,24 @@ class HandReach(InHand):
         return r, dr
 
 
-def drawn_reach(
-    rng: np.random.Generator, *, to: Array, reach: float = 0.6, speed: float = 1.2,
-    changes: int = 3, off: float = 0.06, tremor: float = 3e-4,
-) -> HandReach:  # fmt: skip
+def drawn_reach(rng: np.random.Generator, *, to: Array, speed: float) -> HandReach:
     """Return a reach towards a place, with changes of mind.
 
     Args:
         rng: Source of the draw.
         to: Where it leads at first [m], shape (3,).
-        reach: Length of the way [m].
         speed: Largest speed [m/s].
-        changes: Most changes of mind, one at least.
-        off: Standard deviation of each of them, an axis [m].
-        tremor: Amplitude [m].
     """
     angle, height = rng.uniform(-0.6, 0.6), rng.uniform(-0.3, 0.3)
     along = np.array([np.cos(angle), np.sin(angle), height])
-    along *= reach / np.linalg.norm(along)
-    count = int(rng.integers(1, changes + 1))
-    first = 1.875 * reach / (speed * rng.uniform(0.6, 1.0))
+    along *= _REACH / np.linalg.norm(along)
+    count = int(rng.integers(1, _CHANGES + 1))
+    first = 1.875 * _REACH / (speed * rng.uniform(0.6, 1.0))
     begin = np.concatenate([[0.3], 0.3 + first * rng.uniform(0.3, 1.1, count)])
-    way = np.concatenate([[-along], off * rng.standard_normal((count, 3))])
+    way = np.concatenate([[-along], _OFF * rng.standard_normal((count, 3))])
     shorter = np.full(count, 0.5)
     waves = np.array([
-        tremor * rng.uniform(0.3, 1.0, 3),
+        _SHAKES * rng.uniform(0.3, 1.0, 3),
         2.0 * np.pi * rng.uniform(*_TREMOR, 3),
         rng.uniform(0.0, 2.0 * np.pi, 3),
     ])  # fmt: skip
@@ -218,25 +217,19 @@ class Ride:
         )  # fmt: skip
 
 
-def drawn_ride(
-    rng: np.random.Generator, middle: Array, direction: float, *, speed: float,
-    varies: float = 0.3, ahead: float = 1.6,
-) -> Ride:  # fmt: skip
+def drawn_ride(rng: np.random.Generator, middle: Array, along: Array, *, speed: float) -> Ride:
     """Return a ride on a belt whose speed changes on the way.
 
     Args:
         rng: Source of the draw.
         middle: Where the middle of a part comes by [m], shape (3,).
-        direction: Of the belt, from +x towards +y [rad].
+        along: Direction of the belt, a unit vector, shape (3,).
         speed: Its mean speed [m/s].
-        varies: Half-width of the relative changes of speed.
-        ahead: About how long before it comes by the middle the part appears [s].
     """
-    along = np.array([np.cos(direction), np.sin(direction), 0.0])
     across = np.array([-along[1], along[0], 0.0])
-    speeds = speed * (1.0 + varies * rng.uniform(-1.0, 1.0, 5))
+    speeds = speed * (1.0 + _VARIES * rng.uniform(-1.0, 1.0, 5))
     off = rng.uniform(-0.03, 0.03)
-    start = middle + off * across - (0.25 + ahead * speed) * along
+    start = middle + off * across - (0.25 + _AHEAD * speed) * along
     begin = np.sort(rng.uniform(0.3, 3.0, 4))
     return Ride(start=start, along=along, begin=begin, speeds=speeds, change=0.2,
                 yaw=rng.uniform(-0.05, 0.05))  # fmt: skip

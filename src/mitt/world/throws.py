@@ -20,6 +20,8 @@ NOMINAL_DRAG = 0.04
 MAX_DISTANCE = 100.0
 MAX_SPEED = 100.0
 """Bounds of a release that can be meant [m], [m/s]; beyond them a unit was confused."""
+#: Steps of Newton's method: four reach rounding error on any throw of the default range.
+_STEPS = 6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,9 +104,7 @@ def fly(r: Array, dr: Array, *, drag: float, duration: float) -> tuple[Array, Ar
     return r, dr
 
 
-def release_velocity(
-    start: Array, target: Array, *, drag: float, duration: float, iterations: int = 6
-) -> Array:
+def release_velocity(start: Array, target: Array, *, drag: float, duration: float) -> Array:
     """Find the velocity at ``start`` that carries the ball to ``target`` (shooting, Newton).
 
     Args:
@@ -112,14 +112,13 @@ def release_velocity(
         target: Point to be passed after ``duration`` [m], shape (3,).
         drag: Quadratic drag coefficient k [1/m].
         duration: Time of flight [s], positive.
-        iterations: Newton steps; four reach rounding error on any throw of the default range.
 
     Returns:
         Velocity at release [m/s], shape (3,).
     """
     dr, ends, nudge = (target - start) / duration, np.empty((7, 3)), 1e-5
     dr[2] += 0.5 * GRAVITY * duration
-    for _ in range(iterations):
+    for _ in range(_STEPS):
         _ends(start, dr, drag, duration, nudge, ends)
         slope = (ends[:3] - ends[3:6]).T / (2.0 * nudge)
         dr = dr - np.linalg.solve(slope, ends[6] - target)
