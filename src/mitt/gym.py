@@ -37,9 +37,8 @@ except ImportError:
     raise MissingPackageError("mitt.gym", "gymnasium", "gym") from None
 
 from mitt.arm.arm import Arm
-from mitt.arm.hands import HandModel
 from mitt.arm.limits import saturate
-from mitt.arm.tools import TOOLS, Jaw
+from mitt.arm.tools import TOOLS
 from mitt.catcher.catcher import Catcher
 from mitt.catcher.generators import Direct, check_arm
 from mitt.catcher.meeting import Meeting
@@ -254,8 +253,7 @@ class Environment(Driven):
         base = f or unlearned(self.arm, self._design)
         self._runner = TrialRunner(self.arm, Direct(base), self.scene, pixels=self.pixels)
         hand, self._catcher = self.arm.model.hand, self._runner.catcher()
-        closed = 1.2 * (hand.drive.closed if isinstance(hand, HandModel) else 1.0)
-        self._take(self.arm, self._runner.world, closed)
+        self._take(self.arm, self._runner.world, 1.2 * (1.0 if hand is None else hand.closed))
 
     @property
     def map(self) -> DirectMap:
@@ -451,9 +449,7 @@ class Meet(Driven):
         at = station(str(checks.path("arm", arm)), replace(TOOLS[tool], delay=delay), target, scene,
                      limits=limits)  # fmt: skip
         self._at, self.scene = at, at.scene
-        known = TOOLS[tool]
-        closed = 0.5 * known.opening if isinstance(known, Jaw) else 1.0
-        self._take(at.arm, World(at.scene, at.arm.model, limits=at.arm.limits), closed)
+        self._take(at.arm, World(at.scene, at.arm.model, limits=at.arm.limits), TOOLS[tool].closed)
         self._catcher, self._parts = self.fresh_catcher(), self._drawn_parts(0)
 
     def fresh_catcher(self) -> Catcher:

@@ -9,8 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mitt.arm.basket import Basket
+from mitt.arm.catch import FingerDrive
 from mitt.arm.description import Capsule
-from mitt.arm.hands import Closing, Finger, FingerDrive, HandModel
+from mitt.arm.hands import Closing, Finger, HandModel
 from mitt.arm.load import build_arm
 from mitt.errors import InputError, MittError
 from mitt.signals import Array

@@ -80,6 +80,7 @@ class Basket(Hand):
     restitution: float = 0.06
     force: float = 180.0
     enters: ClassVar[float] = 0.010
+    loose: ClassVar[bool] = True
 
     __repr__ = brief
 
@@ -213,6 +214,10 @@ class Basket(Hand):
     def contact_force(self, ball: CaughtBall, strike: Strike) -> float:
         """Return the force of the net [N], which gives way from whichever side the ball comes."""
         return _NET * reduced(ball.mass, strike.behind) * strike.whole
+
+    def rebound(self, palm: float) -> float:  # noqa: ARG002
+        """Return that of the net."""
+        return self.restitution
 
     def contains(self, place: Array) -> bool:
         """Say whether a ball is in the basket: its centre between ring and bottom, inside the net.

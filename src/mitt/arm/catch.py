@@ -41,6 +41,26 @@ class CaughtBall(Settings):
         return self.mass * (1.0 + self.doubt)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class FingerDrive(Settings):
+    """Servo inside the hand: full torque far from the commanded angle, PD near it.
+
+    Attributes:
+        tau_max: Torque limit [N m]; with the finger's inertia it gives the paper's 90 degrees in
+            20 ms, and it bounds the grip.
+        braking: Deceleration that the servo counts on when it nears the angle [rad/s^2].
+        settling: Time constant of the last part [s].
+        gain: Torque per error of speed [N m s/rad].
+        closed: Largest closing angle [rad].
+    """
+
+    tau_max: Annotated[float, Range(1e-6, 1e4)] = 1.75
+    braking: Annotated[float, Range(1.0, 1e7)] = 11_000.0
+    settling: Annotated[float, Range(1e-5, 1.0)] = 0.0025
+    gain: Annotated[float, Range(0.0, 1e4)] = 0.12
+    closed: Annotated[float, Range(1e-3, np.pi)] = np.pi / 2
+
+
 class ClosingPlan(NamedTuple):
     """How a hand closes on a ball; see :mod:`mitt.control.closing`."""
 

@@ -16,7 +16,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from mitt import checks
-from mitt.arm.catch import Catch, CaughtBall, ClosingPlan, Strike
+from mitt.arm.catch import Catch, CaughtBall, ClosingPlan, FingerDrive, Strike
 from mitt.errors import InputError, ModelError
 from mitt.fields import brief
 from mitt.signals import Array
@@ -95,6 +95,8 @@ class Hand(ABC):
         closes: Whether it has fingers that close on the ball; then ``closing_on`` says how.
         enters: From the first time that a ball can strike it to the catch, where nothing closes
             [s].
+        loose: Whether a ball that it holds rolls about in it.
+        pulls: Whether it pulls at what it touches once it is told to close.
     """
 
     __slots__ = ()
@@ -102,6 +104,8 @@ class Hand(ABC):
     force: float
     closes: ClassVar[bool] = False
     enters: ClassVar[float] = 0.0
+    loose: ClassVar[bool] = False
+    pulls: ClassVar[bool] = False
 
     @property
     @abstractmethod
@@ -122,6 +126,28 @@ class Hand(ABC):
     def delay(self) -> float:
         """From a command until it begins to act [s]."""
         return 0.0
+
+    @property
+    def drive(self) -> FingerDrive:
+        """Servo of each finger, where it has fingers."""
+        return FingerDrive()
+
+    @property
+    def closed(self) -> float:
+        """What it is told to close, as far as its fingers go [rad, m]; 1 where there are none."""
+        return 1.0
+
+    def fingers_at(self, told: float) -> float:
+        """Return where its fingers are that are told to close so far [rad, m]."""
+        return told
+
+    def rebound(self, palm: float) -> float:
+        """Return the share of its speed that a ball keeps in it, whose ``palm`` leaves so much."""
+        return palm
+
+    def contains(self, place: Array) -> bool:  # noqa: ARG002
+        """Say whether a ball is inside, its centre so far from the catch point [m], shape (3,)."""
+        return False
 
     @property
     def stand(self) -> float:

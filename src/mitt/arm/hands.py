@@ -30,7 +30,15 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from mitt import checks
-from mitt.arm.catch import LOST, Catch, CaughtBall, ClosingPlan, Strike, reduced
+from mitt.arm.catch import (
+    LOST,
+    Catch,
+    CaughtBall,
+    ClosingPlan,
+    FingerDrive,
+    Strike,
+    reduced,
+)
 from mitt.arm.description import Capsule, Hand, checked_inertia
 from mitt.errors import InputError
 from mitt.fields import Range, Settings, brief, check
@@ -130,26 +138,6 @@ class Finger(Settings):
             out, up = out + across, up + along
         free: Array = np.sqrt(nearest + self.offset**2) - ball_radius - self.thickness
         return free
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class FingerDrive(Settings):
-    """Servo inside the hand: full torque far from the commanded angle, PD near it.
-
-    Attributes:
-        tau_max: Torque limit [N m]; with the finger's inertia it gives the paper's 90 degrees in
-            20 ms, and it bounds the grip.
-        braking: Deceleration that the servo counts on when it nears the angle [rad/s^2].
-        settling: Time constant of the last part [s].
-        gain: Torque per error of speed [N m s/rad].
-        closed: Largest closing angle [rad].
-    """
-
-    tau_max: Annotated[float, Range(1e-6, 1e4)] = 1.75
-    braking: Annotated[float, Range(1.0, 1e7)] = 11_000.0
-    settling: Annotated[float, Range(1e-5, 1.0)] = 0.0025
-    gain: Annotated[float, Range(0.0, 1e4)] = 0.12
-    closed: Annotated[float, Range(1e-3, np.pi)] = np.pi / 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -384,6 +372,11 @@ class HandModel(Hand):
             ball_radius: Radius of the ball [m]; 0 N where the fingers do not reach it.
         """
         return _pressing(self, ball_radius)[1]
+
+    @property
+    def closed(self) -> float:
+        """Angle of its closed fingers [rad]."""
+        return self.drive.closed
 
     @property
     def finger_mass(self) -> float:

@@ -17,9 +17,17 @@ from typing import Annotated, ClassVar, Final
 
 import numpy as np
 
-from mitt.arm.catch import LOST, Catch, CaughtBall, ClosingPlan, Strike, reduced
+from mitt.arm.catch import (
+    LOST,
+    Catch,
+    CaughtBall,
+    ClosingPlan,
+    FingerDrive,
+    Strike,
+    reduced,
+)
 from mitt.arm.description import Capsule, Hand
-from mitt.arm.hands import FingerDrive, rate
+from mitt.arm.hands import rate
 from mitt.fields import Range, Settings
 from mitt.signals import Array
 
@@ -27,14 +35,30 @@ from mitt.signals import Array
 _JERKY = 50.0
 
 
-def _block(mass: float, width: float, length: float) -> Array:
-    """Return the inertia of a square block along z [kg m^2], shape (3, 3)."""
-    across = mass * (width**2 + length**2) / 12.0
-    return np.diag([across, across, mass * width**2 / 6.0])
+class Gripper(Hand, Settings):
+    """What takes a thing that rests or moves slowly: a block on the plate, as long as it is."""
+
+    __slots__ = ()
+    closes: ClassVar[bool] = True
+    across: ClassVar[float]
+    """Width of the block that weighs as much and turns as hard [m]."""
+    length: float
+    """From the plate to its end [m]."""
+
+    @property
+    def com(self) -> float:
+        """Height of the centre of mass above the plate [m]."""
+        return 0.4 * self.length
+
+    @property
+    def inertia(self) -> Array:
+        """Inertia about it [kg m^2], shape (3, 3)."""
+        across = self.mass * (self.across**2 + self.length**2) / 12.0
+        return np.diag([across, across, self.mass * self.across**2 / 6.0])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Suction(Hand, Settings):
+class Suction(Gripper):
     """A suction cup on a tube; its bellows give way along the tube.
 
     Attributes:
@@ -60,17 +84,12 @@ class Suction(Hand, Settings):
     half: Annotated[float, Range(0.001, 0.5)] = 0.02
     delay: Annotated[float, Range(0.0, 5.0)] = 0.05
     force: Annotated[float, Range(1e-3, inf)] = 150.0
-    closes: ClassVar[bool] = True
+    across: ClassVar[float] = 0.06
+    pulls: ClassVar[bool] = True
 
-    @property
-    def com(self) -> float:
-        """Height of the centre of mass above the plate [m]."""
-        return 0.4 * self.length
-
-    @property
-    def inertia(self) -> Array:
-        """Inertia about it [kg m^2], shape (3, 3)."""
-        return _block(self.mass, 0.06, self.length)
+    def fingers_at(self, told: float) -> float:  # noqa: ARG002
+        """Return that the bellows are out: nothing closes."""
+        return 0.0
 
     @property
     def catch_offset(self) -> float:
@@ -111,7 +130,7 @@ class Suction(Hand, Settings):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Jaw(Hand, Settings):
+class Jaw(Gripper):
     """A jaw of two fingers that move along the plate's x axis, one towards the other.
 
     Attributes:
@@ -139,17 +158,16 @@ class Jaw(Hand, Settings):
     deep: Annotated[float, Range(0.0, 0.2)] = 0.012
     delay: Annotated[float, Range(0.0, 5.0)] = 0.05
     force: Annotated[float, Range(1e-3, inf)] = 235.0
-    closes: ClassVar[bool] = True
+    across: ClassVar[float] = 0.1
 
     @property
-    def com(self) -> float:
-        """Height of the centre of mass above the plate [m]."""
-        return 0.4 * self.length
+    def closed(self) -> float:
+        """Way of each finger [m]."""
+        return 0.5 * self.opening
 
-    @property
-    def inertia(self) -> Array:
-        """Inertia about it [kg m^2], shape (3, 3)."""
-        return _block(self.mass, 0.1, self.length)
+    def fingers_at(self, told: float) -> float:
+        """Return how far each finger has moved [m]."""
+        return min(told, self.closed)
 
     @property
     def catch_offset(self) -> float:
@@ -168,8 +186,8 @@ class Jaw(Hand, Settings):
 
     def closing_on(self, radius: float, restitution: float, aside: Array) -> ClosingPlan:  # noqa: ARG002
         """Return how it grasps a part whose half width is ``radius``: by its delay and speed."""
-        profile = np.array([_JERKY, self.speed, self.speed, 0.0, 0.5 * self.opening])
-        takes = self.delay + max(0.5 * self.opening - radius, 0.0) / self.speed + 0.03
+        profile = np.array([_JERKY, self.speed, self.speed, 0.0, self.closed])
+        takes = self.delay + max(self.closed - radius, 0.0) / self.speed + 0.03
         return ClosingPlan(profile, 0.0, 0.0, 0.0, inf, 0.0, np.full(len(aside), takes))
 
     def shares(self, catch: Catch) -> dict[str, float]:

@@ -42,7 +42,7 @@ from mitt.world.scene import Scene
 #: Time between two lines on what is waited for [s].
 _LINES = 5.0
 #: Numbers of the live table, in this order.
-SHOWN = ("mode", "rate", "age_us", "late", "lost", "throws", "caught", "told")
+SHOWN = ("mode", "rate", "age_us", "late", "lost", "throws", "taken", "told", "placed")
 STATES = tuple(mode.value for mode in Mode)
 """What the first of them counts, in words."""
 #: Room for the line of the live table on what is odd [bytes].
@@ -293,7 +293,7 @@ class Session:
         self.shown[:] = [
             STATES.index(loop.mode.value), counts.ticks / passed, 1e6 * loop.age, counts.late,
             counts.lost, counts.throws, self._told["caught"] + self._told["met"],
-            sum(self._told[end] for end in _ENDS),
+            sum(self._told[end] for end in _ENDS), self._told["placed"],
         ]  # fmt: skip
         self.words.value = self._odd.encode()[: _WORDS - 1]
 

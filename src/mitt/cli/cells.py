@@ -1,6 +1,7 @@
 """``mitt run`` and ``mitt sim``: catch with the robot of a cell; be that cell in simulation."""
 
 import re
+from collections.abc import Mapping
 from contextlib import AbstractContextManager, closing, nullcontext
 from typing import Any
 
@@ -61,7 +62,8 @@ def run(options: RunOptions) -> int:
     f = map_of(prepared)
     rehearse(prepared, f)
     person, shown, said = Person(yes=options.yes), numbers(), words()
-    drawn = nullcontext() if options.json else live_table(shown, said, STATES)
+    counted = ("throws", "caught") if prepared.cell.task is None else ("parts", "met", "placed")
+    drawn = nullcontext() if options.json else live_table(shown, said, STATES, counted)
     in_time = nullcontext("no real time") if simulated else hurried()
     session: Session | None = None
     try:
@@ -87,12 +89,17 @@ def _show_session(session: Session, *, json: bool) -> None:
     if json:
         print_json(summary)
     else:
-        said = {name.replace("_", " "): _value_in_words(value) for name, value in summary.items()
+        said = {_named(name, summary): _value_in_words(value) for name, value in summary.items()
                 if name not in ("schema", "command_age_us", "force_n", "clock")}  # fmt: skip
         force = summary["force_n"]
         pressed = "not measured" if force is None else spread_words(force)
         words = [f"{name} {value}" for name, value in said.items()]
         show(", ".join([*words, f"contact force {pressed}"]), session.clock)
+
+
+def _named(name: str, said: Mapping[str, object]) -> str:
+    """Return what a person calls a figure of a summary: what comes to a cell of parts is parts."""
+    return "parts" if name == "throws" and "met" in said else name.replace("_", " ")
 
 
 def _value_in_words(value: object) -> str:
@@ -162,12 +169,13 @@ def sim(options: SimOptions) -> int:
 
 
 def _in_words(said: dict[str, Any]) -> str:
-    """Return what was thrown and what became of it as a line for a person."""
+    """Return what came and what became of it as a line for a person."""
     ages = said.get("command_age_us")
     ends = [f"{said[name]} {name}"
             for name in ("caught", "dropped", "met", "placed", "slipped", "missed", "aborted")
             if said.get(name)]  # fmt: skip
-    parts = [f"{said['cell']}, seed {said['seed']}: {said['throws']} throws", *ends]
+    come = f"{said['throws']} {_named('throws', said)}"
+    parts = [f"{said['cell']}, seed {said['seed']}: {come}", *ends]
     if said.get("force_n"):
         parts.append(f"contact force {spread_words(said['force_n'])}")
     if "limit_violations" in said:

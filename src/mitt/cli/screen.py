@@ -252,18 +252,26 @@ class _Table(Table):
 
 
 @contextmanager
-def live_table(shown: Any, said: Any, states: Sequence[str]) -> Iterator[None]:  # noqa: ANN401
+def live_table(
+    shown: Any,  # noqa: ANN401
+    said: Any,  # noqa: ANN401
+    states: Sequence[str],
+    counted: Sequence[str],
+) -> Iterator[None]:
     """Show the numbers of a session on stderr while it runs, where that is a terminal.
 
     Args:
         shown: Shared memory of as many numbers as :data:`mitt.cell.session.SHOWN` has.
         said: Shared memory of what is odd, in words.
         states: What the first of the numbers counts, in words.
+        counted: What comes, what becomes of it and what of that, in words, as of :func:`picture`.
     """
     if not sys.stderr.isatty():
         yield
         return
-    drawer = get_context("spawn").Process(target=_draw, args=(shown, said, states), daemon=True)
+    drawer = get_context("spawn").Process(
+        target=_draw, args=(shown, said, states, counted), daemon=True
+    )
     drawer.start()
     try:
         yield
@@ -272,26 +280,29 @@ def live_table(shown: Any, said: Any, states: Sequence[str]) -> Iterator[None]: 
         drawer.join()
 
 
-def _draw(shown: Any, said: Any, states: Sequence[str]) -> None:  # noqa: ANN401
+def _draw(shown: Any, said: Any, states: Sequence[str], counted: Sequence[str]) -> None:  # noqa: ANN401
     """Draw, four times a second, until ended."""
     end_with_parent()
     pause = Event()
     with Live(console=Console(stderr=True), auto_refresh=False, transient=True) as live:
         while True:
             odd = said.value.decode(errors="replace")
-            live.update(picture(list(shown), states, odd), refresh=True)
+            live.update(picture(list(shown), states, counted, odd), refresh=True)
             pause.wait(0.25)
 
 
-def picture(numbers: list[float], states: Sequence[str], odd: str = "") -> Table:
+def picture(
+    numbers: list[float], states: Sequence[str], counted: Sequence[str], odd: str = ""
+) -> Table:
     """Return the table of some numbers, in the order of :data:`mitt.cell.session.SHOWN`.
 
     Args:
         numbers: The numbers.
         states: What the first of them counts, in words.
+        counted: What comes and what becomes of it: throws, caught; or parts, met, placed.
         odd: What is odd in what the robot and the ball's source send; nothing if nothing is.
     """
-    mode, rate, age, late, lost, throws, caught, told = numbers
+    mode, rate, age, late, lost, come, taken, told, placed = numbers
     table = Table(show_header=False, title="mitt run", title_justify="left")
     rows = {
         "state": states[int(mode)],
@@ -299,8 +310,9 @@ def picture(numbers: list[float], states: Sequence[str], odd: str = "") -> Table
         "reading to command": f"{age:.0f} us",
         "late readings": f"{late:.0f}",
         "lost readings": f"{lost:.0f}",
-        "throws": f"{throws:.0f}",
-        "caught": f"{caught:.0f} of {told:.0f}" if told else "unknown",
+        counted[0]: f"{come:.0f}",
+        counted[1]: f"{taken:.0f} of {told:.0f}" if told else "unknown",
+        **dict.fromkeys(counted[2:], f"{placed:.0f}" if told else "unknown"),
         **({"odd": odd} if odd else {}),
     }
     for name, value in rows.items():

@@ -16,7 +16,6 @@ from typing import final
 import numpy as np
 
 from mitt.arm.arm import Arm
-from mitt.arm.basket import Basket
 from mitt.arm.dynamics import solve_positive
 from mitt.arm.kinematics import joint_records, tip_motion
 from mitt.ball.motion_models import LOOSE
@@ -271,7 +270,7 @@ def caught_offset(arm: Arm, of: Catch) -> ClockOffset:
     read, seen = np.isfinite(of.q).all(axis=1), np.isfinite(of.seen).all(axis=1)
     use = seen & (of.t_seen >= of.t_brake + SETTLES) & (of.t_seen <= of.t_rest)
     count = int(np.sum(use))
-    if isinstance(arm.model.hand, Basket):
+    if arm.model.hand is not None and arm.model.hand.loose:
         return ClockOffset(count=count, unknown="a ball rolls about in a basket")
     if count < FEWEST or np.sum(read) < FEWEST:
         return ClockOffset(count=count, unknown=_UNSEEN)

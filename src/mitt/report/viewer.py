@@ -15,7 +15,6 @@ from typing import Any, final
 import mujoco
 import numpy as np
 
-from mitt.arm.tools import Jaw, Suction
 from mitt.ball.flight import advance, forecast
 from mitt.catcher.settings import BRAKE, PHASES
 from mitt.catcher.state import REASONS, STATES
@@ -180,18 +179,11 @@ class Stage:
     def _place(self, row: np.void) -> None:
         """Place arm, fingers and ball."""
         qpos, n = self._data.qpos, self._n
-        q = np.nan_to_num(row["q"])
-        qpos[:n], qpos[n : self._free] = q, self._closing(float(row["hand"]))
+        q, hand, told = np.nan_to_num(row["q"]), self._arm.model.hand, float(row["hand"])
+        qpos[:n], qpos[n : self._free] = q, told if hand is None else hand.fingers_at(told)
         r = self._arm.position(q) if self._carries(row) else row["ball"][:3]
         qpos[self._free : self._free + 7] = (*r, 1.0, 0.0, 0.0, 0.0)
         place(self._bodies, self._model, self._data)
-
-    def _closing(self, hand: float) -> float:
-        """Return where the fingers are by what they are told; a cup has none."""
-        tool = self._arm.model.hand
-        if isinstance(tool, Jaw):
-            return min(hand, 0.5 * tool.opening)
-        return 0.0 if isinstance(tool, Suction) else hand
 
     def _carries(self, row: np.void) -> bool:
         """Say whether the tool holds the part, as far as the catcher knows."""

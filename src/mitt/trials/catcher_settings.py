@@ -6,7 +6,6 @@ from math import pi, sqrt
 import numpy as np
 
 from mitt.arm.arm import Arm
-from mitt.arm.basket import Basket
 from mitt.arm.shapes import Surroundings
 from mitt.arm.tools import Paddle
 from mitt.ball.filter import FilterConfig
@@ -108,9 +107,5 @@ def _rebound_of(arm: Arm, scene: Scene) -> float:
     """Return what share of its speed the scene's ball keeps in a hand."""
     if isinstance(arm.model.hand, Paddle):
         return restitution_on(scene, arm.model.hand)
-    return rebound(arm, restitution_of(scene) or _SOFT)
-
-
-def rebound(arm: Arm, palm: float) -> float:
-    """Return what share of its speed a ball keeps in a hand: its ``palm``'s, or that of a net."""
-    return arm.model.hand.restitution if isinstance(arm.model.hand, Basket) else palm
+    palm = restitution_of(scene) or _SOFT
+    return palm if arm.model.hand is None else arm.model.hand.rebound(palm)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitt.arm.arm import Arm, Tables
-from mitt.arm.basket import Basket
+from mitt.arm.description import Hand
 from mitt.arm.dynamics import bias_and_mass, slopes_work, solve_positive
 from mitt.catcher.settings import Phase
 from mitt.catcher.state import Result
@@ -197,19 +197,20 @@ def stop_as_json(stopped_by: StoppedBy | None) -> dict[str, Plain] | None:
 
 def was_held(arm: Arm, world: World) -> bool:
     """Say whether the ball is held at the end of a trial, by the rule for the arm's hand."""
-    if isinstance(arm.model.hand, Basket):
-        return lies_in(arm, arm.model.hand, world.trace())
+    hand = arm.model.hand
+    if hand is not None and hand.loose:
+        return lies_in(arm, hand, world.trace())
     return held(world.truth(), world.radius)
 
 
-def lies_in(arm: Arm, basket: Basket, truth: Trace) -> bool:
-    """Say whether the ball lies in a basket: inside at each tick at the end, and touched in them.
+def lies_in(arm: Arm, hand: Hand, truth: Trace) -> bool:
+    """Say whether the ball lies in a hand: inside at each tick at the end, and touched in them.
 
     A ball that rolls about in a net touches it now and then.
     """
     rows = slice(-min(LYING, len(truth.t)), None)
     places = zip(truth.q[rows], truth.r_o[rows] - truth.position[rows], strict=True)
-    inside = all(basket.contains(arm.orientation(q).T @ away) for q, away in places)
+    inside = all(hand.contains(arm.orientation(q).T @ away) for q, away in places)
     return inside and bool(np.any(truth.seen[rows] & BALL_HAND))
 
 

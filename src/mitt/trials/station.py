@@ -194,11 +194,10 @@ def station(
         scene = scene.model_copy(update={"belt": belt})
     arm = Arm(replace(raw.model, q_ready=q), raw.limits)
     low, high = place - room - 0.02, place + room + 0.02
-    takes = tool.delay if isinstance(tool, Suction) else _takes(tool, scene)
     f = unlearned_meeting(arm, free, frame=frame, coupling=coupling)
     settings = MeetingSettings(
         low=tuple(low.tolist()), high=tuple(high.tolist()), above=_ABOVE, settle=_SETTLE[target],
-        closing=takes, speed=speed, gentle=_GENTLE[target],
+        closing=_takes(tool, scene), speed=speed, gentle=_GENTLE[target],
         along=tuple(scene.belt.along.tolist()) if target == "belt" and scene.belt else None,
     )  # fmt: skip
     settings = replace(settings, down=_time_down(f, settings, place, _LEAST_DOWN[target]))
@@ -224,10 +223,10 @@ def _time_down(f: MeetingMap, settings: MeetingSettings, place: Array, least: fl
     return _DOWN[-1]
 
 
-def _takes(jaw: Jaw, scene: Scene) -> float:
-    """Return the time that a jaw takes to close on the scene's part [s]."""
+def _takes(tool: Suction | Jaw, scene: Scene) -> float:
+    """Return the time that a tool takes to close on the scene's part [s]."""
     sides = scene.ball.sides or (0.05,) * 3
-    return float(jaw.closing_on(0.5 * sides[0], 0.0, np.zeros(1)).takes[0])
+    return float(tool.closing_on(0.5 * sides[0], 0.0, np.zeros(1)).takes[0])
 
 
 def _raw(

@@ -20,12 +20,10 @@ from math import sqrt
 import mujoco
 import numpy as np
 
-from mitt.arm.basket import Basket
 from mitt.arm.description import ArmModel
-from mitt.arm.hands import HandModel
 from mitt.arm.plant import add_arm
 from mitt.arm.shapes import LEAST_GAP
-from mitt.arm.tools import Jaw, Paddle, Suction
+from mitt.arm.tools import Paddle
 from mitt.errors import ModelError
 from mitt.signals import TICK, Array
 from mitt.world.engine import stop_clocks
@@ -37,11 +35,7 @@ from mitt.world.hand_bodies import (
     HAND,
     SMALL_PARTS,
     STIFF,
-    add_basket,
-    add_hand,
-    add_jaw,
-    add_paddle,
-    add_suction,
+    add_tool,
 )
 from mitt.world.scene import Belt, Material, Scene, Tray
 
@@ -165,17 +159,7 @@ def describe(scene: Scene, arm: ArmModel) -> tuple[mujoco.MjSpec, int]:
             geom.contype, geom.conaffinity, geom.solref = ARM, ARM | HAND | FLOOR, STIFF
     for joint in spec.joints:
         joint.solref_limit = STIFF
-    fingers: tuple[str, ...] = ()
-    if isinstance(arm.hand, Basket):
-        add_basket(plate, arm.hand)
-    elif isinstance(arm.hand, HandModel):
-        fingers = add_hand(spec, plate, arm.hand)
-    elif isinstance(arm.hand, Suction):
-        fingers = add_suction(spec, plate, arm.hand)
-    elif isinstance(arm.hand, Jaw):
-        fingers = add_jaw(spec, plate, arm.hand)
-    elif isinstance(arm.hand, Paddle):
-        add_paddle(plate, arm.hand)
+    fingers = add_tool(spec, plate, arm.hand)
     _add_ball(spec, scene)
     if isinstance(arm.hand, Paddle):
         _add_rubber(spec, scene, arm.hand)

@@ -24,8 +24,8 @@ from typing import NamedTuple, final
 import numpy as np
 
 from mitt.arm.arm import Arm
+from mitt.arm.catch import FingerDrive
 from mitt.arm.description import ArmModel
-from mitt.arm.hands import FingerDrive
 from mitt.arm.limits import Limits, joint_level
 from mitt.control.setpoints import Setpoints
 from mitt.errors import InputError
@@ -61,7 +61,7 @@ class Drives(NamedTuple):
 
 
 class FingerServo(NamedTuple):
-    """The servo of a finger: the numbers of :class:`mitt.arm.hands.FingerDrive`."""
+    """The servo of a finger: the numbers of :class:`mitt.arm.catch.FingerDrive`."""
 
     tau_max: float
     braking: float

@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 from mitt.arm.basket import Basket
-from mitt.arm.description import checked_inertia, rotation, steiner
+from mitt.arm.description import Hand, checked_inertia, rotation, steiner
 from mitt.arm.hands import Finger, HandModel
 from mitt.arm.tools import Jaw, Paddle, Suction
 from mitt.errors import ModelError
@@ -39,6 +39,22 @@ NET_FRICTION = (0.5, 0.01, 1e-4)
 SMALL_PARTS = ("finger", "rim", "cord")
 
 _PALM, _METAL, _CORD = (0.17, 0.18, 0.21, 1.0), (0.72, 0.74, 0.78, 1.0), (0.93, 0.93, 0.90, 1.0)
+
+
+def add_tool(spec: mujoco.MjSpec, plate: mujoco.MjsBody, hand: Hand) -> tuple[str, ...]:
+    """Add what an arm carries to its tool plate; return the names of its fingers' joints."""
+    match hand:
+        case HandModel():
+            return add_hand(spec, plate, hand)
+        case Suction():
+            return add_suction(spec, plate, hand)
+        case Jaw():
+            return add_jaw(spec, plate, hand)
+        case Basket():
+            add_basket(plate, hand)
+        case Paddle():
+            add_paddle(plate, hand)
+    return ()
 
 
 def add_hand(spec: mujoco.MjSpec, plate: mujoco.MjsBody, hand: HandModel) -> tuple[str, ...]:

@@ -10,9 +10,7 @@ import numpy as np
 
 from mitt import checks
 from mitt.arm.description import ArmModel
-from mitt.arm.hands import FingerDrive, HandModel
 from mitt.arm.limits import Limits
-from mitt.arm.tools import Jaw, Suction
 from mitt.errors import InputError
 from mitt.signals import GRAVITY, TICK, Array, Command, Frame, Senses
 from mitt.world.build import Drawn, PlantDraw, build_scene
@@ -99,10 +97,9 @@ class World:
         self._draw = PlantDraw(scene, self._built)
         self._n, self._f = self._built.joints, self._built.fingers
         hand = arm.hand
-        drive = hand.drive if isinstance(hand, HandModel | Jaw | Suction) else FingerDrive()
-        self._fingers = finger_servo(drive)
-        self._delay = 0 if hand is None else round(hand.delay / TICK)
-        self._pulls = isinstance(hand, Suction)
+        assert hand is not None  # no scene is built without one
+        self._fingers = finger_servo(hand.drive)
+        self._delay, self._pulls = round(hand.delay / TICK), hand.pulls
         self._waiting: deque[float] = deque()
         self._ride: Ride | None = None
         self._giver: Giver | None = None
