@@ -1,6 +1,7 @@
-"""Catching and meeting as Gymnasium environments: ``mitt/Catch-v0``, ``mitt/CatchPixels-v0``.
+"""Tasks as Gymnasium environments: ``mitt/Catch-v0``, ``mitt/CatchPixels-v0``.
 
-Parts on a belt, or in a hand, are met in ``mitt/Meet-v0``, with keywords of its own: :class:`Meet`.
+Parts on a belt, or in a hand, are met in ``mitt/Meet-v0``, and balls hit back in ``mitt/Bat-v0``,
+with keywords of their own: :class:`Meet`, :class:`Bat`.
 
     import gymnasium, mitt.gym
     env = gymnasium.make("mitt/Catch-v0", scene="lab", action="residual", map="MAP.json")
@@ -52,6 +53,8 @@ from mitt.map.mapping import DirectMap, unlearned
 from mitt.report.painter import Faces, painted
 from mitt.report.pictures import body_faces, placed
 from mitt.signals import TICK, Array, Command, Frame, Senses
+from mitt.trials.bat_station import TARGET, BatStation, bat_station
+from mitt.trials.batting import batted, hit_of
 from mitt.trials.learning import learn
 from mitt.trials.runner import LONGEST, TrialRunner
 from mitt.trials.score import (
@@ -69,7 +72,7 @@ from mitt.world.scene import Scene, scene_from, scene_of
 from mitt.world.simulation import World
 from mitt.world.throws import ThrowRanges, default_throw
 
-__all__ = ["Catch", "CatchPixels", "Environment", "Meet", "map_policy"]
+__all__ = ["Bat", "Catch", "CatchPixels", "Environment", "Meet", "map_policy"]
 
 Observation: TypeAlias = Any
 Numbers: TypeAlias = NDArray[np.float32]
@@ -84,6 +87,9 @@ _HELD, _TOUCH, _DISTANCE, _EFFORT = 10.0, 1.0, 1.0, 0.05
 #: The same per second and m/s of difference in velocity, for a part that is to be met; time after
 #: which a part has not been taken [s].
 _SLIP, _LATE = 0.5, 10.0
+#: Miss at which the reward of a hit is half of its largest [m]; for how long the path of a ball is
+#: known, and the time between two of its places [s].
+_HALF, _FLIES, _STRIDE = 0.25, 2.0, 0.01
 
 
 class Driven(gymnasium.Env[Observation, Numbers]):
@@ -135,7 +141,8 @@ class Driven(gymnasium.Env[Observation, Numbers]):
         n, tau = self.arm.n, np.zeros((4, self.arm.n))
         if senses is None or not self.residual:
             tau[3] = self._within(given[:n] * self.arm.tau_max)
-            return Command(self.world.t, tau, self._closing(given[n]))
+            hand = self._closing(given[n]) if len(given) > n else 0.0
+            return Command(self.world.t, tau, hand)
         command = self._catcher.step(senses)
         if self._catcher.stopped_by is not None:
             self.world.watch_on()
@@ -145,6 +152,38 @@ class Driven(gymnasium.Env[Observation, Numbers]):
         joints = command.joints.copy()
         joints[3] = self._within(joints[3] + _RESIDUAL * given * self.arm.tau_max)
         return command._replace(joints=joints)
+
+    def _seeded(self, seed: int | None, options: dict[str, Any] | None) -> None:
+        """Take the seed of an episode."""
+        seed = None if seed is None else checks.whole("seed", seed, least=0)
+        if options is not None:
+            checks.instance("options", options, dict)
+        super().reset(seed=seed, options=options)
+
+    def _acted(self, action: Numbers, over: Callable[[], bool]) -> tuple[Array, float, bool]:
+        """Act for some milliseconds; return the last torque, how long it took, whether it is over.
+
+        What is seen are points.
+        """
+        given = checks.array("action", action, self.action_space.shape or (), finite=True)
+        given, world, ended = np.clip(given, -1.0, 1.0), self.world, False
+        self.senses, begun = [], world.t
+        for _ in range(self.ticks):
+            senses = None
+            if self.residual or self.watched:
+                senses = world.sense(look=not self.residual or self._catcher.looking)
+                self.senses.append(senses)
+            command = self._command(senses, given)
+            world.apply(command)
+            ended = over()
+            if ended:
+                break
+        return command.tau, world.t - begun, ended
+
+    def _cost(self, away: float, tau: Array) -> float:
+        """Return what a second costs at a distance [m] and a torque [N m]."""
+        effort = tau / self.arm.tau_max
+        return _DISTANCE * min(away, 2.0) + _EFFORT * float(effort @ effort) / len(effort)
 
     def _closing(self, given: float) -> float:
         """Return how far the hand is told to close."""
@@ -173,7 +212,7 @@ class Driven(gymnasium.Env[Observation, Numbers]):
         hand = checks.number("hand", hand, finite=True)
         shares = [*(tau / self.arm.tau_max), 2.0 * hand / self._closed - 1.0]
         out: Numbers = np.clip(shares, -1.0, 1.0).astype(np.float32)
-        return out
+        return out[: spaces.flatdim(self.action_space)]
 
     def _within(self, tau: Array) -> Array:
         """Return torques as the drives can give them at the joints' speeds."""
@@ -277,10 +316,7 @@ class Environment(Driven):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
         """Throw another ball; the same seed throws the same one."""
-        seed = None if seed is None else checks.whole("seed", seed, least=0)
-        if options is not None:
-            checks.instance("options", options, dict)
-        super().reset(seed=seed, options=options)
+        self._seeded(seed, options)
         ball = default_throw(self.np_random, self._aim, self._ranges)
         self._catcher = self._runner.release(ball, seed=int(self.np_random.integers(2**62)))
         self._touched, self.senses = False, []
@@ -333,9 +369,8 @@ class Environment(Driven):
 
     def _reward(self, tau: Array, dt: float) -> float:
         """Return the reward of an action that took ``dt`` [s] and ended with a torque [N m]."""
-        gap, effort = self.thing()[0] - self.world.catch_point, tau / self.arm.tau_max
-        cost = _DISTANCE * min(float(np.sqrt(gap @ gap)), 2.0)
-        cost += _EFFORT * float(effort @ effort) / len(effort)
+        gap = self.thing()[0] - self.world.catch_point
+        cost = self._cost(float(np.sqrt(gap @ gap)), tau)
         touch = None if self._touched else self.world.first_contact
         self._touched = self._touched or touch is not None
         gain = 0.0 if touch is None else _TOUCH / (1.0 + touch.velocity_error)
@@ -470,10 +505,7 @@ class Meet(Driven):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
         """Bring another part; the same seed brings the same one."""
-        seed = None if seed is None else checks.whole("seed", seed, least=0)
-        if options is not None:
-            checks.instance("options", options, dict)
-        super().reset(seed=seed, options=options)
+        self._seeded(seed, options)
         self._parts = self._drawn_parts(int(self.np_random.integers(2**31)))
         self.world.reset(self._parts.bring(0), self._parts.seed(0))
         self._catcher, self._touched, self.senses = self.fresh_catcher(), False, []
@@ -481,20 +513,11 @@ class Meet(Driven):
 
     def step(self, action: Numbers) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Act for some milliseconds."""
-        given = checks.array("action", action, self.action_space.shape or (), finite=True)
-        given, world, over = np.clip(given, -1.0, 1.0), self.world, False
-        self.senses, begun = [], world.t
-        for _ in range(self.ticks):
-            senses = None
-            if self.residual or self.watched:
-                senses = world.sense(look=not self.residual or self._catcher.looking)
-                self.senses.append(senses)
-            command = self._command(senses, given)
-            world.apply(command)
-            over = self._parts.over(world, world.truth(), ready=True) or self._parts.held
-            if over:
-                break
-        reward = self._reward(command.tau, world.t - begun)
+        world, parts = self.world, self._parts
+        tau, lasts, over = self._acted(
+            action, lambda: parts.over(world, world.truth(), ready=True) or parts.held
+        )
+        reward = self._reward(tau, lasts)
         late = not over and world.t >= _LATE
         info = self._ended() if over or late else {}
         reward += _HELD if info.get("status") == "met" else 0.0
@@ -502,12 +525,10 @@ class Meet(Driven):
 
     def _reward(self, tau: Array, dt: float) -> float:
         """Return the reward of an action that took ``dt`` [s] and ended with a torque [N m]."""
-        world, effort = self.world, tau / self.arm.tau_max
-        r, dr = self.thing()
+        world, (r, dr) = self.world, self.thing()
         q, dq = world.data.qpos[: self.arm.n], world.data.qvel[: self.arm.n]
-        away = min(float(np.linalg.norm(r - world.catch_point)), 2.0)
         slip = min(float(np.linalg.norm(dr - self.arm.jacobian(q) @ dq)), 2.0)
-        cost = _DISTANCE * away + _SLIP * slip + _EFFORT * float(effort @ effort) / len(effort)
+        cost = self._cost(float(np.linalg.norm(r - world.catch_point)), tau) + _SLIP * slip
         touch = None if self._touched else world.first_contact
         self._touched = self._touched or touch is not None
         gain = 0.0 if touch is None else _TOUCH / (1.0 + touch.velocity_error)
@@ -529,6 +550,111 @@ class Meet(Driven):
 
     def _space(self) -> spaces.Space[Any]:
         """Return a box: joints, then the part."""
+        return self.whole_space()
+
+
+@final
+class Bat(Driven):
+    """``mitt/Bat-v0``: joints, and the true position and velocity of a ball to be hit back."""
+
+    def __init__(
+        self,
+        *,
+        render_mode: str | None = None,
+        arm: str = "wam",
+        limits: str | None = None,
+        target: tuple[float, float, float] = TARGET,
+        action: Literal["torque", "residual"] = "torque",
+        ticks: int = 5,
+        scene: Scene | str | Path | None = None,
+    ) -> None:
+        """Build the arm, its paddle and their world.
+
+        Args:
+            render_mode: As of Gymnasium.
+            arm: Name of an arm that has a stance.
+            limits: Its limit set; its own if left out.
+            target: Where balls are to go [m].
+            action: As of :mod:`mitt.gym`.
+            ticks: Milliseconds that an action lasts.
+            scene: The world; ``lab`` if left out.
+        """
+        self._set_up(render_mode, scene_from(scene), action, ticks)
+        self._name, self._learned = checks.text("arm", arm), action == "residual"
+        self._limits = None if limits is None else checks.text("limits", limits)
+        self._target = checks.vector("target", target, 3, finite=True)
+        self._at = self._station()
+        at = self._at
+        self._take(at.arm, World(at.scene, at.arm.model, limits=at.arm.limits), 1.0)
+        self.action_space = spaces.Box(-1.0, 1.0, (at.arm.n,), np.float32)
+        self._path, self._times = np.zeros((1, 3)), np.zeros(1)
+        self._catcher = Catcher(at.arm, at.batting, settings=at.catcher)
+
+    def _station(self) -> BatStation:
+        """Return the arm where it bats."""
+        return bat_station(self._name, scene=self.scene, target=self._target, limits=self._limits,
+                           learns=self._learned)  # fmt: skip
+
+    def fresh_catcher(self) -> Catcher:
+        """Return a catcher that strikes by the map, which is learned if it was not yet."""
+        if not self._learned:
+            self._learned = True
+            self._at = self._station()
+        return Catcher(self.arm, self._at.batting, settings=self._at.catcher)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Throw another ball; the same seed throws the same one."""
+        self._seeded(seed, options)
+        source = source_of(self.arm, seed=0, count=1, drag=self.scene.ball.drag)
+        ranges = source.ranges or ThrowRanges()
+        ball = default_throw(self.np_random, source.aim, replace(ranges, drag=source.drag))
+        self.world.reset(ball, int(self.np_random.integers(2**31)))
+        flight = self.world.flight
+        self._times = np.arange(0.0, _FLIES, _STRIDE)
+        self._path = np.array([flight(t)[0] for t in self._times.tolist()])
+        self._touched, self.senses = False, []
+        if self.residual:
+            self._catcher = self.fresh_catcher()
+        return self.whole(), {}
+
+    def step(self, action: Numbers) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Act for some milliseconds."""
+        world, target = self.world, self._at.target
+        tau, lasts, over = self._acted(action, lambda: batted(world, target))
+        reward = -lasts * self._cost(self._away(), tau)
+        late = over and world.first_contact is None and not world.truth().ball_on_floor
+        touch = None if self._touched else world.first_contact
+        self._touched = self._touched or touch is not None
+        reward += 0.0 if touch is None else _TOUCH
+        info = self._ended() if over else {}
+        reward += _HELD / (1.0 + info["miss_m"] / _HALF) if "miss_m" in info else 0.0
+        return self.whole(), reward, over and not late, late, info
+
+    def _away(self) -> float:
+        """Return how far the paddle is from where the ball will pass [m]; 0 after the contact."""
+        ahead = self._path[self._times >= self.world.t]
+        if self.world.first_contact is not None or not len(ahead):
+            return 0.0
+        return float(np.linalg.norm(ahead - self.world.catch_point, axis=1).min())
+
+    def _ended(self) -> dict[str, Any]:
+        """Return what became of the ball."""
+        hit = hit_of(self.arm, self.world, self._at.target)
+        stopped = self.residual and self._catcher.phase is Phase.STOPPED
+        done = hit is not None and hit.returned
+        passed = {} if hit is None or not done else {
+            "miss_m": hit.miss, "return_speed_m_s": hit.speed,
+        }  # fmt: skip
+        return {
+            "status": "stopped" if stopped else "hit" if done else "missed",
+            "peak_contact_force_n": float(self.world.peak_force),
+            **passed,
+        }
+
+    def _space(self) -> spaces.Space[Any]:
+        """Return a box: joints, then the ball."""
         return self.whole_space()
 
 
@@ -582,3 +708,4 @@ class _MapPolicy:
 gymnasium.register(id="mitt/Catch-v0", entry_point="mitt.gym:Catch")
 gymnasium.register(id="mitt/CatchPixels-v0", entry_point="mitt.gym:CatchPixels")
 gymnasium.register(id="mitt/Meet-v0", entry_point="mitt.gym:Meet")
+gymnasium.register(id="mitt/Bat-v0", entry_point="mitt.gym:Bat")

@@ -41,7 +41,7 @@ from mitt.world.build import restitution_on
 from mitt.world.engine import BALL_ANY, BALL_ARM, BALL_FLOOR, BALL_HAND
 from mitt.world.scene import Scene
 from mitt.world.simulation import World
-from mitt.world.truth import FirstContact, Trace
+from mitt.world.truth import Trace
 
 SCHEMA: Final = "mitt.bat/1"
 STATUSES: Final = ("hit", "missed", "unreachable", "stopped", "aborted")
@@ -224,22 +224,9 @@ class BatRunner:
             world.apply(command)
             catcher.think()
             rows.append(copied(catcher.result))
-            if len(rows) % 10 == 0 and self._is_over(contact):
+            if len(rows) % 10 == 0 and batted(world, self._station.target):
                 break
         return rows, seen
-
-    def _is_over(self, contact: FirstContact | None) -> bool:
-        """Say whether nothing more can happen to the score."""
-        truth, target = self.world.truth(), self._station.target
-        if truth.ball_on_floor or (contact is None and truth.t >= _LONGEST):
-            return True
-        if contact is None:
-            return False
-        if target is None:
-            return truth.t >= contact.t + 0.3
-        way = target - contact.r_o
-        gone = float((truth.r_o - contact.r_o) @ way) / float(way @ way)
-        return gone > 1.0 + _BEYOND / float(np.linalg.norm(way)) or truth.t > contact.t + _AFTER
 
     def _scored(
         self, index: int, catcher: Catcher, ticks: Result, hit: "Hit | None", believed: float
@@ -267,6 +254,25 @@ class BatRunner:
             restitution=believed,
             stopped_by=stopped,
         )
+
+
+def batted(world: World, target: Array | None) -> bool:
+    """Say whether nothing more can happen to the score of a trial.
+
+    Args:
+        world: Its world.
+        target: Where the ball is sent [m], shape (3,); None for a shield.
+    """
+    truth, contact = world.truth(), world.first_contact
+    if truth.ball_on_floor or (contact is None and truth.t >= _LONGEST):
+        return True
+    if contact is None:
+        return False
+    if target is None:
+        return truth.t >= contact.t + 0.3
+    way = target - contact.r_o
+    gone = float((truth.r_o - contact.r_o) @ way) / float(way @ way)
+    return gone > 1.0 + _BEYOND / float(np.linalg.norm(way)) or truth.t > contact.t + _AFTER
 
 
 def paddle_of(arm: Arm) -> Paddle:

@@ -1,0 +1,26 @@
+"""Balls hit back to a target, four times slower than life: throws of seed 0, scene lab."""
+
+import numpy as np
+from drawing import Part, moving_picture
+
+from mitt.report.painter import View
+from mitt.trials.bat_station import TARGET, bat_station
+from mitt.trials.batting import BatRunner
+from mitt.trials.source import source_of
+from mitt.world.scene import read_scene
+
+#: Hits, and from when before and until when after the contact [s].
+HITS, BEFORE, AFTER = 3, 0.36, 0.8
+VIEW = View(eye=(1.75, -5.2, 0.95), target=(1.75, 0.0, 0.45), angle=0.42, size=(640, 300))
+
+scene = read_scene("lab")
+station = bat_station("wam", scene=scene, target=np.array(TARGET), limits="wam-48v")
+source = source_of(station.arm, seed=0, count=20, drag=scene.ball.drag)
+runner, parts = BatRunner(station, source, pixels=False), []
+for trial in runner.run():
+    if trial.t_hit_s is not None and trial.status == "hit":
+        t = trial.t_hit_s
+        parts.append(Part(runner.world.trace(), t - BEFORE, t + AFTER, t + AFTER))
+    if len(parts) == HITS:
+        break
+moving_picture("batting.gif", station.arm, scene, parts, VIEW, mark=TARGET)
