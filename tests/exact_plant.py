@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitt.arm.arm import Arm
-from mitt.arm.dynamics import bias_and_mass, slopes_work
+from mitt.arm.dynamics import bias_and_mass, slopes_work, solve_positive
 from mitt.ball.filter import THROWN_BALL
 from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
 from mitt.catcher.state import REASONS
@@ -35,18 +35,18 @@ def _move(
     """Carry q, dq on in steps of constant torques, shape (2, n)."""
     n = state.shape[1]
     bias, mass = np.zeros(len(bodies)), np.zeros((len(bodies), n))
-    motion, system, push = np.zeros((3, n)), np.zeros((n, n)), np.zeros(n)
+    motion, system = np.zeros((3, n)), np.zeros((n, n + 1))
     for _ in range(steps):
         motion[:2] = state
         bias_and_mass(bodies, motion, bias, mass, work)
         for i in range(n):
             for j in range(n):
                 system[i, j] = mass[index[i], j]
-            push[i] = tau[i] - bias[index[i]]
-        ddq = np.linalg.solve(system, push)
+            system[i, n] = tau[i] - bias[index[i]]
+        solve_positive(system)
         for j in range(n):
-            state[0, j] += h * (state[1, j] + 0.5 * h * ddq[j])
-            state[1, j] += h * ddq[j]
+            state[0, j] += h * (state[1, j] + 0.5 * h * system[j, n])
+            state[1, j] += h * system[j, n]
 
 
 @final

@@ -165,10 +165,14 @@ def test_the_tutorial_on_planners_is_its_files() -> None:
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("no_pages")
-def test_the_planner_of_the_tutorial_catches(planner: Path, tmp_path: Path) -> None:
+def test_the_planner_of_the_tutorial_catches(
+    planner: Path, tmp_path: Path, learned: Learned
+) -> None:
     """It is found by its name, catches, and is compared by the study, here of one throw."""
     run, study = tmp_path / "run", tmp_path / "study.toml"
+    save_map(tmp_path / "map.json", learned, version="0")
     words = ["--throws", "3", "--seed", "300", "--vision", "points", "--out", str(run)]
+    words = ["--map", str(tmp_path / "map.json"), *words]
     assert main(["catch", "--generator", "cubic", *words]) == 0
     assert json.loads((run / "result.json").read_text())["summary"]["caught"] == 3
     assert main(["catch", "--generator", "careful", *words[:-1], str(tmp_path / "careful")]) == 0

@@ -6,6 +6,7 @@ throws that are flown to where they are to be caught.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -137,6 +138,7 @@ class Arrivals(NamedTuple):
         return out
 
 
+@lru_cache(maxsize=32)
 def of_default_throws(ranges: ThrowRanges) -> Arrivals:
     """Return how 400 default throws of some ranges arrive; heights are as for the WAM's aim.
 
