@@ -25,7 +25,7 @@ from mitt.map.striking import (
     rebound,
     shot,
 )  # fmt: skip
-from mitt.signals import Array, BallState
+from mitt.signals import GRAVITY, Array, BallState
 
 #: Of each arm: joints of the file, a pose in which it strikes, free joints, held ones, catch joint.
 ARMS = {
@@ -99,7 +99,10 @@ def test_a_ball_that_leaves_an_ideal_impact_reaches_the_target(name: str, seed: 
 def test_at_the_contact_the_paddle_is_at_the_ball_and_strikes(
     name: str, seed: int, before: float
 ) -> None:
-    """In position whatever the coefficients are; and at the speed that the impact asks for."""
+    """In position whatever the coefficients are; at the speed that the impact asks for.
+
+    Its joints accelerate as if they had got their speeds within 70 ms.
+    """
     g, ball, rng = drawn(name, seed)
     s, n = struck(g, ball), g.arm.n
     q, dq = g.arm.q_ready + 0.2 * rng.standard_normal(n), 0.3 * rng.standard_normal(n)
@@ -111,6 +114,8 @@ def test_at_the_contact_the_paddle_is_at_the_ball_and_strikes(
         assert np.allclose(g.arm.position(rows[0]), ball[0], atol=1e-9)
     _, rows = f.motion(row(ball))
     assert np.allclose(g.arm.jacobian(rows[0]) @ rows[1], s.v_paddle, atol=1e-8 * _size(f.alpha))
+    _, rows = f.motion(np.array([*ball, [0.0, 0.0, -GRAVITY]]))
+    assert np.allclose(rows[2], rows[1] / 0.07, atol=1e-6 * _size(f.alpha))
     _, rows = f.motion(np.array([earlier(ball, before).r_o, earlier(ball, before).dr_o,
                                  earlier(ball, before).ddr_o]))  # fmt: skip
     assert np.allclose(rows[:2], [q, dq], atol=1e-8 * _size(f.alpha))
@@ -203,8 +208,8 @@ def test_learning_lowers_the_cost_and_holds_each_flight_to_its_strike() -> None:
     assert costs[-1] < costs[1]
     lifted = lift_strike(learned, *flights[0])
     assert lifted is not None
-    assert len(lifted.phi_0) == 3
-    assert len(lifted.gap) == 3 * g.arm.n
+    assert len(lifted.phi_0) == 4
+    assert len(lifted.gap) == 4 * g.arm.n
     far = replace(flights[0][0], ball=flights[0][0].ball + 1e6)
     with pytest.raises(InputError):
         learn_batting(g, [(far, flights[0][1])])
