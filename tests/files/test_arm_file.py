@@ -173,14 +173,17 @@ def test_options_go_before_the_files_design(path: Path) -> None:
     assert (other.catch_joint, other.inward) == (1, 0.0)
 
 
-def test_a_basket_and_its_tilt_are_read_and_written(path: Path, tmp_path: Path) -> None:
+def test_a_basket_its_tilt_and_catch_point_are_read_and_written(path: Path, tmp_path: Path) -> None:
     """They are the arm's hand, and stay as they are from file to file."""
-    said = replace(read_arm_file(path), hand="basket", hand_tilt=-1.25)
+    said = replace(read_arm_file(path), hand="basket", hand_tilt=-1.25, hand_depth=0.04)
     other = tmp_path / "basket.toml"
     write_arm_file(other, said)
     again = read_arm_file(other)
     assert (again.hand, again.hand_tilt, again.hand_turn) == ("basket", -1.25, 0.3)
-    assert again.load().model.hand == Basket(tilt=-1.25)
+    assert again.load().model.hand == Basket(tilt=-1.25, catch_depth=0.04)
+    write_arm_file(other, replace(said, hand="three-finger", hand_tilt=0.0))
+    with pytest.raises(FileError, match="wanted a basket"):
+        read_arm_file(other)
 
 
 def test_force_of_hand_and_arm_are_read_and_written(path: Path, tmp_path: Path) -> None:

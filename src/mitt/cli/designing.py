@@ -48,7 +48,7 @@ def design(options: DesignOptions) -> int:
     """Run ``mitt design``; return its exit status."""
     file = _given(options)
     origin = origin_of(options, file)
-    hand = hand_of(origin.hand, origin.hand_tilt, origin.hand_force)
+    hand = hand_of(origin.hand, origin.hand_tilt, origin.hand_force, origin.hand_depth)
     whole = whole_arm(origin.arm, tip=origin.tip, limits=origin.limits, hand=hand,
                       mount=origin.hand_mount, joints=_named(options))  # fmt: skip
     warn(whole.model.notes, json=options.json)
@@ -241,6 +241,7 @@ def origin_of(options: DesignOptions, file: ArmFile | None) -> ArmFile:
             hand_mount=options.mount or file.hand_mount,
             hand_tilt=own_tilt if options.tilt is None else options.tilt,
             hand_force=file.hand_force if hand == file.hand else None,
+            hand_depth=file.hand_depth if hand == file.hand else None,
         )  # fmt: skip
     if origin.hand_tilt and origin.hand != "basket":
         raise InputError("--tilt", "--hand basket", origin.hand)

@@ -203,6 +203,7 @@ class ArmFile:
             arm by name, the catch point at a file's.
         hand_tilt: How far a basket is then turned about the y axis of the tip [rad].
         hand_force: Largest force of a contact that it takes [N]; None: as that hand says.
+        hand_depth: How far below a basket's ring the catch point is [m]; None: as a basket says.
         map: Design of its map; None where it follows from the arm.
         throws: Where its balls come from; None where it says nothing.
         arrivals: How they arrive there, for which maps are learned; None: as default throws do.
@@ -220,6 +221,7 @@ class ArmFile:
     hand_mount: Mount | None = None
     hand_tilt: float = 0.0
     hand_force: float | None = None
+    hand_depth: float | None = None
     map: MapDesign | None = None
     throws: ThrowSettings | None = None
     arrivals: ArrivalSettings | None = None
@@ -246,7 +248,7 @@ class ArmFile:
             held=self.held,
             ready=self.ready,
             limits=limits_of(self.limits if limits is None else limits, self.arm),
-            hand=hand_of(self.hand, self.hand_tilt, self.hand_force),
+            hand=hand_of(self.hand, self.hand_tilt, self.hand_force, self.hand_depth),
             hand_turn=self.hand_turn,
             hand_mount=self.hand_mount,
         )
@@ -291,6 +293,7 @@ class _Hand(Part):
     mount: Mount | None = None
     tilt: Annotated[float, Field(ge=-MOST_TILT, le=MOST_TILT)] = 0.0
     force: Annotated[float, Field(gt=0.0, le=1e6)] | None = None
+    catch_depth: Annotated[float, Field(ge=0.0, le=Basket().depth)] | None = None
 
 
 class _ArmFile(Part):
@@ -350,8 +353,9 @@ def _arm_file(content: _ArmFile, folder: Path) -> ArmFile:
     arm, limits = content.arm, content.arm.limits
     if arm.name is not None and content.hand.name == "none":
         raise InputError("hand", "a hand on an arm by name", "none")
-    if content.hand.tilt and content.hand.name != "basket":
-        raise InputError("tilt", "a basket", content.hand.name, do="leave it out")
+    for key, said in (("tilt", content.hand.tilt), ("catch_depth", content.hand.catch_depth)):
+        if said and content.hand.name != "basket":
+            raise InputError(key, "a basket", content.hand.name, do="leave it out")
     if content.hand.force is not None and content.hand.name == "none":
         raise InputError("force of hand", "a hand", "none", do="leave it out")
     if content.arrivals is not None and (content.throws is None or content.throws.at is None):
@@ -371,6 +375,7 @@ def _arm_file(content: _ArmFile, folder: Path) -> ArmFile:
         hand_mount=content.hand.mount,
         hand_tilt=content.hand.tilt,
         hand_force=content.hand.force,
+        hand_depth=content.hand.catch_depth,
         map=None if content.map is None else from_plain(MapDesign, content.map, place="map"),
         throws=content.throws,
         arrivals=content.arrivals,
@@ -401,7 +406,8 @@ def write_arm_file(path: Path, arm: ArmFile, *, comment: str = "") -> None:
         "arm": own,
         "hand": {"name": arm.hand, "turn": float(arm.hand_turn), "mount": arm.hand_mount}
         | ({"tilt": float(arm.hand_tilt)} if arm.hand_tilt else {})
-        | ({} if arm.hand_force is None else {"force": float(arm.hand_force)}),
+        | ({} if arm.hand_force is None else {"force": float(arm.hand_force)})
+        | ({} if arm.hand_depth is None else {"catch_depth": float(arm.hand_depth)}),
         "map": None if arm.map is None else asdict(arm.map),
         "throws": None if arm.throws is None
         else arm.throws.model_dump(exclude_none=True, exclude_defaults=True),
@@ -421,10 +427,17 @@ def digest_of(path: Path) -> str:
     return hashlib.sha256(read_bytes(path, max_bytes=MAX_BYTES)).hexdigest()
 
 
-def hand_of(name: str, tilt: float, force: float | None = None) -> Hand | None:
-    """Return a hand by name; a basket is tilted by an angle [rad], any takes a force [N]."""
+def hand_of(
+    name: str, tilt: float, force: float | None = None, depth: float | None = None
+) -> Hand | None:
+    """Return a hand by name; any takes a force [N].
+
+    A basket is tilted by an angle [rad], its catch point so far below the ring [m].
+    """
     hand = hand_named(name)
-    hand = replace(hand, tilt=tilt) if isinstance(hand, Basket) else hand
+    if isinstance(hand, Basket):
+        hand = replace(hand, tilt=tilt)
+        hand = hand if depth is None else replace(hand, catch_depth=depth)
     return hand if hand is None or force is None else replace(hand, force=force)
 
 
