@@ -290,6 +290,14 @@ class JointReference:
     __repr__ = brief
 
 
+def reference_of(t: float, rows: Array, *, inside: bool, time_to_catch: float) -> JointReference:
+    """Return a reference of rows q_d, dq_d, ddq_d, q_o, dq_o [rad ...], shape (5 or more, n)."""
+    return JointReference(
+        t=t, status=MapStatus.INSIDE if inside else MapStatus.DOMAIN, q_d=rows[0], dq_d=rows[1],
+        ddq_d=rows[2], q_o=rows[3], dq_o=rows[4], time_to_catch=time_to_catch,
+    )  # fmt: skip
+
+
 class Command(NamedTuple):
     """What arm and hand are commanded to do, within every limit.
 

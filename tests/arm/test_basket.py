@@ -113,5 +113,5 @@ def test_a_tilted_basket_turns_the_palm_of_the_arm() -> None:
     ],
 )  # fmt: skip
 def test_a_basket_that_nobody_can_build_is_refused(name: str, value: object) -> None:
-    with pytest.raises(InputError, match=f"basket.{name}"):
+    with pytest.raises(InputError, match=f"Basket.{name}"):
         Basket(**{name: value})  # type: ignore[arg-type]

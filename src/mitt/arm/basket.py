@@ -16,16 +16,15 @@ Heights are above the tool plate, along the opening's normal:
 
 from dataclasses import dataclass
 from math import inf
-from typing import ClassVar, Final
+from typing import Annotated, ClassVar, Final
 
 import numpy as np
 
-from mitt import checks
 from mitt.arm.catch import LOST, Catch, CaughtBall, Strike, reduced
 from mitt.arm.description import Capsule, Hand
 from mitt.arm.hands import HandModel
 from mitt.errors import InputError, UnknownNameError
-from mitt.fields import brief
+from mitt.fields import Range, Settings, check
 from mitt.signals import GRAVITY, Array
 
 #: Gap between a basket that lies across the plate and the plate [m].
@@ -34,12 +33,12 @@ _GAP = 0.01
 _NET = 300.0
 #: Largest tilt [rad].
 MOST_TILT = 2.0
-#: Lengths that a basket cannot be without.
-_LENGTHS = ("ring_radius", "ring_thickness", "depth", "cord", "strut", "flange")
+#: A length that a basket cannot be without [m].
+_LENGTH = Range(1e-4, 2.0)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Basket(Hand):
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Basket(Hand, Settings):
     """A ring with a net on the tool plate, the opening's normal along the plate's z axis.
 
     Attributes:
@@ -64,40 +63,31 @@ class Basket(Hand):
             of pi r^3 / 4 times 240 MPa (aluminium 6061-T6) over 0.2 m.
     """
 
-    mass: float = 0.3
-    ring_radius: float = 0.10
-    ring_thickness: float = 0.005
-    depth: float = 0.20
-    floor: float = 0.04
-    catch_depth: float = 0.10
-    cords: int = 20
-    cord: float = 0.002
-    struts: int = 3
-    strut: float = 0.004
-    clear: float = 0.03
-    flange: float = 0.04
-    tilt: float = 0.0
-    restitution: float = 0.06
-    force: float = 180.0
+    mass: Annotated[float, Range(1e-3, 50.0)] = 0.3
+    ring_radius: Annotated[float, _LENGTH] = 0.10
+    ring_thickness: Annotated[float, _LENGTH] = 0.005
+    depth: Annotated[float, _LENGTH] = 0.20
+    floor: Annotated[float, Range(0.0, 2.0)] = 0.04
+    catch_depth: Annotated[float, Range(0.0, 2.0)] = 0.10
+    cords: Annotated[int, Range(6, 200)] = 20
+    cord: Annotated[float, _LENGTH] = 0.002
+    struts: Annotated[int, Range(2, 100)] = 3
+    strut: Annotated[float, _LENGTH] = 0.004
+    clear: Annotated[float, Range(0.0, 2.0)] = 0.03
+    flange: Annotated[float, _LENGTH] = 0.04
+    tilt: Annotated[float, Range(-MOST_TILT, MOST_TILT)] = 0.0
+    restitution: Annotated[float, Range(0.0, 1.0)] = 0.06
+    force: Annotated[float, Range(1e-3, inf)] = 180.0
     enters: ClassVar[float] = 0.010
     loose: ClassVar[bool] = True
 
-    __repr__ = brief
-
     def __post_init__(self) -> None:
         """Refuse a basket that nobody can build."""
-        bounds = dict.fromkeys(_LENGTHS, (1e-4, 2.0)) | {
-            "mass": (1e-3, 50.0), "floor": (0.0, 2.0), "clear": (0.0, 2.0),
-            "catch_depth": (0.0, self.depth), "tilt": (-MOST_TILT, MOST_TILT),
-            "restitution": (0.0, 1.0), "force": (1e-3, inf),
-        }  # fmt: skip
-        for name, (least, most) in bounds.items():
-            if not least <= checks.number(f"basket.{name}", getattr(self, name)) <= most:
-                raise InputError(f"basket.{name}", f"a number in {least:g}..{most:g}",
-                                 getattr(self, name))  # fmt: skip
-        checks.whole("basket.struts", self.struts, least=2, most=100)
-        if checks.whole("basket.cords", self.cords, least=6, most=200) % 2:
-            raise InputError("basket.cords", "an even number", self.cords)
+        check(self)
+        if self.catch_depth > self.depth:
+            raise InputError("Basket.catch_depth", f"{self.depth:g} at most", self.catch_depth)
+        if self.cords % 2:
+            raise InputError("Basket.cords", "an even number", self.cords)
 
     @property
     def ring_height(self) -> float:

@@ -52,7 +52,7 @@ def read_urdf(path: Path) -> Stated:
     """
     path = checks.path("arm", path)
     _, root = read_xml(path, "robot")
-    check_numbers(path, root)
+    _check_numbers(path, root)
     joints = root.findall("joint")
     _check_tree(path, root, joints)
     left_out = _left_out(root, joints)
@@ -316,15 +316,8 @@ _NUMBERS: dict[str, dict[str, dict[str, int]]] = {
 }  # fmt: skip
 
 
-def check_numbers(path: Path, root: Element) -> None:
-    """Refuse attributes of a URDF that are not as many numbers as they should be.
-
-    The parsers behind take a link whose mass does not parse for one without mass.
-
-    Raises:
-        FileError: It names the link or the joint, the element and what stands there.
-        ModelError: A mass is below 0.
-    """
+def _check_numbers(path: Path, root: Element) -> None:
+    """Refuse what is not as many numbers as it should be: parsers would take it as left out."""
     for part in root:
         for inner, keys in _NUMBERS.get(part.tag, {}).items():
             for element in part.findall(inner):

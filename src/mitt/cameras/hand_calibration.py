@@ -96,16 +96,8 @@ class HandProblem:
         return replace(self, T_rig_world=turned(self.T_rig_world, step))
 
 
-def first_pose(seen: Array, p_world: Array) -> Array:
-    """Return a first T_rig_world, shape (4, 4), that a few wrong points do not spoil.
-
-    Args:
-        seen: Triangulated points in the rig's frame [m], shape (k, 3).
-        p_world: The same in the world [m], shape (k, 3).
-
-    Raises:
-        InputError: The points are too few, or lie on one line.
-    """
+def _first_pose(seen: Array, p_world: Array) -> Array:
+    """Return a first T_rig_world, (4, 4), that a few wrong points, (k, 3) [m], do not spoil."""
     if len(seen) < _FEWEST_PLACES:
         wanted = f"{_FEWEST_PLACES} places or more that two cameras saw"
         raise InputError("ball in the hand", wanted, len(seen))
@@ -175,7 +167,7 @@ def hand_problem(
         if sighting.found:
             found.append(n)
             seen.append(sighting.r_o)
-    T = first_pose(np.array(seen).reshape(-1, 3), p_world[found])
+    T = _first_pose(np.array(seen).reshape(-1, 3), p_world[found])
     good = np.isfinite(straight).all(axis=2)
     place, camera = np.nonzero(good)
     return HandProblem(

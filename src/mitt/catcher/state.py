@@ -40,7 +40,15 @@ from mitt.fields import brief, line
 from mitt.kernels import Handle, Record, define, kernel, record_of
 from mitt.map.mapping import DirectMap
 from mitt.map.tangent import MapArrays
-from mitt.signals import TICK, ArmState, Array, BallState, Command, JointReference, MapStatus
+from mitt.signals import (
+    TICK,
+    ArmState,
+    Array,
+    BallState,
+    Command,
+    JointReference,
+    reference_of,
+)
 from mitt.verdict.feasibility import waiting_height
 
 #: States and reasons in the order of their numbers.
@@ -502,17 +510,9 @@ def ball_in(result: Result) -> BallState:
 
 def _reference_of(result: Result) -> JointReference:
     """Return the generator's reference in a copied result."""
-    s, rows = result.scalars[0], result.reference
-    return JointReference(
-        t=s["t"].item(),
-        status=MapStatus.INSIDE if s["inside"] else MapStatus.DOMAIN,
-        q_d=rows[0],
-        dq_d=rows[1],
-        ddq_d=rows[2],
-        q_o=rows[3],
-        dq_o=rows[4],
-        time_to_catch=s["time_to_catch"].item(),
-    )
+    s = result.scalars[0]
+    return reference_of(s["t"].item(), result.reference, inside=bool(s["inside"]),
+                        time_to_catch=s["time_to_catch"].item())  # fmt: skip
 
 
 def stopped_by(

@@ -46,7 +46,7 @@ from mitt.map.tangent import (
     unpack,
     workspace,
 )
-from mitt.signals import Array, BallState, JointReference, MapStatus
+from mitt.signals import Array, BallState, JointReference, MapStatus, reference_of
 
 #: Singular values of C H^-1 C' below this share of the largest are dropped: C loses rank where
 #: phi and its rate are parallel, at the catch (s = 0) for one.
@@ -274,18 +274,10 @@ class DirectMap:
         ball = checks.instance("ball", ball, BallState)
         motion = np.array([ball.r_o, ball.dr_o, ball.ddr_o])
         inside, rows = self.motion(motion)
-        return JointReference(
-            t=ball.t,
-            status=MapStatus.INSIDE if inside else MapStatus.DOMAIN,
-            q_d=rows[0],
-            dq_d=rows[1],
-            ddq_d=rows[2],
-            q_o=rows[3],
-            dq_o=rows[4],
-            time_to_catch=time_to_catch(self.arrays, rows, motion, ball.drag, ball.led)
-            if inside
-            else np.inf,
-        )
+        left = np.inf
+        if inside:
+            left = time_to_catch(self.arrays, rows, motion, ball.drag, ball.led)
+        return reference_of(ball.t, rows, inside=inside, time_to_catch=left)
 
     def equals(self, other: "DirectMap") -> bool:
         """Say whether another map gives the same motions."""

@@ -88,20 +88,11 @@ def region_plot(region: Region) -> Plot:
     return plot("region", (9.0, 4.4), draw)
 
 
-def pose_picture(
+def _pose_picture(
     arm: Arm, scene: Scene, q: Array, *, catch: bool, marks: Array | None = None,
     angles: tuple[float, float] = SIDE,
 ) -> str:  # fmt: skip
-    """Return a picture of an arm in a pose of its active joints [rad], shape (n,): PNG in base64.
-
-    Args:
-        arm: The arm.
-        scene: The world.
-        q: The pose.
-        catch: Whether the ball is in the hand.
-        marks: Points to mark [m], shape (k, 3).
-        angles: Elevation and azimuth of the camera [deg].
-    """
+    """Return an arm in a pose, (n,) [rad], with marks, (k, 3) [m], in it: a PNG in base64."""
     model = build_scene(scene, arm.model).model
     bodies = [body_faces(model, body, arm, scene) for body in range(model.nbody)]
     qpos = model.qpos0.copy()
@@ -188,12 +179,12 @@ def _pictures(arm: Arm, scene: Scene, found: Design, best: Evaluation) -> list[t
     """Return pictures of the arm, by name: PNG in base64."""
     c, region = best.candidate, found.region
     out = [
-        ("ready", pose_picture(arm, scene, c.q_ready, catch=False)),
-        ("catch", pose_picture(arm, scene, c.q_catch, catch=True)),
+        ("ready", _pose_picture(arm, scene, c.q_ready, catch=False)),
+        ("catch", _pose_picture(arm, scene, c.q_catch, catch=True)),
     ]
     if region is not None and len(region.hand):
         oblique = (18.0, -52.0)  # [deg], from the thrower's side
-        places = pose_picture(arm, scene, c.q_catch, catch=True, marks=region.hand[::2],
+        places = _pose_picture(arm, scene, c.q_catch, catch=True, marks=region.hand[::2],
                               angles=oblique)  # fmt: skip
         out.append(("region", places))
     return out

@@ -226,7 +226,7 @@ def _add_ball(spec: mujoco.MjSpec, scene: Scene) -> None:
 
 def _add_rubber(spec: mujoco.MjSpec, scene: Scene, paddle: Paddle) -> None:
     """Say how the ball and a paddle's face touch."""
-    frequency, damping = swing_of(restitution_on(scene, paddle), paddle.touch)
+    frequency, damping = _swing_of(restitution_on(scene, paddle), paddle.touch)
     pair = spec.add_pair(geomname1="face", geomname2="ball")
     pair.condim, pair.solimp = 3, _STIFF_IMPEDANCE
     pair.solref, pair.solreffriction = (-(frequency**2), -2.0 * damping), (0.0, -4.0 / paddle.touch)
@@ -333,29 +333,21 @@ def restitution_on(scene: Scene, paddle: Paddle) -> float:
     return sqrt(0.5 * (RESTITUTION[scene.ball.material] ** 2 + paddle.restitution**2))
 
 
-def restitution_of_damped(ratio: Array) -> Array:
-    """Return the restitution of a ball on a spring and a damper that push but do not pull.
+def _restitution_of_damped(ratio: Array) -> Array:
+    """Return the restitution of a ball on a spring and a damper, by their damping ratios, (k,).
 
     T. Schwager and T. Poeschel, Granular Matter 9, 465 (2007): the ball leaves when the force has
     come down to zero, while the spring is still compressed.
-
-    Args:
-        ratio: Damping ratio of the two, below 1, shape (k,).
     """
     damped = np.sqrt(1.0 - ratio**2)
     leaves = np.arctan2(2.0 * ratio * damped, 2.0 * ratio**2 - 1.0)
     return np.asarray(np.exp(-ratio / damped * leaves))
 
 
-def swing_of(restitution: float, touch: float) -> tuple[float, float]:
-    """Return undamped frequency and damping [1/s] of a contact that gives back so much of a speed.
-
-    Args:
-        restitution: Share of the normal speed that is kept.
-        touch: How long it lasts [s].
-    """
+def _swing_of(restitution: float, touch: float) -> tuple[float, float]:
+    """Return frequency and damping [1/s] of a contact by its restitution and its length [s]."""
     ratio = np.linspace(0.999, 0.0, 2000)
-    found = float(np.interp(restitution, restitution_of_damped(ratio), ratio))
+    found = float(np.interp(restitution, _restitution_of_damped(ratio), ratio))
     damped = np.sqrt(1.0 - found**2)
     frequency = float(np.arctan2(2.0 * found * damped, 2.0 * found**2 - 1.0) / (damped * touch))
     return frequency, found * frequency

@@ -7,9 +7,10 @@ itself is in ``painting``. Cameras may stand on pan-tilt heads with servos, limi
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
 from functools import lru_cache
 from math import sqrt
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ from mitt import checks
 from mitt.errors import InputError
 from mitt.eyes.camera import Rig, pack_cameras
 from mitt.eyes.head import pack_heads
+from mitt.fields import Range, Settings, check
 from mitt.kernels import Record, kernel
 from mitt.signals import Array, Frame, Image
 from mitt.world.outline import scratch_for
@@ -42,8 +44,12 @@ _NOTHING = np.zeros((0, 8))
 _NOWHERE, _STILL = np.full(3, np.nan), np.zeros(3)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ImageSensor:
+#: Grey levels of 8 bits, and relative amplitudes.
+_LEVEL, _RELATIVE = Range(0.0, 255.0), Range(0.0, 0.9)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class ImageSensor(Settings):
     """Settings of the image sensors and of what they see beside the ball.
 
     The defaults give 3.2 grey levels of noise on the ball and 2.2 on the ground, a signal to
@@ -67,39 +73,28 @@ class ImageSensor:
             place as the ball is released.
     """
 
-    brightness: float = 160.0
-    background: float = 24.0
-    texture: float = 3.0
-    body: float = 12.0
-    read_noise: float = 2.0
-    electrons: float = 30.0
-    exposure: float = 5e-4
-    hand: float | None = None
-    shading: float = 0.0
-    grain: float = 0.0
-    blur: float = 0.0
-    pattern: tuple[float, float] = (0.0, 8.0)
-    light: tuple[float, float] = (0.0, 100.0)
-    shadow: tuple[float, float] = (0.0, 0.0)
+    brightness: Annotated[float, _LEVEL] = 160.0
+    background: Annotated[float, _LEVEL] = 24.0
+    texture: Annotated[float, _LEVEL] = 3.0
+    body: Annotated[float, _LEVEL] = 12.0
+    read_noise: Annotated[float, _LEVEL] = 2.0
+    electrons: Annotated[float, Range(1e-6, 1e9)] = 30.0
+    exposure: Annotated[float, Range(0.0, 1.0)] = 5e-4
+    hand: Annotated[float | None, _LEVEL] = None
+    shading: Annotated[float, _RELATIVE] = 0.0
+    grain: Annotated[float, _RELATIVE] = 0.0
+    blur: Annotated[float, Range(0.0, 3.0)] = 0.0
+    pattern: Annotated[tuple[float, float], Range(0.0, 1e6, rises=False)] = (0.0, 8.0)
+    light: Annotated[tuple[float, float], Range(0.0, 1e6, rises=False)] = (0.0, 100.0)
+    shadow: Annotated[tuple[float, float], Range(-1e6, 1e6, rises=False)] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         """Refuse values that no 8-bit sensor has."""
-        values = asdict(self) | {
-            "hand": self.hand_level,
-            "pattern": min(self.pattern),
-            "light": min(self.light),
-            "shadow": self.shadow[0],
-        }
-        for name, value in values.items():
-            if not 0.0 <= value < float("inf"):
-                raise InputError(name, "a finite number, not negative", value)
-        brightest = max(self.background + self.brightness, self.body, self.hand_level)
-        if self.electrons == 0.0 or brightest > 255.0:
-            raise InputError(
-                "image sensor", "electrons > 0, background + brightness, body, hand <= 255", self
-            )
-        if self.blur > 3.0 or max(self.light[0], self.shadow[0], self.shading, self.grain) > 0.9:
-            raise InputError("image sensor", "blur <= 3 px, relative amplitudes <= 0.9", self)
+        check(self)
+        if self.background + self.brightness > 255.0:
+            raise InputError("ImageSensor", "background + brightness <= 255", self)
+        if self.light[0] > 0.9 or not 0.0 <= self.shadow[0] <= 0.9:
+            raise InputError("ImageSensor", "relative amplitudes of light and shadow <= 0.9", self)
 
     @property
     def hand_level(self) -> float:

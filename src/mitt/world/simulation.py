@@ -27,7 +27,7 @@ from mitt.world.scene import Scene
 from mitt.world.sensors import CameraMaker, Sensors, encoder_steps
 from mitt.world.targets import InHand, Ride
 from mitt.world.throws import Throw, fly
-from mitt.world.truth import FirstContact, Trace, TraceBuffer, Truth, truth_of
+from mitt.world.truth import Instant, Trace, TraceBuffer, Truth, truth_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,10 +141,10 @@ class World:
         return lambda t: fly(r, dr, drag=drag, duration=t)
 
     @property
-    def first_contact(self) -> FirstContact | None:
+    def first_contact(self) -> Instant | None:
         """True state at the first touch of ball and hand; None until then."""
         t = float(self._plant.state["touched"][0])
-        return None if t < 0.0 else FirstContact(t, *self._plant.first.copy())
+        return None if t < 0.0 else Instant(t, *self._plant.first.copy())
 
     @property
     def catch_point(self) -> Array:

@@ -18,46 +18,9 @@ from mitt.world.engine import (
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Truth:
-    """True state of the plant at one instant.
-
-    Attributes:
-        t: Time since release [s].
-        r_o: Ball centre [m], shape (3,).
-        dr_o: Its velocity [m/s], shape (3,).
-        position: Catch point l(q) of the plant [m], shape (3,).
-        velocity: Its velocity [m/s], shape (3,).
-        q: Active joints [rad], shape (n,).
-        dq: Their velocities [rad/s], shape (n,).
-        tau: Torques applied in the last tick [N m], shape (n,).
-        fingers: Closing angles of the fingers [rad], shape (f,).
-        touching: Names of the geoms of the hand that touch the ball.
-        contact_force: Largest single contact force on the ball in the last tick [N].
-        self_contact: Whether arm or hand touched the arm in the last tick.
-        floor_contact: Whether arm or hand touched the floor in the last tick.
-        ball_on_floor: Whether the ball touched the floor in the last tick.
-    """
-
-    t: float
-    r_o: Array
-    dr_o: Array
-    position: Array
-    velocity: Array
-    q: Array
-    dq: Array
-    tau: Array
-    fingers: Array
-    touching: frozenset[str]
-    contact_force: float
-    self_contact: bool
-    floor_contact: bool
-    ball_on_floor: bool
-
-
 @dataclass(frozen=True, slots=True, eq=False)
-class FirstContact:
-    """True state at the first simulation step in which the ball touches the hand.
+class Instant:
+    """Ball and catch point at one instant, as they truly are.
 
     Attributes:
         t: Time since release [s].
@@ -82,6 +45,33 @@ class FirstContact:
     def velocity_error(self) -> float:
         """Size of the difference of their velocities [m/s]."""
         return float(np.linalg.norm(self.dr_o - self.velocity))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Truth(Instant):
+    """True state of the whole plant at one instant.
+
+    Attributes:
+        q: Active joints [rad], shape (n,).
+        dq: Their velocities [rad/s], shape (n,).
+        tau: Torques applied in the last tick [N m], shape (n,).
+        fingers: Closing angles of the fingers [rad], shape (f,).
+        touching: Names of the geoms of the hand that touch the ball.
+        contact_force: Largest single contact force on the ball in the last tick [N].
+        self_contact: Whether arm or hand touched the arm in the last tick.
+        floor_contact: Whether arm or hand touched the floor in the last tick.
+        ball_on_floor: Whether the ball touched the floor in the last tick.
+    """
+
+    q: Array
+    dq: Array
+    tau: Array
+    fingers: Array
+    touching: frozenset[str]
+    contact_force: float
+    self_contact: bool
+    floor_contact: bool
+    ball_on_floor: bool
 
 
 class Trace(NamedTuple):
