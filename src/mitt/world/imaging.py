@@ -78,7 +78,7 @@ class ImageSensor(Settings):
     texture: Annotated[float, _LEVEL] = 3.0
     body: Annotated[float, _LEVEL] = 12.0
     read_noise: Annotated[float, _LEVEL] = 2.0
-    electrons: Annotated[float, Range(1e-6, 1e9)] = 30.0
+    electrons: Annotated[float, Range(1e-6, 1e300)] = 30.0
     exposure: Annotated[float, Range(0.0, 1.0)] = 5e-4
     hand: Annotated[float | None, _LEVEL] = None
     shading: Annotated[float, _RELATIVE] = 0.0
