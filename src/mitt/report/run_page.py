@@ -30,7 +30,7 @@ from mitt.report.run_figures import (
 from mitt.report.style import STATUS, Plot
 from mitt.signals import TICK, Array
 from mitt.trials.log import TrialLog
-from mitt.trials.result import STATUSES
+from mitt.trials.result import STATUSES, spread_of
 from mitt.trials.runner import LoggedTrial
 from mitt.trials.score import reason_of
 from mitt.world.scene import Scene
@@ -263,10 +263,8 @@ def result_summary(result: dict[str, Any]) -> dict[str, Any]:
 def _spread(trials: Sequence[dict[str, Any]], key: str) -> dict[str, float] | None:
     """Return the spread of a field; None where no trial has it."""
     values = [float(t[key]) for t in trials if t[key] is not None]
-    if not values:
-        return None
-    median, p95 = np.percentile(values, [50.0, 95.0])
-    return {"median": float(median), "p95": float(p95), "most": max(values)}
+    spread = spread_of(values)
+    return None if spread is None else {**spread, "most": max(values)}
 
 
 def _trial_rows(trials: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:

@@ -181,19 +181,7 @@ def _compile(kernel: Any, *args: object) -> None:  # noqa: ANN401
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunSettings:
-    """How a run throws, and what it leaves.
-
-    Attributes:
-        generator: Name of the generator.
-        adapt: How the direct map is adapted to a throw: once before moving, by ``projection``, or
-            refined for that throw besides (``refine``).
-        vision: What the catcher sees: ``pixels`` of two cameras, or noisy ``points``.
-        seed: Seed of throws, plant and noise.
-        record: Which throws to record besides the first: ``none`` at all, ``failures`` or ``all``.
-        record_images: Whether recordings keep the images.
-        overwrite: Use a folder that has files in it.
-        learn_clock: Whether the eyes' clock is learned from catch to catch and corrected.
-    """
+    """How a run throws, and what it leaves: the options of the same names of ``mitt catch``."""
 
     generator: str = "direct"
     adapt: Literal["projection", "refine"] = "projection"
