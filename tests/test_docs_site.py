@@ -16,6 +16,7 @@ import mitt
 from mitt.arm.arm import Arm
 from mitt.arm.catch import CaughtBall
 from mitt.catcher.generators import Direct
+from mitt.cli.main import main
 from mitt.cli.options import COMMANDS
 from mitt.files.arm_file import load_arm
 from mitt.map.demand import Tolerance, shares_of
@@ -296,12 +297,14 @@ def test_the_reference_has_every_public_name(site: Path) -> None:
         assert f'id="{home.__module__}.{name}"' in text, name
 
 
-def test_the_page_of_commands_has_every_option(site: Path) -> None:
+def test_the_page_of_commands_has_every_option(
+    site: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """Each option that ``--help-all`` names stands on the page, below its command."""
     text = re.sub(r"<[^>]+>", "", (site / "commands.html").read_text(encoding="utf-8"))
     for name in COMMANDS:
-        said = subprocess.run([sys.executable, "-m", "mitt", name, "--help-all"], check=True,
-                              capture_output=True, text=True).stdout  # fmt: skip
+        assert main([name, "--help-all"]) == 0
+        said = capsys.readouterr().out
         begins = text.rindex(f"mitt {name}¶")
         ends = text.find("¶", begins + len(name) + 8)
         options = set(re.findall(r"^  (--[a-z-]+)", said, re.MULTILINE))
