@@ -1,5 +1,6 @@
 """The cell that meets parts on a belt: taken, put down, recorded, replayed; and what may fail."""
 
+from math import inf
 from pathlib import Path
 
 import pytest
@@ -8,7 +9,7 @@ from local_cell import LocalCell
 from mitt.catcher.catcher import Phase
 from mitt.cell import live
 from mitt.cell.live import Mode
-from mitt.cell.prepare import prepare
+from mitt.cell.prepare import about_of, map_of, prepare
 from mitt.errors import FileError, InputError
 from mitt.files.cell import cell_of
 from mitt.files.recordings import Recorded
@@ -67,6 +68,21 @@ def test_a_tool_that_does_not_answer_is_noticed(monkeypatch: pytest.MonkeyPatch)
     assert cell.loop.counts.empty == 1
     assert cell.robot.braked[-1]
     assert cell.simulated.violations == 0
+
+
+@pytest.mark.parametrize("target", ["belt", "hand"])
+def test_what_keeps_people_safe_acts_in_a_cell(target: str) -> None:
+    """The tool's speed; giving up what the arm is kept from; a person is followed gently."""
+    raw = read_toml(shipped_path("cells", NAME))
+    belt = {"belt": raw["task"]["belt"]} if target == "belt" else {}
+    task = {key: x for key, x in raw["task"].items() if key not in ("belt", "area")}
+    prepared = prepare(cell_of(raw | {"task": task | belt | {"target": target, "tool_speed": 0.2}},
+                               place="a cell"))  # fmt: skip
+    about = about_of(prepared, map_of(prepared))
+    assert about.settings.adapt_q < inf
+    assert about.meeting is not None
+    assert about.meeting.settings.speed == 0.2
+    assert (about.meeting.settings.gentle > 0.0) == (target == "hand")
 
 
 @pytest.mark.parametrize(

@@ -34,8 +34,11 @@ from mitt.verdict.feasibility import Approach, Outcome, Verdict
 
 #: Times that are tried, and instants at which a motion is held against its limits.
 _TIMES, _INSTANTS = 24, 24
+#: Longest way of a target that is out of reach to the meeting [m], and the share of its speed with
+#: which it still comes in time.
+_COMES, _SLOWER = 0.8, 0.8
 #: Halvings of the times between the longest and the shortest.
-_HALVINGS = 2
+_HALVINGS = 3
 #: Ticks from one verdict to the next while there is nothing to meet.
 _EVERY = 8
 #: Times in which the tool lifts what it has grasped and comes to rest [s].
@@ -46,6 +49,8 @@ _LEAST = 0.1
 _ALONG, _ACROSS = 40.0, 8.0
 #: The first of them where the tool's speed is limited: what may not be fast need not be quick.
 _SLOWLY = 15.0
+#: What an estimate may jump by without that closing it asks for more than the arm's jerk [m].
+_JUMP = 0.01
 #: Estimate and followed target are in step if no farther apart [m, m/s].
 _NEAR, _SLOW = 0.003, 0.035
 #: A target is given up that is so far from where it is followed [m], that moves across its belt so
@@ -171,15 +176,16 @@ class Glide:
         ended: Why the target was given up; nothing as long as it is followed.
     """
 
-    def __init__(self, speeds: Array | None = None) -> None:
+    def __init__(self, speeds: Array | None = None, most: float = _ALONG) -> None:
         """Begin nowhere.
 
         Args:
             speeds: Largest speed in each tick from the first on, of which the last stays [m/s],
                 shape (k,); none if left out.
+            most: Largest rate at which an estimate that has jumped is followed [1/s].
         """
         self._t, self._motion, self._lead = inf, np.zeros((3, 3)), np.zeros(6)
-        self._lead[5] = _ALONG if speeds is None else _SLOWLY
+        self._lead[5] = min(most, _ALONG if speeds is None else _SLOWLY)
         self._speeds, self._begun = np.array([inf]) if speeds is None else speeds, inf
         self.calm = inf
         self.pose: Array | None = None
@@ -247,6 +253,8 @@ class Meeting(Generator):
         tolerance: Share of each limit at which a target is refused.
         start: Time at which the arm started [s]; infinite before.
         after: Time from there to the meeting [s].
+        pull: How far from the target the tool's way begins, towards the work area [m], shape (3,):
+            where the target is out of reach at the start. It dies away until the way down.
         glide: The target as it is followed.
     """
 
@@ -257,6 +265,7 @@ class Meeting(Generator):
     )
     start: float = inf
     after: float = inf
+    pull: Array = field(default_factory=lambda: np.zeros(3))
     glide: Glide = field(default_factory=Glide)
 
     __repr__ = brief
@@ -301,17 +310,28 @@ class Meeting(Generator):
         moves = np.eye(3) - self._across
         return np.array([ball.r_o, moves @ ball.dr_o, moves @ ball.ddr_o])
 
+    def _pulled(self, target: BallState) -> "Meeting":
+        """Return the generator whose way to a target begins within reach."""
+        s, r_o, still = self.settings, target.r_o, np.zeros((2, 3))
+        if self.map.virtual(np.array([r_o - s.above * self.map.frame[:, 2], *still]))[0]:
+            return self
+        return replace(self, pull=np.clip(r_o, s.low, s.high) - r_o)
+
     def _times(self, ball: BallState) -> tuple[Array, str]:
         """Return the times within the work area from the meeting to the end of the window [s].
 
         Where there are none, the text says why: the target is not met in the ``area``, or leaves
-        it before the ``window`` is over.
+        it before the ``window`` is over. What is out of reach now may become slower on its way.
         """
         s, least = self.settings, _LEAST + self.settings.descent
         times = np.geomspace(max(s.shortest, least), max(s.longest, least), _TIMES)
         ends = flown(ball, np.concatenate([times, times + s.window]))[:, 0]
         within = np.all((ends >= s.low) & (ends <= s.high), axis=1)
         met, kept = within[:_TIMES], within[_TIMES:]
+        if np.any(self.pull):
+            ends = flown(replace(ball, dr_o=_SLOWER * ball.dr_o), times)[:, 0]
+            near = times * np.linalg.norm(ball.dr_o) < _COMES
+            met = met & near & np.all((ends >= s.low) & (ends <= s.high), axis=1)
         return times[met & kept], "window" if met.any() else "area"
 
     def _planned(self, ball: BallState, q: Array) -> tuple[Verdict, float]:
@@ -322,18 +342,19 @@ class Meeting(Generator):
         """
         r_o, dr_o, ddr_o = self.known(ball)
         target = replace(ball, r_o=r_o, dr_o=dr_o, ddr_o=ddr_o)
-        times, why = self._times(target)
+        g = self._pulled(target)
+        times, why = g._times(target)
         if np.linalg.norm(dr_o) > _USED * self.settings.speed:
             times, why = times[:0], "tool" if len(times) else why
-        tried = [(self._judged(target, q, T), T) for T in times[:1].tolist()]
+        tried = [(g._judged(target, q, T), T) for T in times[:1].tolist()]
         if not tried:
             return self._refused(ball, why), inf
         if tried[0][0].share > 1.0 and len(times) > 1:
-            tried.append((self._judged(target, q, float(times[-1])), float(times[-1])))
+            tried.append((g._judged(target, q, float(times[-1])), float(times[-1])))
             low, high = 0, len(times) - 1
             for _ in range(_HALVINGS if tried[-1][0].share <= 1.0 else 0):
                 k = (low + high) // 2
-                tried.append((self._judged(target, q, float(times[k])), float(times[k])))
+                tried.append((g._judged(target, q, float(times[k])), float(times[k])))
                 low, high = (low, k) if tried[-1][0].share <= 1.0 else (k, high)
         within = [x for x in tried if x[0].share <= 1.0]
         best, T = (
@@ -350,7 +371,7 @@ class Meeting(Generator):
         """Return the verdict on a meeting after a time [s], by all limits up to the grasp."""
         times = np.linspace(0.0, T + self.settings.window, _INSTANTS)
         path, step = flown(ball, times), float(times[1])
-        targets = self._placed(path, T - times)
+        targets = self._placed(path, T - times, T)
         f = self.map.adapt(targets[0], np.array([q, 0.0 * q, 0.0 * q]), self.approach(T))
         rows = None if f is None else f.motion_along(targets, *self._clock(times, T))
         if rows is None:
@@ -417,7 +438,7 @@ class Meeting(Generator):
             return None
         times = np.linspace(0.0, T + self.settings.window, 4 * _INSTANTS)
         path = flown(ball, times)
-        targets = self._placed(path, T - times)
+        targets = self._placed(path, T - times, T)
         rows = f.motion_along(targets, *self._clock(times, T))
         if rows is None:
             return np.zeros(1)
@@ -440,16 +461,18 @@ class Meeting(Generator):
 
         Along the tool's axis, by a polynomial whose speed and acceleration vanish at both ends.
         """
-        out: Array = self._placed(target[None], np.array([left]))[0]
+        out: Array = self._placed(target[None], np.array([left]), self.after)[0]
         return out
 
-    def _placed(self, path: Array, left: Array) -> Array:
-        """Return the same of K instants, shape (K, 3, 3)."""
-        s = self.settings
-        if s.above == 0.0:
-            return path
-        height = _rise(np.clip(left / s.down, 0.0, 1.0), -s.down)
-        moved: Array = path + height[:, :, None] * (-s.above * self.map.frame[:, 2])
+    def _placed(self, path: Array, left: Array, T: float) -> Array:
+        """Return the same of K instants of a way that takes a time T [s], shape (K, 3, 3)."""
+        s, moved, whole = self.settings, path, self.approach(T)
+        if s.above > 0.0:
+            height = _rise(np.clip(left / s.down, 0.0, 1.0), -s.down)
+            moved = moved + height[:, :, None] * (-s.above * self.map.frame[:, 2])
+        if np.any(self.pull):
+            away = _rise(np.clip((left - s.descent) / whole, 0.0, 1.0), -whole)
+            moved = moved + away[:, :, None] * self.pull
         return moved
 
     def adapt(self, ball: BallState, q: Array, dq: Array) -> "Meeting":  # noqa: ARG002
@@ -464,14 +487,22 @@ class Meeting(Generator):
             return self
         r_o, dr_o, ddr_o = known = self.known(ball)
         still = np.array([q, 0.0 * q, 0.0 * q])
-        f = self.map.adapt(self.placed(known, after), still, self.approach(after))
+        target = replace(ball, r_o=r_o, dr_o=dr_o, ddr_o=ddr_o)
+        begun = replace(self._pulled(target), start=ball.t, after=after)
+        f = self.map.adapt(begun.placed(known, after), still, self.approach(after))
         if f is None:
             return self
-        target = replace(ball, r_o=r_o, dr_o=dr_o, ddr_o=ddr_o)
-        glide = Glide(self._left_speeds(target, f, after))
-        begun = self.placed(glide.to(ball.t, known, self._across), after)
-        g = self.map.adapt(begun, still, self.approach(after))
-        return replace(self, map=g or f, start=ball.t, after=after, glide=glide)
+        glide = Glide(begun._left_speeds(target, f, after), self._rate)
+        followed = begun.placed(glide.to(ball.t, known, self._across), after)
+        g = self.map.adapt(followed, still, self.approach(after))
+        return replace(begun, map=g or f, glide=glide)
+
+    @property
+    def _rate(self) -> float:
+        """Rate at which an estimate that jumps may be followed within the arm's jerks [1/s]."""
+        arm = self.map.arm
+        asked = np.abs(np.linalg.pinv(arm.jacobian(arm.q_ready))).max(axis=1)
+        return float(np.cbrt(np.min(bounds_of(arm)["jerk"] / asked) / _JUMP))
 
     def reference(self, ball: BallState) -> JointReference:
         """Evaluate the map at the target as it is, and at the time to go.
@@ -563,6 +594,6 @@ class Meeting(Generator):
         s, met = self.settings, self.start + self.after
         begin = max(met, self.glide.calm) + s.settle
         ahead = target[0] + np.outer([s.closing, s.closing + 0.01], target[1])
-        if ball.t >= met + s.settle and not np.all((ahead >= s.low) & (ahead <= s.high)):
+        if ball.t >= met and not np.all((ahead >= s.low) & (ahead <= s.high)):
             begin = min(begin, ball.t)
         return begin + s.closing - ball.t

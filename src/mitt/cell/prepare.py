@@ -47,7 +47,7 @@ from mitt.signals import TICK
 from mitt.trials.catcher_settings import bandwidth_of, filter_settings, reserved
 from mitt.trials.learning import learn, neighbourhood_of_ball
 from mitt.trials.source import source_of, widened
-from mitt.trials.station import Station, for_parts, station
+from mitt.trials.station import Station, station
 from mitt.version import __version__
 from mitt.world.scene import Ball, Belt, Scene, named_scene, read_scene
 
@@ -183,7 +183,7 @@ def about_of(prepared: PreparedCell, f: CellMap) -> About:
     config = EyesConfig(ball_radius=ball.radius, triangulator=TriangulatorConfig(sigma_floor=floor))
     notes = {"cell": cell.name}
     if isinstance(work, Station):
-        settings, notes = for_parts(settings, work.scene.ball), notes | work.notes
+        settings, notes = work.for_parts(settings), notes | work.notes
     g = generator_of(prepared, f)
     return About(
         arm=arm, generator="direct" if isinstance(g, Direct) else "meeting",

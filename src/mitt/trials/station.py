@@ -59,10 +59,14 @@ _LEAST_DOWN = {"belt": 0.2, "hand": 0.4}
 _HALF = Tolerance(torque=0.8, speed=0.5, acceleration=0.4)
 #: Places that are tried, in lengths of the arm before its shoulder.
 _SHARES = (0.5, 0.6, 0.7)
-#: Half-width of the work area, in lengths of the arm.
-_WIDE = {"belt": 0.32, "hand": 0.2}
-#: Gap between told and true joint angles at which a slow arm gives up [rad].
-_BEHIND = 0.02
+#: Half-widths of the work area that are tried, in lengths of the arm: fast belts want long areas;
+#: and how far it goes along a belt at most: beyond, the tool lifts the part and comes to rest.
+_WIDE, _ALONG = {"belt": (0.42, 0.32), "hand": (0.2,)}, 0.32
+#: How far inside the work area a person offers a thing [m].
+_INSIDE = 0.02
+#: Gap between told and true joint angles at which an arm whose tool has a largest speed gives up
+#: [rad], at least, and for each m/s of that speed.
+_BEHIND, _LAGS = 0.02, 0.08
 #: Turns of the tool about its axis that are tried.
 _QUARTERS = [
     np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
@@ -118,13 +122,27 @@ class Station:
         if self.scene.belt is not None and self.target == "belt":
             return drawn_ride(rng, self.place, self.scene.belt.along, speed=speed)
         to = self.place + 0.03 * rng.standard_normal(3)
-        return replace(drawn_reach(rng, to=to, speed=speed), orientation=self.presented)
+        area = np.array(self.settings.low) + _INSIDE, np.array(self.settings.high) - _INSIDE
+        hand = drawn_reach(rng, to=to, speed=speed, within=area)
+        return replace(hand, orientation=self.presented)
 
     @property
     def catcher(self) -> CatcherSettings:
         """Settings of its catcher."""
-        given, slow = catcher_settings(self.arm, self.scene), self.settings.speed < np.inf
-        return for_parts(given, self.scene.ball, slow=slow)
+        return self.for_parts(catcher_settings(self.arm, self.scene))
+
+    def for_parts(self, settings: CatcherSettings) -> CatcherSettings:
+        """Return a catcher's settings for parts that are met, not for balls that fly.
+
+        An arm whose tool has a largest speed does not catch up with what it was kept from.
+        """
+        part = self.scene.ball
+        across = part.sides[0] if part.sides else 2.0 * part.radius
+        behind = max(_BEHIND, _LAGS * self.settings.speed)
+        return replace(
+            settings, flight=CARRIED, sigma_ready=0.05, ball_radius=0.5 * across, adapt_dq=np.inf,
+            adapt_q=behind,
+        )  # fmt: skip
 
     @property
     def notes(self) -> dict[str, str]:
@@ -137,18 +155,6 @@ class Station:
         belt = self.scene.belt if self.target == "belt" else None
         along = None if belt is None else belt.along
         return make_meeter(name, Meeting(self.map, self.settings), rate=rate, along=along)
-
-
-def for_parts(settings: CatcherSettings, part: Ball, *, slow: bool = False) -> CatcherSettings:
-    """Return a catcher's settings for parts that are met, not for balls that fly.
-
-    An arm that has to be ``slow`` does not catch up with what it was kept from following.
-    """
-    across = part.sides[0] if part.sides else 2.0 * part.radius
-    return replace(
-        settings, flight=CARRIED, sigma_ready=0.05, ball_radius=0.5 * across, adapt_dq=np.inf,
-        adapt_q=_BEHIND if slow else np.inf,
-    )  # fmt: skip
 
 
 def station(
@@ -181,8 +187,8 @@ def station(
     if scene.belt is not None:
         places = [np.array([*scene.belt.middle, scene.belt.height + half])]
     inverse, found = reach_of(raw, free, coupling), None
-    room = np.array([0.06, _WIDE[target] * reach, 0.05 if target == "belt" else 0.1])
-    for place in places:
+    for wide, place in product(_WIDE[target], places):
+        room = np.array([0.06, wide * reach, 0.05 if target == "belt" else 0.1])
         found = waiting_pose(raw, inverse, _FRAMES[target], place, room, scene.floor)
         if found is not None:
             break
@@ -194,11 +200,15 @@ def station(
         scene = scene.model_copy(update={"belt": belt})
     arm = Arm(replace(raw.model, q_ready=q), raw.limits)
     low, high = place - room - 0.02, place + room + 0.02
+    moves = scene.belt if target == "belt" else None
+    if moves is not None:
+        left = max(wide - _ALONG, 0.0) * reach * moves.along
+        low, high = low - np.minimum(left, 0.0), high - np.maximum(left, 0.0)
     f = unlearned_meeting(arm, free, frame=frame, coupling=coupling)
     settings = MeetingSettings(
         low=tuple(low.tolist()), high=tuple(high.tolist()), above=_ABOVE, settle=_SETTLE[target],
         closing=_takes(tool, scene), speed=speed, gentle=_GENTLE[target],
-        along=tuple(scene.belt.along.tolist()) if target == "belt" and scene.belt else None,
+        along=None if moves is None else tuple(moves.along.tolist()),
     )  # fmt: skip
     settings = replace(settings, down=_time_down(f, settings, place, _LEAST_DOWN[target]))
     return Station(arm=arm, map=f, settings=settings, scene=scene, place=place, target=target)

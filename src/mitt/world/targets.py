@@ -75,13 +75,16 @@ class HandReach(InHand):
         return r, dr
 
 
-def drawn_reach(rng: np.random.Generator, *, to: Array, speed: float) -> HandReach:
+def drawn_reach(
+    rng: np.random.Generator, *, to: Array, speed: float, within: tuple[Array, Array] | None = None
+) -> HandReach:
     """Return a reach towards a place, with changes of mind.
 
     Args:
         rng: Source of the draw.
         to: Where it leads at first [m], shape (3,).
         speed: Largest speed [m/s].
+        within: Lowest and highest corner of where the person offers it [m], shape (3,) each.
     """
     angle, height = rng.uniform(-0.6, 0.6), rng.uniform(-0.3, 0.3)
     along = np.array([np.cos(angle), np.sin(angle), height])
@@ -89,7 +92,10 @@ def drawn_reach(rng: np.random.Generator, *, to: Array, speed: float) -> HandRea
     count = int(rng.integers(1, _CHANGES + 1))
     first = 1.875 * _REACH / (speed * rng.uniform(0.6, 1.0))
     begin = np.concatenate([[0.3], 0.3 + first * rng.uniform(0.3, 1.1, count)])
-    way = np.concatenate([[-along], _OFF * rng.standard_normal((count, 3))])
+    off = np.cumsum(_OFF * rng.standard_normal((count, 3)), axis=0)
+    ends = np.concatenate([[to], to + off])
+    ends = ends if within is None else np.clip(ends, *within)
+    way = np.diff(ends, axis=0, prepend=[to + along])
     shorter = np.full(count, 0.5)
     waves = np.array([
         _SHAKES * rng.uniform(0.3, 1.0, 3),
