@@ -98,6 +98,24 @@ def test_a_part_that_cannot_be_met_is_refused_with_the_limit_that_binds(binding:
     assert g.adapt(ball, Q, np.zeros(6)).start == inf
 
 
+def test_the_way_to_a_part_begins_before_the_part_is_in_reach() -> None:
+    """Within all limits, and it ends with the part all the same."""
+    ball = part(speed=0.8, ahead=1.0)
+    g = meeting(width=0.5)
+    assert not g.map.virtual(np.array([ball.r_o, np.zeros(3), np.zeros(3)]))[0]
+    g = g.adapt(ball, Q, np.zeros(6))
+    assert g.start == 0.0
+    assert np.any(g.pull)
+    rows = np.zeros((3, 6))
+    for t in np.arange(0.0, g.after + 0.01, TICK).tolist():
+        now = replace(ball, t=t, r_o=ball.r_o + t * ball.dr_o)
+        said = g.reference(now)
+        rows = np.array([said.q_d, said.dq_d, said.ddq_d])
+        assert t > 0.0 or np.allclose(rows, [Q, 0.0 * Q, 0.0 * Q], atol=1e-6)
+    assert np.allclose(bare().position(rows[0]), now.r_o, atol=1e-6)
+    assert np.allclose(bare().jacobian(rows[0]) @ rows[1], now.dr_o, atol=1e-6)
+
+
 def test_under_way_the_tool_is_with_the_part_whatever_it_does_and_lifts_it_to_rest() -> None:
     """A part that is slowed down on the way is met with its position and velocity all the same."""
     ball = part(speed=0.3)
