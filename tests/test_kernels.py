@@ -18,7 +18,7 @@ from numba.core.errors import TypingError
 from numpy.typing import NDArray
 
 from mitt import kernels
-from mitt.kernels import PACKAGE, view
+from mitt.kernels import PACKAGE, big_kernel, view
 
 CALLER = """
 from mitt.kernels import kernel
@@ -241,6 +241,71 @@ def test_an_array_is_returned_whoever_loaded_the_kernel_first(tmp_path: Path) ->
         )  # fmt: skip
         said.append(run.stdout.strip())
     assert said == ["22.0", "[6. 6. 6.]", "22.0 [6. 6. 6.]"]
+
+
+COUNTED = """
+import sys
+from typing import NamedTuple
+import numpy as np
+from mitt.kernels import big_kernel, copy, kernel
+
+class Pair(NamedTuple):
+    one: np.ndarray
+    two: np.ndarray
+
+@big_kernel
+def filled(pair):
+    copy(pair.one, pair.two)
+    return pair.two[1:].sum()
+
+@kernel
+def used(pair):
+    return filled(pair) + filled(Pair(pair.two, pair.one))
+
+@kernel
+def part(pair):
+    return pair.one[1:]
+
+@kernel
+def parts(pair):
+    return pair.two[:2], part(pair)
+
+@kernel
+def made(pair):
+    return part(pair).copy().sum() + used(pair)
+
+def held(pair):
+    return sys.getrefcount(pair.one), sys.getrefcount(pair.two)
+
+pair = Pair(np.arange(3.0), np.zeros(3))
+before = held(pair)
+for _ in range(10):
+    print(used(pair), *part(pair), *parts(pair)[1], made(pair), held(pair) == before)
+for kind in filled.inner.overloads.values():
+    print("call void @NRT_" in kind.library.get_llvm_str())
+"""
+
+
+def test_kernels_give_back_the_arrays_that_they_are_given(tmp_path: Path) -> None:
+    """Whether they count who holds them or, as those that make none, do not."""
+    script = tmp_path / "counted.py"
+    script.write_text(COUNTED)
+    for _ in ("compiled", "from the cache"):
+        run = subprocess.run(
+            [sys.executable, str(script)], capture_output=True, text=True, check=True,
+            env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")},
+        )  # fmt: skip
+        assert run.stdout == 10 * "6.0 1.0 2.0 1.0 2.0 9.0 True\n" + "False\n"
+
+
+def test_a_big_kernel_that_returns_an_array_is_refused() -> None:
+    """Who calls it by its address could not know whether it has been counted."""
+
+    def part(v: NDArray[Any]) -> NDArray[Any]:
+        return v[1:]
+
+    with pytest.raises(TypeError, match="part_inner: wanted a big kernel that returns no array"):
+        big_kernel(part)(np.zeros(3))
 
 
 BEYOND = """

@@ -43,14 +43,16 @@ from typing import Any, Final, TypeAlias
 
 import numpy as np
 from llvmlite import binding, ir
-from numba import __version__, carray, config, njit, types
+from numba import __version__, config, njit, types
+from numba.core import cgutils
 from numba.core.base import BaseContext
 from numba.core.caching import CacheImpl, CompileResultCacheImpl, FunctionCache, _CacheLocator
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler, CompileResult
 from numba.core.typing import Context, Signature
 from numba.experimental import structref
-from numba.extending import intrinsic, overload
+from numba.extending import lower_builtin, type_callable
+from numba.np.arrayobj import load_item, populate_array, store_item
 from numba.np.numpy_support import as_dtype
 from numpy.typing import NDArray
 
@@ -321,22 +323,69 @@ class _Linked(JITCodeLibrary):  # type: ignore[misc]
         """Return the code of this kernel and of all that it calls, for the cache."""
         if self._shared_module is None:
             self._shared_module = self.own.clone()
-            _link(self._shared_module, self._linking_libraries)
+            for part in _parts(self._linking_libraries):
+                self._shared_module.link_in(part, preserve=True)
         return self._shared_module
 
 
-class _Whole(JITCodeLibrary):  # type: ignore[misc]
-    """Machine code of a kernel and of all that is linked into it, optimised once."""
+_COUNTS: Final = ("NRT_incref", "NRT_decref")
+"""Numba's functions that count who holds an array."""
+_HARMLESS: Final = {*_COUNTS, "NRT_MemInfo_data_fast", "NRT_MemInfo_call_dtor"}
+"""Functions for memory that make none; the last is called where nobody holds an array any more."""
 
+
+def _memory(code: binding.ModuleRef) -> dict[str, binding.ValueRef]:
+    """Return Numba's functions for memory in code, by name."""
+    return {f.name: f for f in code.functions if f.name.startswith("NRT_")}
+
+
+def _rename(code: binding.ModuleRef, prefix: str) -> list[str]:
+    """Rename the functions that count in code; return their names before."""
+    found = {name: f for name, f in _memory(code).items() if name in _COUNTS}
+    for name, function in found.items():
+        function.name = prefix + name
+    return list(found)
+
+
+def _define(code: binding.ModuleRef, name: str, body: str = "") -> None:
+    """Define a function of an array's owner in code, which is put where it is called."""
+    text = f"define void @{name}(i8* %0) alwaysinline {{ {body} ret void }}"
+    declared = "" if name in _COUNTS else "".join(f"declare void @{x}(i8*) " for x in _COUNTS)
+    code.link_in(binding.parse_assembly(declared + text))
+
+
+class _Whole(JITCodeLibrary):  # type: ignore[misc]
+    """Machine code of a kernel and of all that is linked into it, optimised once.
+
+    Where the kernels make no arrays and return none, what counts who holds an array is taken out
+    of their code: who calls them holds what they are given, so the counts end as they began. A
+    wrapper for Python goes on to count.
+    """
+
+    wraps: bool = False
+    returns_arrays: bool = False
     _final_module: binding.ModuleRef
     _linking_libraries: list[JITCodeLibrary]
 
     def finalize(self) -> None:
         """Link each kernel once, however often it is called, then optimise."""
+        code, parts = self._final_module, _parts(self._linking_libraries)
         for library in self._linking_libraries:
             self._reload_init.update(library._reload_init)
-        _link(self._final_module, self._linking_libraries)
         self._linking_libraries = []
+        own = _rename(code, "held_") if self.wraps else []
+        asked = set().union(*(_memory(part) for part in (parts if self.wraps else [code, *parts])))
+        idle = _COUNTS if asked <= _HARMLESS and not self.returns_arrays else ()
+        for name in idle:
+            _define(code, name)
+        for part in parts:
+            code.link_in(part, preserve=True)
+        for name in idle:
+            code.get_function(name).linkage = "internal"
+            code.get_function(name).name = f"idle_{name}"
+        for name in own:
+            _define(code, f"held_{name}", f"call void @{name}(i8* %0)")
+            code.get_function(f"held_{name}").linkage = "internal"
         super().finalize()
 
 
@@ -351,11 +400,11 @@ def _below(libraries: Sequence[JITCodeLibrary]) -> list[JITCodeLibrary]:
     return found
 
 
-def _link(code: binding.ModuleRef, libraries: Sequence[JITCodeLibrary]) -> None:
-    """Link libraries into code, and what they call in turn."""
-    for library in _below(libraries):
-        linked = library.own if isinstance(library, _Linked) else library._get_module_for_linking()
-        code.link_in(linked, preserve=True)
+def _parts(libraries: Sequence[JITCodeLibrary]) -> list[binding.ModuleRef]:
+    """Return the code of libraries, and of what they call in turn."""
+    return [
+        x.own if isinstance(x, _Linked) else x._get_module_for_linking() for x in _below(libraries)
+    ]
 
 
 def _library(
@@ -399,6 +448,11 @@ def _with_dtypes(made: CompileResult) -> CompileResult:
     return made
 
 
+def _holds_arrays(context: BaseContext, made: CompileResult) -> bool:
+    """Tell whether a kernel returns arrays or handles, which who calls it has to hold."""
+    return bool(context.data_model_manager[made.signature.return_type].contains_nrt_meminfo())
+
+
 class _Linking(Compiler):  # type: ignore[misc]
     """Compiles a kernel for other kernels: they link its code."""
 
@@ -416,6 +470,8 @@ class _Apart(Compiler):  # type: ignore[misc]
         args, context = tuple(self.state.args), self.state.targetctx
         self.state.library = _library(_Whole, context, func)
         made = _with_dtypes(super().compile_extra(func))
+        if _holds_arrays(context, made):
+            raise TypeError(f"{func.__name__}: wanted a big kernel that returns no array, got one")
         module, fndesc = ir.Module(), made.fndesc
         kind = context.call_conv.get_function_type(fndesc.restype, fndesc.argtypes)
         name = _Symbol(func.__module__, func.__qualname__.removesuffix(_INNER), args)
@@ -437,6 +493,7 @@ class _Wrapping(Compiler):  # type: ignore[misc]
         made, context = _compiled[func](tuple(self.state.args)), self.state.targetctx
         _with_dtypes(made)
         library = _library(_Whole, context, func)
+        library.wraps, library.returns_arrays = True, _holds_arrays(context, made)
         library.add_linking_library(made.library)
         context.create_cpython_wrapper(library, made.fndesc, made.environment, None)
         entry = context.get_executable(library, made.fndesc, made.environment)
@@ -455,14 +512,6 @@ def _renamed(function: Callable[..., Any]) -> Callable[..., Any]:
     return other
 
 
-Typed: TypeAlias = tuple[
-    Signature, Callable[[BaseContext, ir.IRBuilder, Signature, Sequence[ir.Value]], ir.Value]
-]
-"""What numba wants of an intrinsic: its types, and what writes its code."""
-Body: TypeAlias = Callable[..., Any]
-"""What numba is to compile in the place of a function."""
-
-
 def view(v: NDArray[Any], start: int, shape: tuple[int, ...]) -> NDArray[Any]:
     """Return the numbers of an array from an index on as an array of another shape.
 
@@ -474,46 +523,83 @@ def view(v: NDArray[Any], start: int, shape: tuple[int, ...]) -> NDArray[Any]:
     return v.reshape(-1)[start : start + prod(shape)].reshape(shape)
 
 
-@intrinsic
-def _address(_: Context, v: types.Type, start: types.Type) -> Typed:
-    """Return where a number of an array lies."""
+@type_callable(view)
+def _type_of_view(_: Context) -> Callable[..., types.Type | None]:
+    """Return what tells the type of a view; None says that there is none."""
 
-    def write(
-        context: BaseContext, builder: ir.IRBuilder, signature: Signature, given: Sequence[ir.Value]
-    ) -> ir.Value:
-        array = context.make_array(signature.args[0])(context, builder, given[0])
-        return builder.gep(array.data, [given[1]])
-
-    del start  # of whatever kind, it is cast to the one that the signature names
-    return types.CPointer(v.dtype)(v, types.intp), write
-
-
-@overload(view)
-def _compiled_view(v: types.Type, start: types.Type, shape: types.Type) -> Body | None:
-    """Return what :func:`view` is in compiled code; None says that these types have no view."""
-    del start, shape
-    if not (isinstance(v, types.Array) and v.layout == "C"):
+    def kind(v: types.Type, start: types.Type, shape: types.Type) -> types.Type | None:
+        whole = isinstance(start, types.Integer) and isinstance(shape, types.BaseTuple)
+        if whole and isinstance(v, types.Array) and v.layout == "C":
+            return types.Array(v.dtype, len(shape), "C", readonly=not v.mutable)
         return None
+
+    return kind
+
+
+@lower_builtin(view, types.Array, types.Integer, types.BaseTuple)
+def _write_view(
+    context: BaseContext, builder: ir.IRBuilder, signature: Signature, given: Sequence[ir.Value]
+) -> ir.Value:
+    """Write the code of :func:`view`: an array without an owner."""
+    of, at, sides = signature.args
+    array = context.make_array(of)(context, builder, given[0])
+    start = context.cast(builder, given[1], at, types.intp)
+    shape = [
+        context.cast(builder, side, kind, types.intp)
+        for side, kind in zip(cgutils.unpack_tuple(builder, given[2]), sides, strict=True)
+    ]
+    size = context.get_constant(types.intp, context.get_abi_sizeof(array.data.type.pointee))
+    count, strides = context.get_constant(types.intp, 1), []
+    for side in reversed(shape):
+        strides.append(builder.mul(count, size))
+        count = builder.mul(count, side)
     if config.BOUNDSCHECK:
-        return _checked_view
-    return _plain_view
+        beyond = builder.icmp_signed(">", builder.add(start, count), array.nitems)
+        with builder.if_then(
+            builder.or_(builder.icmp_signed("<", start, count.type(0)), beyond), likely=False
+        ):
+            context.call_conv.return_user_exc(
+                builder, IndexError, ("a view reaches beyond its array",)
+            )
+    shown = context.make_array(signature.return_type)(context, builder)
+    data = builder.gep(array.data, [start])
+    populate_array(shown, data, shape, strides[::-1], size, meminfo=None)
+    return shown._getvalue()
 
 
-def _plain_view(v: types.Type, start: types.Type, shape: types.Type) -> NDArray[Any]:
-    """See :func:`view`."""
-    shown: NDArray[Any] = carray(_address(v, start), shape)
-    return shown
+def copy(values: NDArray[Any], into: NDArray[Any]) -> None:
+    """Copy an array into another of the same shape; compiled code takes both to be apart."""
+    into[...] = values
 
 
-def _checked_view(v: types.Type, start: types.Type, shape: types.Type) -> NDArray[Any]:
-    """As :func:`view`, where numba is asked to check bounds."""
-    count = 1
-    for side in shape:
-        count *= side
-    if start < 0 or start + count > v.size:
-        raise IndexError("a view reaches beyond its array")
-    shown: NDArray[Any] = carray(_address(v, start), shape)
-    return shown
+@type_callable(copy)
+def _type_of_copy(_: Context) -> Callable[..., types.Type | None]:
+    """Return what tells whether a copy can be made: of as many dimensions."""
+
+    def kind(values: types.Type, into: types.Type) -> types.Type | None:
+        arrays = isinstance(values, types.Array) and isinstance(into, types.Array)
+        return types.none if arrays and values.ndim == into.ndim and into.mutable else None
+
+    return kind
+
+
+@lower_builtin(copy, types.Array, types.Array)
+def _write_copy(
+    context: BaseContext, builder: ir.IRBuilder, signature: Signature, given: Sequence[ir.Value]
+) -> ir.Value:
+    """Write the code of :func:`copy`: one number after the other."""
+    of, to = signature.args
+    values, into = (
+        context.make_array(kind)(context, builder, array)
+        for kind, array in zip(signature.args, given, strict=True)
+    )
+    sides = cgutils.unpack_tuple(builder, into.shape)
+    with cgutils.loop_nest(builder, sides, context.get_value_type(types.intp)) as at:
+        read = cgutils.get_item_pointer(context, builder, of, values, at)
+        write = cgutils.get_item_pointer(context, builder, to, into, at)
+        number = context.cast(builder, load_item(context, builder, of, read), of.dtype, to.dtype)
+        store_item(context, builder, to, number, write)
+    return context.get_dummy_value()
 
 
 Record = NDArray[np.void]

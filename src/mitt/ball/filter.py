@@ -55,7 +55,7 @@ from mitt.ball.motion_models import (
 )
 from mitt.errors import InputError
 from mitt.fields import Range, brief, check
-from mitt.kernels import Fields, Record, big_kernel, kernel
+from mitt.kernels import Fields, Record, big_kernel, copy, kernel
 from mitt.signals import GRAVITY, Array, BallState, Sighting
 
 MAX_HORIZON = 2.0
@@ -286,8 +286,8 @@ def update(ball: Record, t: float, z: Array, R: Array) -> None:
         b.ignored += 1
         return
     seen.t = t
-    seen.z[:] = z
-    seen.R[:] = R
+    copy(z, seen.z)
+    copy(R, seen.R)
     if now.used > 0 and abs(t - now.t_seen) > b.settings.max_gap:
         if not _waited(b):
             return
@@ -533,8 +533,8 @@ def _go_back(b: Fields, first: Fields, kick: float) -> None:
     """Go back to the estimate before a sighting, its velocity changed by a kick [m/s]."""
     now, past = b.now, first.before
     best = past.best
-    now.x[best] = past.x[best]
-    now.P[best] = past.P[best]
+    copy(past.x[best], now.x[best])
+    copy(past.P[best], now.P[best])
     now.t, now.best, now.active = past.t, best, past.active
     if now.active:
         for model in range(MODELS):
@@ -572,7 +572,8 @@ def predict(ball: Record, t: float, motion: Array, covariance: Array) -> bool:
         return False
     best, active, x, P = origin.best, origin.active, b.work.x, b.work.P
     _carry(b, origin, best, dt)
-    motion[0], motion[1] = x[:3], x[3:6]
+    copy(x[:3], motion[0])
+    copy(x[3:6], motion[1])
     b.drag = x[6]
     acceleration(motion[1], x[6], motion[2])
     for i in range(3):
@@ -638,8 +639,8 @@ def _is_of_others(b: Fields, t: float) -> bool:
 def _carry(b: Fields, origin: Fields, model: int, dt: float) -> None:
     """Carry a copy of a model's track, in the scratch, from an estimate on by ``dt`` [s]."""
     work = b.work
-    work.x[:] = origin.x[model]
-    work.P[:] = origin.P[model]
+    copy(origin.x[model], work.x)
+    copy(origin.P[model], work.P)
     advance_uncertain(work.x[:], work.P[:], dt, b.models[model], work.A, work.FP)
 
 

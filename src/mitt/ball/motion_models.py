@@ -33,7 +33,7 @@ from math import exp, sqrt
 import numpy as np
 
 from mitt.ball.flight import STATES, MotionModel, advance_uncertain
-from mitt.kernels import Fields, kernel
+from mitt.kernels import Fields, copy, kernel
 from mitt.signals import Array
 
 MODELS = 3
@@ -282,8 +282,8 @@ def reset_motion(x: Array, P: Array, seen: Fields, speed_sigma: float) -> None:
         for j in range(STATES):
             if i != j or i < 6:
                 P[i, j] = 0.0
-    x[:3] = seen.z
-    P[:3, :3] = seen.R
+    copy(seen.z, x[:3])
+    copy(seen.R, P[:3, :3])
     for i in range(3, 6):
         P[i, i] = speed_sigma * speed_sigma
 
@@ -304,8 +304,8 @@ def reset_drag_and_push(b: Fields, model: int) -> None:
 @kernel
 def _restart(b: Fields, model: int, origin: int) -> None:
     """Start a model again from the position and velocity of another."""
-    b.now.x[model, :6] = b.now.x[origin, :6]
-    b.now.P[model, :6, :6] = b.now.P[origin, :6, :6]
+    copy(b.now.x[origin, :6], b.now.x[model, :6])
+    copy(b.now.P[origin, :6, :6], b.now.P[model, :6, :6])
     reset_drag_and_push(b, model)
 
 

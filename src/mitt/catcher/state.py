@@ -37,7 +37,7 @@ from mitt.errors import ShapeError
 from mitt.eyes.eyes import Eyes
 from mitt.eyes.localization import EyesMemory, eyes_handle
 from mitt.fields import brief, line
-from mitt.kernels import Handle, Record, define, kernel, record_of
+from mitt.kernels import Handle, Record, copy, define, kernel, record_of
 from mitt.map.mapping import DirectMap
 from mitt.map.tangent import MapArrays
 from mitt.signals import (
@@ -206,13 +206,13 @@ def result_handle(result: Result) -> Any:  # noqa: ANN401
 def store(result: Any, ticks: Any, k: int) -> None:  # noqa: ANN401
     """Write a result into row ``k`` of room for many, both handles."""
     ticks.scalars[k] = result.scalars[0]
-    ticks.encoders[k] = result.encoders
-    ticks.ball[k] = result.ball
-    ticks.covariance[k] = result.covariance
-    ticks.reference[k] = result.reference
-    ticks.command[k] = result.command
-    ticks.gaze[k] = result.gaze
-    ticks.sighting[k] = result.sighting
+    copy(result.encoders, ticks.encoders[k])
+    copy(result.ball, ticks.ball[k])
+    copy(result.covariance, ticks.covariance[k])
+    copy(result.reference, ticks.reference[k])
+    copy(result.command, ticks.command[k])
+    copy(result.gaze, ticks.gaze[k])
+    copy(result.sighting, ticks.sighting[k])
 
 
 def fresh_state(

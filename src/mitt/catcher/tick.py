@@ -64,7 +64,7 @@ from mitt.control.viability import BLOCKED, safety_filter
 from mitt.eyes.head import aim, bearing, lead
 from mitt.eyes.held import find_held
 from mitt.eyes.localization import guide, localize
-from mitt.kernels import big_kernel, kernel
+from mitt.kernels import big_kernel, copy, kernel
 from mitt.map.mapping import reference
 from mitt.map.prediction import time_to_catch
 from mitt.signals import TICK, Array, Image, Sighting
@@ -138,7 +138,8 @@ def perceive(seen: Seen, read: Read, state: CatcherState, result: Result) -> Non
             for k in range(3):
                 state.R[k, k] += TOUCHED * TOUCHED
         update(state.ball_filter, t_exposed, state.z, state.R)
-    result.sighting[0], result.sighting[1:] = state.z, state.R
+    copy(state.z, result.sighting[0])
+    copy(state.R, result.sighting[1:])
     ball = state.ball_filter[0]
     tracked = predict(state.ball_filter, t, result.ball, result.covariance)
     out.tracked, out.t_ball = tracked, t
@@ -166,7 +167,7 @@ def _read(read: Read, state: CatcherState, result: Result) -> None:
         taken[:] = np.nan
         return
     s.t_read, s.lag = out.t - age, age
-    taken[:] = encoders
+    copy(encoders, taken)
 
 
 @kernel
@@ -184,12 +185,13 @@ def _act_on(state: CatcherState) -> None:
     if count > 1 and not s.braked:
         ddq[:] = 0.0
         for i in range(count):
-            ddq += waiting[min(i, last)] / count
+            for k in range(len(ddq)):
+                ddq[k] += waiting[min(i, last), k] / count
     s.waited += ticks
     moved = int(s.waited + TRIFLE)
     s.waited -= moved
     for i in range(last):
-        waiting[i] = waiting[min(i + moved, last)]
+        copy(waiting[min(i + moved, last)], waiting[i])
 
 
 @kernel
@@ -210,9 +212,9 @@ def _measure(dt: float, state: CatcherState, result: Result) -> None:
 def _wait_for_encoders(state: CatcherState, result: Result) -> None:
     """Stay where the arm is, on the brakes until each joint was read once."""
     s, out = state.scalars[0], result.scalars[0]
-    state.last[0], state.last[1] = state.estimated[0], state.estimated[1]
-    state.before[:] = state.last
-    state.desired[0] = state.estimated[0]
+    copy(state.estimated[:2], state.last[:2])
+    copy(state.last, state.before)
+    copy(state.estimated[0], state.desired[0])
     s.begun = True
     for k in range(len(state.monitor.joints)):
         s.begun &= not np.isnan(state.monitor.joints[k].q)
@@ -235,7 +237,8 @@ def _see_held(
             hand[2, i] = hand[0, i] + (t_exposed - out.t) * hand[1, i]
         found = find_held(images, apart, state.eyes, hand[2], state.z, state.R)
         out.sighted, out.t_sighted = found and is_of_now(t_exposed, out.t, state), t_exposed
-        result.sighting[0], result.sighting[1:] = state.z, state.R
+        copy(state.z, result.sighting[0])
+        copy(state.R, result.sighting[1:])
     if s.heads > 0:
         for i in range(3):
             hand[0, i] += TICK * hand[1, i]
@@ -295,10 +298,10 @@ def refer(state: CatcherState, result: Result) -> None:
     if s.phase != FOLLOW:
         return
     target, rows = state.followed, result.reference
-    target[:] = result.ball
+    copy(result.ball, target)
     if s.surrogate:
         level(target, s.waiting_height)
-    rows[3] = state.map.start
+    copy(state.map.start, rows[3])
     if reference(state.map, target, rows):
         out.inside = True
         led = out.led or s.surrogate
@@ -318,7 +321,7 @@ def act(brake: Array, state: CatcherState, result: Result) -> int:
     )
     if phase == FOLLOW:
         if out.inside:
-            desired[:] = result.reference[:3]
+            copy(result.reference[:3], desired)
         else:
             desired[1:] = 0.0
     elif phase == BRAKE:
@@ -336,8 +339,8 @@ def act(brake: Array, state: CatcherState, result: Result) -> int:
     _report(blocked, state, result)
     _engage(state, result)
     predict_acceleration(monitor, arm, estimated, command[3], state.mass)
-    state.waiting[-1] = monitor.ddq_by_tau
-    monitor.ddq_by_tau[:] = state.waiting[0]
+    copy(monitor.ddq_by_tau, state.waiting[-1])
+    copy(state.waiting[0], monitor.ddq_by_tau)
     if s.braked:
         monitor.ddq_by_tau[:] = 0.0
     if s.phase == STOPPED:
@@ -361,10 +364,10 @@ def _go_on(brake: Array, state: CatcherState, result: Result) -> bool:
         s.ahead += 1.0
         if abs(s.ahead) < TRIFLE:
             s.ahead = 0.0
-        before[:] = last
+        copy(last, before)
         _wish(brake, s.ahead * TICK, state, result.scalars[0].t, wish)
         blocked |= safety_filter(state.safety, last, wish) == BLOCKED
-    wish[:] = last
+    copy(last, wish)
     if s.ahead > 0.0:
         for i in range(3):
             for k in range(last.shape[1]):
@@ -381,7 +384,7 @@ def _wish(brake: Array, later: float, state: CatcherState, t: float, wish: Array
     elif s.phase == BRAKE:
         _brake_at(brake, t + later - s.t_brake, wish)
         return
-    wish[:] = desired
+    copy(desired, wish)
     if s.phase == FOLLOW and later != 0.0:
         _carry(wish, later)
 
@@ -390,7 +393,7 @@ def _wish(brake: Array, later: float, state: CatcherState, t: float, wish: Array
 def _brake_at(brake: Array, since: float, motion: Array) -> None:
     """Write q, dq, ddq at a time since braking began [s], shape (3, n)."""
     k = min(max(round(since / TICK), 0), len(brake) - 1)
-    motion[:] = brake[k]
+    copy(brake[k], motion)
     rest = since - k * TICK
     if since > 0.0 and k < len(brake) - 1 and abs(rest) > TRIFLE * TICK:
         _carry(motion, rest)
@@ -461,8 +464,9 @@ def _report(blocked: bool, state: CatcherState, result: Result) -> None:
     if out.health == ABORT:
         s.phase = STOPPED
         if gap > s.max_tracking_error and s.encoder_fault <= BRIDGED:
-            state.last[0], state.last[1], state.last[2] = estimated[0], estimated[1], 0.0
-            state.before[:] = state.last
+            copy(estimated[:2], state.last[:2])
+            state.last[2] = 0.0
+            copy(state.last, state.before)
 
 
 @kernel
@@ -481,11 +485,11 @@ def _engage(state: CatcherState, result: Result) -> None:
         s.braked = True
     elif s.braked and s.phase != STOPPED:
         s.braked = out.brakes = _builds_up(tracking, tau)
-        tracking.before[:] = tau
+        copy(tau, tracking.before)
         return
     if s.braked:
         tau[:] = 0.0
-    tracking.before[:] = tau
+    copy(tau, tracking.before)
 
 
 @kernel

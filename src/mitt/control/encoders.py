@@ -43,7 +43,7 @@ from mitt.control.envelope import bounds_of
 from mitt.control.stop import MassWork
 from mitt.errors import InputError
 from mitt.fields import Range, Settings
-from mitt.kernels import Fields, Record, kernel
+from mitt.kernels import Fields, Record, copy, kernel
 from mitt.signals import TICK, Array
 
 #: What is wrong with an encoder; the first two are not a fault yet.
@@ -567,7 +567,8 @@ def predict_acceleration(
     index, joints, mass, motion = arm.active, monitor.joints, w.mass, monitor.motion
     left, inverse, ddq = monitor.left, monitor.inverse, monitor.ddq_by_tau
     n = len(index)
-    motion[0], motion[1], motion[2] = estimated[0], estimated[1], 0.0
+    copy(estimated[:2], motion[:2])
+    motion[2] = 0.0
     bias_and_mass(arm.bodies, motion, w.tau, mass, w.work)
     for i in range(n):
         for j in range(n):

@@ -32,7 +32,7 @@ from mitt.arm.dynamics import dynamics_scratch, inverse_dynamics
 from mitt.arm.limits import LEAST, bound_of, drive_asked, drives_of, largest_share, saturate
 from mitt.control.encoders import FINE, SIGMAS, Monitor
 from mitt.control.envelope import bound_acceleration, closing_speed, releasable
-from mitt.kernels import Record, kernel
+from mitt.kernels import Record, copy, kernel
 from mitt.signals import TICK, Array, Command
 
 #: Share of its peak that a drive may give while a joint is not measured; the rest is for what a
@@ -102,7 +102,7 @@ def derate(
         struck: Whether the ball may come before the command ceases to act.
     """
     index, joints, measured = arm.active, monitor.joints, True
-    w.drives[:] = arm.drives
+    copy(arm.drives, w.drives)
     own, now = drives_of(arm.drives), drives_of(w.drives)
     for k in range(len(index)):
         measured &= joints[k].fault == FINE and joints[k].gone == 0.0

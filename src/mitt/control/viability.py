@@ -17,7 +17,7 @@ from mitt.arm.arm import Arm, Tables
 from mitt.arm.shapes import MARGIN, Shapes, Surroundings, clearance, shapes_of
 from mitt.control.envelope import LONGEST, bounds_of, braked, clamp, slow_down
 from mitt.control.stop import StopWork, clamp_to_reserve, gentle_rates, stop_work
-from mitt.kernels import Record, kernel
+from mitt.kernels import Record, copy, kernel
 from mitt.signals import Array
 
 #: Room that counts as none [m] unless the arm stands: with less, every look would lead the next one
@@ -127,7 +127,8 @@ def stops_clear(s: Safety, motion: Array) -> bool:
             return True
         room = clearance(s.arm.bodies, way, s.shapes, s.pairs, s.ends) - MARGIN
         if look == 0:
-            known[:n], known[n] = motion[0], room
+            copy(motion[0], known[:n])
+            known[n] = room
         if room < 0.0 or (room < _SLIVER and left > 0.0):
             return False
         if left <= room:
@@ -150,8 +151,9 @@ def _stops_clear_smoothly(s: Safety, motion: Array) -> bool:
     if left < known[n] - moved:
         return True
     room = clearance(s.arm.bodies, motion[0], s.shapes, s.pairs, s.ends) - MARGIN
-    known[:n], known[n] = motion[0], room
-    row[:] = motion
+    copy(motion[0], known[:n])
+    known[n] = room
+    copy(motion, row)
     for _ in range(LONGEST):
         if room < 0.0 or room >= left or not np.any(row[1:]):
             return bool(room >= 0.0)
@@ -159,7 +161,7 @@ def _stops_clear_smoothly(s: Safety, motion: Array) -> bool:
         step = 0.0
         for k in range(n):
             step += b[k].reach * abs(after[0, k] - row[0, k])
-        row[:] = after
+        copy(after, row)
         room -= step
         left -= step
         if room < 0.0:

@@ -27,7 +27,7 @@ from mitt import checks
 from mitt.arm.arm import Arm
 from mitt.errors import InputError, ModelError
 from mitt.fields import brief
-from mitt.kernels import big_kernel, kernel, view
+from mitt.kernels import big_kernel, copy, kernel, view
 from mitt.map.map_design import MapDesign, check_joints, tangent_of
 from mitt.map.polynomial import CatchBasis, bend, jets
 from mitt.map.prediction import time_to_catch
@@ -432,7 +432,8 @@ def reference(f: MapArrays, ball: Array, rows: Array) -> bool:
     w = unfold(f.work, n)
     if not lift(g, ball, view(rows, 3 * n, (3, n)), w):
         rows[:] = 0.0
-        rows[0], rows[3] = g.q_rest, g.q_rest
+        copy(g.q_rest, rows[0])
+        copy(g.q_rest, rows[3])
         return False
     for a in range(3):
         for d in range(3):
@@ -448,6 +449,6 @@ def reference(f: MapArrays, ball: Array, rows: Array) -> bool:
 def references(f: MapArrays, path: Array, rows: Array, out: Array) -> None:
     """Write the first three rows of :func:`reference` for each ball of a path."""
     for k in range(len(path)):
-        rows[3] = f.start
+        copy(f.start, rows[3])
         reference(f, path[k], rows)
-        out[k] = rows[:3]
+        copy(rows[:3], out[k])

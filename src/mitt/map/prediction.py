@@ -19,7 +19,7 @@ import numpy as np
 
 from mitt import checks
 from mitt.ball.flight import STATES, MotionModel, acceleration, advance, advance_uncertain
-from mitt.kernels import big_kernel, kernel, view
+from mitt.kernels import big_kernel, copy, kernel, view
 from mitt.map.tangent import MapArrays, coordinate, invert, lift, to_go, unfold, unpack
 from mitt.signals import GRAVITY, PASSED, Array, BallState
 
@@ -252,7 +252,7 @@ def _time_ahead(f: MapArrays, s: float, t: float, of: tuple[Array, float, bool])
     t, step = min(t, _GUESS), 0.0
     fly_on(state, t, end)
     for _ in range(_ROUNDS):
-        q_o[:] = f.start
+        copy(f.start, q_o)
         if not (abs(step) < t and lift(g, end, virtual, w)):
             break
         ds, dds = coordinate(g, dq_o, g.catch), coordinate(g, ddq_o, g.catch)
@@ -265,7 +265,7 @@ def _time_ahead(f: MapArrays, s: float, t: float, of: tuple[Array, float, bool])
             return t
         if abs(step) < np.inf:
             go_on(end, state[9], step)
-    q_o[:] = f.start
+    copy(f.start, q_o)
     return float(catch_time(f, state, q_o, end))
 
 

@@ -59,7 +59,7 @@ from mitt.arm.kinematics import (
     sweep,
     times,
 )
-from mitt.kernels import kernel, view
+from mitt.kernels import copy, kernel, view
 from mitt.signals import Array
 
 #: |det J_c| below this share of the product of its columns' lengths counts as singular.
@@ -348,7 +348,7 @@ def invert_planar(g: Tangent, r_o: Array, q_o: Array) -> bool:
     if not (root > _SINGULAR * pt * pt and rho > _SINGULAR and np.isfinite(root)):
         return False
     s = (-pt + np.sign(pt) * np.sqrt(root)) / tt
-    q_o[:] = g.q_rest
+    copy(g.q_rest, q_o)
     q_o[g.free[0]] = yaw * np.arctan2(y, x)
     q_o[g.free[1]] = pitch * (np.arctan2(rho, z) - np.arctan2(px + s * tx, pz + s * tz))
     q_o[g.free[2]] = g.q_catch + s
@@ -363,7 +363,7 @@ def invert_newton(g: Tangent, r_o: Array, q_o: Array, w: Scratch) -> bool:
     where det J_c changes its sign on the way, the branch of the catch has ended.
     """
     expand(g, q_o, w)
-    w.ends[0] = w.point[0]
+    copy(w.point[0], w.ends[0])
     for c in range(3):
         w.ends[1, c] = r_o[c] - w.ends[0, c]
     way = np.sqrt(w.ends[1, 0] ** 2 + w.ends[1, 1] ** 2 + w.ends[1, 2] ** 2)

@@ -33,7 +33,7 @@ from mitt.eyes.camera import CAMERA
 from mitt.eyes.head import HEAD
 from mitt.eyes.held import window_about
 from mitt.eyes.segmentation import WORK, region_of_interest, suffices, whole_image
-from mitt.kernels import Record, big_kernel, kernel
+from mitt.kernels import Record, big_kernel, copy, kernel
 from mitt.signals import TICK, Array, Image
 from mitt.world.capsules import Body, lay_capsules
 from mitt.world.engine import Plant
@@ -163,7 +163,8 @@ def render(sight: Sight, k: int, state: StateHandle, held: bool) -> None:
     exposure = Exposure(k * TICK, sight.radius, r_o, dr_o, capsules)
     if state.scalars[0].phase == BRAKE:
         hand = ahead.hand
-        hand[:] = state.hand[2] + TICK * state.hand[1]
+        for i in range(3):
+            hand[i] = state.hand[2, i] + TICK * state.hand[1, i]
         for n in range(2):
             if not held or window_about(
                 eyes.cameras[n], hand, eyes.ball[0].radius, MARGIN, images[n].shape, windows[n]
@@ -203,7 +204,7 @@ def capture(plant: Plant, sight: Sight, state: StateHandle, k: int, held: bool) 
     lay_capsules(body, shot[: len(shot) - 2])
     for i in range(3):
         shot[len(shot) - 2, i], shot[len(shot) - 1, i] = r_o[i], dr_o[i]
-    shots.starts[row] = sight.starts[k % BLOCK]
+    copy(sight.starts[k % BLOCK], shots.starts[row])
     if k >= latency:
         render(sight, k - latency, state, held)
 
@@ -252,8 +253,8 @@ def play(
         kept.times[k] = now_ns(clock) - before
         if arrived and with_points:
             out.sighted, out.t_sighted = True, stamp
-            result.sighting[0] = line[(k - latency) % len(line)]
-            result.sighting[1:] = sight.points.covariance
+            copy(line[(k - latency) % len(line)], result.sighting[0])
+            copy(sight.points.covariance, result.sighting[1:])
         note_stop(plant.state, out.brakes, s.phase == STOPPED)
         move(plant, result.command[3], out.hand, kept.trace)
         store(result, kept.results, k)
