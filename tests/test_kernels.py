@@ -18,7 +18,7 @@ from numba.core.errors import TypingError
 from numpy.typing import NDArray
 
 from mitt import kernels
-from mitt.kernels import PACKAGE, big_kernel, view
+from mitt.kernels import PACKAGE, big_kernel, copy, view
 
 CALLER = """
 from mitt.kernels import kernel
@@ -433,11 +433,18 @@ def test_views_show_arguments_only() -> None:
     assert not bad
 
 
-def test_a_view_beyond_its_array_is_found_where_bounds_are_checked() -> None:
+@pytest.mark.parametrize(
+    ("act", "fault"),
+    [
+        ("return view(v, 2, (2, 2)).sum()", "a view reaches beyond its array"),
+        ("copy(v, np.zeros(6)); return 4.0", "a copy into an array of another shape"),
+    ],
+)
+def test_what_is_beyond_an_array_is_found_where_bounds_are_checked(act: str, fault: str) -> None:
     """By numba's own switch."""
     code = (
-        "import numpy as np; from numba import njit; from mitt.kernels import view\n"
-        "@njit\ndef f(v): return view(v, 2, (2, 2)).sum()\n"
+        "import numpy as np; from numba import njit; from mitt.kernels import copy, view\n"
+        f"@njit\ndef f(v): {act}\n"
         "print(f(np.ones(6)))\nf(np.ones(5))"
     )
     run = subprocess.run(
@@ -445,7 +452,27 @@ def test_a_view_beyond_its_array_is_found_where_bounds_are_checked() -> None:
         capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert run.stdout == "4.0\n"
-    assert "a view reaches beyond its array" in run.stderr
+    assert fault in run.stderr
+
+
+@njit
+def copied(values: NDArray[Any], into: NDArray[Any]) -> None:
+    """Copy in compiled code."""
+    copy(values, into)
+
+
+def test_a_copy_is_what_an_assignment_is() -> None:
+    """Of rows, columns and numbers of another type, compiled and plain."""
+    for values, at in (
+        (np.arange(6.0).reshape(2, 3), np.s_[1:3, 2:5]), (np.arange(8)[::2], np.s_[0]),
+        (np.arange(4.0, dtype=np.float32), np.s_[:, 1]),
+    ):  # fmt: skip
+        mine, plain, wanted = (np.zeros((4, 5))[:, : 5 if values.ndim == 2 else 4] for _ in "abc")
+        wanted[at] = values
+        copied(values, mine[at])
+        copy(values, plain[at])
+        assert np.array_equal(mine, wanted)
+        assert np.array_equal(plain, wanted)
 
 
 def test_no_kernel_needs_scipy() -> None:

@@ -12,10 +12,14 @@ calls has changed in another file. Here the folder of a cached kernel is named a
 file and of every file of mitt that it imports, directly or not. So the cache is right however mitt
 is started, and versions, clones and environments share what they have in common.
 
-**Views.** Numba's own ``reshape`` calls a library and counts references, which together take a
-third of a tick. In compiled code a :func:`view` has no owner, so it may only show what the caller
-of the kernel holds: an argument, or a part of one (tests/test_kernels.py reads the source). In
-plain Python a view keeps alive what it shows.
+**Not counted.** Numba counts who holds an array at each step that names it, which took a quarter
+of a throw. Kernels that make no arrays hold none: what calls them does. Their counting is taken
+out where they become machine code (``_Whole``). ``a[:] = b`` makes an array where the two might
+overlap; :func:`copy` does not.
+
+**Views.** Numba's own ``reshape`` calls a library. In compiled code a :func:`view` has no owner, so
+it may only show what the caller of the kernel holds: an argument, or a part of one
+(tests/test_kernels.py reads the source). In plain Python a view keeps alive what it shows.
 
 **Handles.** Numba passes a named tuple to compiled code array by array, which costs more than a
 tick. A :class:`Handle` holds the same arrays behind one pointer: the named tuple is for Python, its
@@ -568,7 +572,10 @@ def _write_view(
 
 
 def copy(values: NDArray[Any], into: NDArray[Any]) -> None:
-    """Copy an array into another of the same shape; compiled code takes both to be apart."""
+    """Copy an array into another of the same shape, which it does not overlap.
+
+    Compiled code looks at the shapes where Numba is asked to check bounds.
+    """
     into[...] = values
 
 
@@ -594,6 +601,13 @@ def _write_copy(
         for kind, array in zip(signature.args, given, strict=True)
     )
     sides = cgutils.unpack_tuple(builder, into.shape)
+    if config.BOUNDSCHECK:
+        others = cgutils.unpack_tuple(builder, values.shape)
+        for side, other in zip(sides, others, strict=True):
+            with builder.if_then(builder.icmp_signed("!=", side, other), likely=False):
+                context.call_conv.return_user_exc(
+                    builder, IndexError, ("a copy into an array of another shape",)
+                )
     with cgutils.loop_nest(builder, sides, context.get_value_type(types.intp)) as at:
         read = cgutils.get_item_pointer(context, builder, of, values, at)
         write = cgutils.get_item_pointer(context, builder, to, into, at)
