@@ -33,7 +33,7 @@ DOMAIN, THROWS, SHOT = "174", 5, 3
 def save(shown: list[float], path: Path) -> None:
     """Write the table as SVG, in a font that each viewer has."""
     console = Console(record=True, width=44, file=Path(os.devnull).open("w"))  # noqa: SIM115
-    console.print(picture(shown, STATES))
+    console.print(picture(shown, STATES, ("throws", "caught")))
     plain = re.sub(r"@font-face \{\{.*?\}\}\s*", "", _export_format.CONSOLE_SVG_FORMAT, flags=re.S)
     plain = re.sub(r"<!--.*?-->", "", plain).replace("Fira Code", "monospace")
     text = console.export_svg(title="mitt run wam-sim", code_format=plain)
