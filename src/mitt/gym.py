@@ -107,6 +107,7 @@ class Driven(gymnasium.Env[Observation, Numbers]):
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 200}  # noqa: RUF012
     pixels = False
     _catcher: Catcher
+    _touched: bool
 
     def _set_up(self, render_mode: str | None, scene: Scene, action: str, ticks: int) -> None:
         """Take what every environment is told."""
@@ -255,12 +256,26 @@ class Driven(gymnasium.Env[Observation, Numbers]):
         return spaces.Box(-high, high, dtype=np.float32)
 
     def _space(self) -> spaces.Space[Any]:
-        """Return the space of what is observed."""
-        raise NotImplementedError
+        """Return the space of what is observed: joints, and ball or part."""
+        return self.whole_space()
 
     def _observed(self) -> Observation:
         """Return what is observed now."""
-        raise NotImplementedError
+        return self.whole()
+
+    def _touch_gain(self) -> float:
+        """Return the reward of the first touch, in the action that brings it."""
+        touch = None if self._touched else self.world.first_contact
+        self._touched = self._touched or touch is not None
+        return 0.0 if touch is None else _TOUCH / (1.0 + touch.velocity_error)
+
+    def _contact(self) -> dict[str, float]:
+        """Return the largest force on ball or part, and its errors at the first contact, if any."""
+        contact, said = self.world.first_contact, {}
+        if contact is not None:
+            said = {"position_error_m": contact.position_error,
+                    "velocity_error_m_s": contact.velocity_error}  # fmt: skip
+        return {"peak_contact_force_n": float(self.world.peak_force), **said}
 
 
 class Environment(Driven):
@@ -371,10 +386,7 @@ class Environment(Driven):
         """Return the reward of an action that took ``dt`` [s] and ended with a torque [N m]."""
         gap = self.thing()[0] - self.world.catch_point
         cost = self._cost(float(np.sqrt(gap @ gap)), tau)
-        touch = None if self._touched else self.world.first_contact
-        self._touched = self._touched or touch is not None
-        gain = 0.0 if touch is None else _TOUCH / (1.0 + touch.velocity_error)
-        return gain - dt * cost
+        return self._touch_gain() - dt * cost
 
     def _ended(self) -> dict[str, Any]:
         """Return what became of the throw."""
@@ -384,16 +396,10 @@ class Environment(Driven):
         commanded, driven = np.array(self._told), np.array(self._driven)
         beyond = ticks_beyond(arm, trace, drives, commanded, driven=driven)
         shares = continuous_shares(arm, np.sum(drives.torque**2, axis=0), len(drives.torque))
-        contact = world.first_contact
-        errors = {} if contact is None else {
-            "position_error_m": contact.position_error,
-            "velocity_error_m_s": contact.velocity_error,
-        }  # fmt: skip
         return {
             "status": status_of(world, phase, was_held=was_held(arm, world)),
             "limit_violations": int(np.sum(beyond)) + overheated(shares),
-            "peak_contact_force_n": float(world.peak_force),
-            **errors,
+            **self._contact(),
         }
 
     def _looks(self, k: int) -> bool:
@@ -413,14 +419,6 @@ class Environment(Driven):
 @final
 class Catch(Environment):
     """``mitt/Catch-v0``: joints, and the true position and velocity of the ball."""
-
-    def _space(self) -> spaces.Space[Any]:
-        """Return a box: joints, then the ball."""
-        return self.whole_space()
-
-    def _observed(self) -> Numbers:
-        """Return joints and ball."""
-        return self.whole()
 
 
 @final
@@ -529,28 +527,15 @@ class Meet(Driven):
         q, dq = world.data.qpos[: self.arm.n], world.data.qvel[: self.arm.n]
         slip = min(float(np.linalg.norm(dr - self.arm.jacobian(q) @ dq)), 2.0)
         cost = self._cost(float(np.linalg.norm(r - world.catch_point)), tau) + _SLIP * slip
-        touch = None if self._touched else world.first_contact
-        self._touched = self._touched or touch is not None
-        gain = 0.0 if touch is None else _TOUCH / (1.0 + touch.velocity_error)
-        return gain - dt * cost
+        return self._touch_gain() - dt * cost
 
     def _ended(self) -> dict[str, Any]:
         """Return what became of the part."""
-        contact = self.world.first_contact
         status = "stopped" if self._catcher.phase is Phase.STOPPED else None
-        errors = {} if contact is None else {
-            "position_error_m": contact.position_error,
-            "velocity_error_m_s": contact.velocity_error,
-        }  # fmt: skip
         return {
             "status": status or self._parts.ended(self.world)["status"],
-            "peak_contact_force_n": float(self.world.peak_force),
-            **errors,
+            **self._contact(),
         }
-
-    def _space(self) -> spaces.Space[Any]:
-        """Return a box: joints, then the part."""
-        return self.whole_space()
 
 
 @final
@@ -652,10 +637,6 @@ class Bat(Driven):
             "peak_contact_force_n": float(self.world.peak_force),
             **passed,
         }
-
-    def _space(self) -> spaces.Space[Any]:
-        """Return a box: joints, then the ball."""
-        return self.whole_space()
 
 
 def _parts_scene() -> Scene:
