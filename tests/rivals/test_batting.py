@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mitt.ball.flight import advance
+from mitt.ball.flight import acceleration, advance
 from mitt.catcher.batting import Batting
 from mitt.errors import UnknownNameError
 from mitt.map.demand import Tolerance
@@ -38,7 +38,12 @@ def _ball(t: float, met: np.ndarray, left: float) -> BallState:
     """Return a ball so long before it is somewhere [s]."""
     r, dr = met.copy()
     advance(r, dr, 0.04, -left)
-    return BallState(t=t, r_o=r, dr_o=dr, ddr_o=np.zeros(3), covariance=1e-9 * np.eye(6), drag=0.04)
+    ddr = np.empty(3)
+    acceleration(dr, 0.04, ddr)
+    return BallState(
+        t=t, r_o=r, dr_o=dr, ddr_o=ddr, covariance=1e-9 * np.eye(6),
+        drag=0.04, t_seen=t, t_first=-0.1,
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize("name", RIVALS)

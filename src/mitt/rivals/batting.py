@@ -10,7 +10,7 @@ the strike, turned back by its speeds, and sets off shortly before the contact
 (:func:`mitt.rivals.servo.run_up`).
 
 ``clairvoyant`` is an oracle, no rival: it is given the true flight and the true restitution, and
-plans once, as ``mpc`` does.
+plans once, a quintic.
 """
 
 from collections.abc import Callable
@@ -29,7 +29,7 @@ from mitt.map.prediction import flown
 from mitt.map.striking import Strike
 from mitt.rivals.clairvoyant import Flight
 from mitt.rivals.intercept import Intercept
-from mitt.rivals.mpc import MpcPlanner, mpc_path
+from mitt.rivals.mpc import mpc_path
 from mitt.rivals.planned import Planned, RuckigPlanner, plan_quintic
 from mitt.rivals.pursuit import Chase, ChaseMemory, Pursuit, coasting, resting
 from mitt.rivals.servo import Servo, bounds_of, run_up
@@ -115,7 +115,7 @@ class BatRival(Generator):
         g, left = self.batting, catch.t_c - ball.t
         if left <= 0.0 or g.strike is None:
             return catch
-        met = flown(ball, np.array([left]))[0, :2]
+        met = flown(replace(ball, led=True), np.array([left]))[0, :2]  # as the map foresees it
         if self.flight is not None:
             met = np.array(self.flight(catch.t_c))
         impact = replace(g.settings.impact, drag=ball.drag)
@@ -144,7 +144,7 @@ PATHS: Final[dict[str, Callable[[Arm], Pursuit]]] = {
     "ruckig": lambda arm: Planned(planner=RuckigPlanner(arm)),
     "mpc": mpc_path,
     "ik": lambda arm: Servo(most=bounds_of(arm), lead=_swing, slowest=15.0, join=0.95),
-    "clairvoyant": lambda arm: Planned(planner=MpcPlanner(arm), dead_q=inf, dead_dq=inf),
+    "clairvoyant": lambda _: Planned(planner=plan_quintic, dead_q=inf, dead_dq=inf),
 }
 """How each gets to the contact, by name."""
 
