@@ -594,6 +594,7 @@ class Meeting(Generator):
         s, met = self.settings, self.start + self.after
         begin = max(met, self.glide.calm) + s.settle
         ahead = target[0] + np.outer([s.closing, s.closing + 0.01], target[1])
-        if ball.t >= met and not np.all((ahead >= s.low) & (ahead <= s.high)):
+        leaves = ((ahead < s.low) & (target[1] < 0.0)) | ((ahead > s.high) & (target[1] > 0.0))
+        if ball.t >= met and leaves.any():
             begin = min(begin, ball.t)
         return begin + s.closing - ball.t
