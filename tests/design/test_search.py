@@ -95,7 +95,9 @@ def test_the_design_of_a_file_is_the_candidate_that_it_came_from(name: str) -> N
     file = design_of(name)
     assert file is not None
     assert file.map is not None
-    whole = whole_arm(name, tip=None, limits=None, hand=hand_of(file.hand, 0.0))
+    whole = whole_arm(
+        name, tip=None, limits=None, hand=hand_of(file.hand, 0.0, None, file.hand_depth)
+    )
     c = candidate_of(whole, file)
     mine, shipped = c.arm(whole), file.load()
     assert difference(identity_of(mine), identity_of(shipped)) is None
