@@ -154,7 +154,9 @@ def test_the_tool_closes_at_once_where_the_part_leaves_not_where_it_enters(
     ball = part(speed=0.3)
     g = meeting(settle=0.2, closing=0.05).adapt(ball, Q, np.zeros(6))
     met = ball.r_o[1] + 0.3 * g.after
-    side = {"low": (-9.0, met + 0.05, -9.0)} if enters else {"high": (9.0, met + 0.01, 9.0)}
+    side: dict[str, Any] = (
+        {"low": (-9.0, met + 0.05, -9.0)} if enters else {"high": (9.0, met + 0.01, 9.0)}
+    )
     g = replace(g, settings=replace(g.settings, **side))
     for tick in range(1, round(g.after / TICK) + 3):
         t = tick * TICK

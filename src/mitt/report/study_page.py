@@ -24,8 +24,8 @@ from mitt.report.replay_3d import replay_page
 from mitt.report.style import BLUE, GENERATORS, GREY, INK, UNNAMED, Plot, legend_above, plot
 from mitt.signals import Array
 from mitt.trials.result import STATUSES
-from mitt.trials.study_file import SCHEMA, Condition, Study, extent
-from mitt.trials.study_results import REFERENCE, StudyResult, read_columns
+from mitt.trials.study_file import REFERENCE, SCHEMA, Condition, Study, extent
+from mitt.trials.study_results import StudyResult, read_columns
 from mitt.trials.study_run import Job, all_jobs, by_cell, throw_again
 
 Row = Mapping[str, Any]

@@ -22,7 +22,7 @@ from mitt.rivals.batting import BATTERS
 from mitt.trials.bat_station import TARGET, BatStation, bat_station, coming, throw_ranges
 from mitt.trials.batting import STATUSES, BatRunner, BatTrial
 from mitt.trials.source import source_of
-from mitt.trials.study_results import REFERENCE
+from mitt.trials.study_file import REFERENCE
 from mitt.trials.task_study import (
     Measure,
     Player,

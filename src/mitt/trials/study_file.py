@@ -19,6 +19,9 @@ from mitt.world.scene import DEFAULT_SCENE, Scene, scene_of
 
 SCHEMA = "mitt.study/1"
 
+#: The generator that all others are compared with.
+REFERENCE = "direct"
+
 #: Most throws in a study.
 _MOST_THROWS = 10_000_000
 

@@ -20,7 +20,7 @@ from mitt.signals import Array
 from mitt.trials.result import STATUSES, spread_of
 from mitt.trials.score import Trial, reason_of
 from mitt.trials.statistics import holm, mcnemar, wilson
-from mitt.trials.study_file import Condition, Study
+from mitt.trials.study_file import REFERENCE, Condition, Study
 from mitt.trials.study_folder import Folder, read_manifest
 
 try:
@@ -183,8 +183,6 @@ Pair = dict[str, float]
 Cell = tuple[dict[str, Any], Mapping[int, bool]]
 """A row of the summary, and whether each of its throws was caught, by its index."""
 
-#: The generator that all others are compared with.
-REFERENCE = "direct"
 #: Columns of which the rows give the median.
 _MEDIANS = ("position_error_mm", "velocity_error_m_s", "peak_contact_force_n", "energy_j",
             "demand_cost", "peak_torque_ratio", "peak_speed_ratio")  # fmt: skip

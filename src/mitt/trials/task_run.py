@@ -21,8 +21,9 @@ from mitt.errors import FileError, MissingPackageError
 from mitt.files.writing import write_json
 from mitt.interrupts import notice, status_of
 from mitt.trials.statistics import holm, mcnemar, wilson
+from mitt.trials.study_file import REFERENCE
 from mitt.trials.study_folder import Folder, notes_of, read_manifest
-from mitt.trials.study_results import REFERENCE, read_part, write_rows
+from mitt.trials.study_results import read_part, write_rows
 from mitt.trials.study_run import FinishedStudy, join, throw_all
 from mitt.trials.task_study import Player, Row, Task, TaskStudy
 from mitt.trials.workers import Engine
