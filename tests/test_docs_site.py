@@ -118,8 +118,12 @@ def test_a_figure_is_drawn_by_its_script(
         assert "<path" in shown.read_text()
     else:
         with Image.open(drawn) as a, Image.open(shown) as b:
-            frames = [[x.size for x in ImageSequence.Iterator(image)] for image in (a, b)]
-        assert frames[0] == frames[1]
+            times = [
+                [(x.size, x.info["duration"]) for x in ImageSequence.Iterator(image)]
+                for image in (a, b)
+            ]
+        assert {size for size, _ in times[0]} == {size for size, _ in times[1]}
+        assert sum(t for _, t in times[0]) == sum(t for _, t in times[1])  # frames alike are one
 
 
 def kinds_in_code(learned: Learned) -> set[str]:

@@ -18,7 +18,7 @@ EXTREMES = [
     (name, int(x) if name == "setpoint_delay" else x)
     for name, hint in get_type_hints(CatcherSettings, include_extras=True).items()
     for bounds in getattr(hint, "__metadata__", ())
-    for x in bounds
+    for x in (bounds.least, bounds.most)
 ]
 
 

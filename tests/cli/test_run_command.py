@@ -88,7 +88,7 @@ def test_a_session_ends_with_its_throws_and_knows_what_was_caught() -> None:
     assert cell.loop.mode is Mode.STOPPED
     assert cell.robot.braked[-1]
     assert json.loads(json.dumps(found, allow_nan=False)) == found
-    assert list(s.shown)[5:] == [2.0, 2.0, 2.0]
+    assert list(s.shown)[5:] == [2.0, 2.0, 2.0, 0.0]
 
 
 def test_a_recording_whose_writer_has_died_is_told_at_once(tmp_path: Path) -> None:

@@ -28,6 +28,7 @@ from mitt.map.learn import Flight, Learned, LearnSettings
 from mitt.map.mapping import unlearned
 from mitt.signals import ArmState, Frame, Senses, Sighting
 from mitt.trials.learning import Neighbourhood
+from mitt.trials.meet_study import MeetStudySettings
 from mitt.world.scene import Scene, read_scene
 from surface import names
 
@@ -275,13 +276,22 @@ class Cases:
         part = mitt.gym.Meet(ticks=1)
         part.reset(seed=1)
         acts |= {"as_action": {"tau": np.zeros(6), "hand": 0.5}, "step": {"action": np.zeros(7)}}
-        return found | self._methods("gym.Meet", part, acts)
+        found |= self._methods("gym.Meet", part, acts)
+        bats = {"render_mode": "rgb_array", "arm": "wam", "limits": "wam-48v",
+                "target": np.array((3.0, 0.0, 0.5)), "action": "torque", "ticks": 1,
+                "scene": "ideal"}  # fmt: skip
+        found["gym.Bat"] = Case(names.public()["gym.Bat"], bats, slow=True)
+        ball = mitt.gym.Bat(ticks=1)
+        ball.reset(seed=1)
+        n = ball.arm.n
+        acts |= {"as_action": {"tau": np.zeros(n), "hand": 0.5}, "step": {"action": np.zeros(n)}}
+        return found | self._methods("gym.Bat", ball, acts)
 
     def _readers(self) -> dict[str, Case]:
         """Return the cases of what reads a file: the path alone, with one that is not there."""
         rest = {"board": None, "size": (1, 1), "columns": ("t_s",), "arm": self.arm, "others": (),
-                "generators": ("direct",), "filters": (("index", "==", "0"),),
-                "root": "robot", "kind": Scene}  # fmt: skip
+                "generators": ("direct",), "known": ("direct",), "filters": (("index", "==", "0"),),
+                "root": "robot", "kind": Scene, "said": MeetStudySettings}  # fmt: skip
         found = {"read_scene": Case(read_scene, {"source": "lab", "flights": False})}
         for name, (reader, path) in names.readers().items():
             taken = inspect.signature(reader).parameters.values()

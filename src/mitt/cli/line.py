@@ -16,7 +16,7 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import mitt
 from mitt.cli.options import COMMANDS, Arg, Options
-from mitt.errors import InputError, MittError, UnknownNameError, meant
+from mitt.errors import FileError, InputError, MittError, UnknownNameError, meant
 
 _INTEGER = re.compile(r"[+-]?\d+")
 #: Columns of a screen, and of what an option is called.
@@ -58,6 +58,8 @@ def _answer(words: list[str]) -> str | None:
 
 def _as_said(options: Options, error: InputError) -> MittError:
     """Return an error that calls an input as the command line does, where it is an option."""
+    if isinstance(error, FileError):
+        return error
     names = {x.field: x.name for x in options_of(type(options))}
     said = names.get(error.name.rpartition(".")[2].replace(" ", "_"))
     return error if said is None else MittError(said + str(error).removeprefix(error.name))

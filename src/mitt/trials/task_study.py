@@ -187,13 +187,13 @@ _Said = TypeVar("_Said", bound=TaskStudySettings)
 
 
 def read_settings(
-    path: Path, kind: type[_Said], known: Sequence[str]
+    path: Path, said: type[_Said], known: Sequence[str]
 ) -> tuple[_Said, dict[str, Any]]:
     """Read the file of a study, or one that ships, by name.
 
     Args:
         path: The file.
-        kind: What it may say.
+        said: What it may say.
         known: Names of the generators.
 
     Returns:
@@ -204,7 +204,7 @@ def read_settings(
         InputError: A key is unknown or its value cannot be used.
     """
     path = study_path(path)
-    settings = validated(kind, read_toml(path), place=str(path))
+    settings = validated(said, read_toml(path), place=str(path))
     for name in settings.generators:
         if name not in known:
             raise UnknownNameError(f"{path} key generators", name, known)
