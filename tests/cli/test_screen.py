@@ -15,13 +15,14 @@ from matplotlib.figure import Figure
 from rich.console import Console
 
 from mitt import kernels
-from mitt.cli.catching import table_of
+from mitt.cli.catching import shortfalls, table_of
 from mitt.cli.main import main
 from mitt.cli.measuring import _show_study as show_study
 from mitt.cli.screen import checked, progress, show, table, tell_of_kernels, warn
 from mitt.errors import printable
 from mitt.interrupts import tell
 from mitt.report.style import GENERATORS, legend_above, plot
+from mitt.trials.result import STATUSES
 from mitt.trials.score import Trial
 
 
@@ -53,6 +54,10 @@ def test_the_table_of_throws_fits_80_columns() -> None:
     assert "\u2026" not in text
     for word in ("unreachable", "1.234", "123.4", "12.34", "1234!", "100", "acceleration:panda"):
         assert word in text
+    counts = dict.fromkeys(STATUSES, 0) | {"caught": 1, "dropped": 2}
+    assert shortfalls(counts, [trial]) == ["2 dropped"]
+    beyond = [trial, replace(trial, limit_violations=3)]
+    assert shortfalls(counts, beyond) == ["2 dropped", "1 beyond a limit"]
 
 
 @pytest.mark.parametrize(

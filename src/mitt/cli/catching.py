@@ -1,6 +1,6 @@
 """``mitt catch`` and ``mitt learn``: throw, see, map, catch; learn a map."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields, replace
 from functools import partial
 from pathlib import Path
@@ -186,7 +186,7 @@ def _show(finished: FinishedRun) -> None:
         show(f"stopped: {hint}")
     whole = finished.trials and finished.interrupt is None
     page = "report.html" if whole else "result.json"
-    failed = [f"{summary[status]} {status}" for status in STATUSES[1:] if summary[status]]
+    failed = shortfalls(summary, finished.trials)
     show(
         f"caught {rate_words(summary, 'caught', 'throws')}",
         *([", ".join(failed)] if failed else []),
@@ -195,6 +195,13 @@ def _show(finished: FinishedRun) -> None:
         *([] if finished.clock is None else [finished.clock.words]),
         f"written: {finished.prepared.out / page}",
     )
+
+
+def shortfalls(summary: Mapping[str, Any], trials: Sequence[Trial]) -> list[str]:
+    """Return in words how throws ended that were not caught, and how many exceeded a limit."""
+    words = [f"{summary[status]} {status}" for status in STATUSES[1:] if summary[status]]
+    beyond = sum(trial.limit_violations > 0 for trial in trials)
+    return [*words, f"{beyond} beyond a limit"] if beyond else words
 
 
 def table_of(title: str, trials: Sequence[Trial]) -> Table:

@@ -233,7 +233,7 @@ def advice_of(found: Design, helps: list[FasterJoint], longer: float) -> list[st
     if gains:
         most = max(gains, key=lambda x: x.relative_m_s - x.quicker_m_s)
         out.append(
-            f"If {most.joint} were 50 % faster, the ball could meet the hand at"
+            f"If {most.joint} were 50 % faster, a new design could let ball and hand meet at"
             f" {most.quicker_m_s:.1f} instead of {most.relative_m_s:.1f} m/s."
         )
     elif helps and helps[0].relative_m_s > 1.0:
