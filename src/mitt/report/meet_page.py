@@ -81,7 +81,8 @@ def gap_and_speed(course: Course) -> Plot:
             axes.yaxis.set_major_formatter("{x:g}")
             for at, text in ((course.t_touched, "touches"), (course.t_met, "has closed")):
                 if at is not None:
-                    mark_time(axes, at, text, named=axes is above)
+                    first = at == course.t_touched
+                    mark_time(axes, at, text, named=axes is above, before=first)
         below.set(xlabel="time [s]")
 
     return plot("course", (9.0, 4.8), draw)

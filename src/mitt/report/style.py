@@ -138,12 +138,13 @@ def dots(axes: Axes, points: Array, *, colour: str, size: float, label: str) -> 
     axes.plot([], [], "o", color=colour, markersize=size + 1.0, label=label)
 
 
-def mark_time(axes: Axes, t: float, text: str, *, named: bool) -> None:
-    """Mark an instant by a fine line, and perhaps name it at the upper edge."""
+def mark_time(axes: Axes, t: float, text: str, *, named: bool, before: bool = False) -> None:
+    """Mark an instant by a fine line, and perhaps name it at the upper edge, left or right."""
+    side, off = ("right", -3) if before else ("left", 3)
     axes.axvline(t, color=GREY, linewidth=0.9, linestyle=(0, (4, 2)), zorder=1)
     if named:
-        axes.annotate(text, (t, 1.0), (3, -3), xycoords=("data", "axes fraction"), color=GREY,
-                      textcoords="offset points", ha="left", va="top", fontsize=8.5)  # fmt: skip
+        axes.annotate(text, (t, 1.0), (off, -3), xycoords=("data", "axes fraction"), color=GREY,
+                      textcoords="offset points", ha=side, va="top", fontsize=8.5)  # fmt: skip
 
 
 def legend_above(figure: Figure, axes: Axes, **how: Any) -> None:  # noqa: ANN401 (matplotlib)
