@@ -2,10 +2,10 @@
 
 It composes the kernels of ``World.sense``, ``Catcher.step`` and ``World.apply``. The one other loop
 is plain Python, ``TrialRunner.step``; tests demand the same bytes of both. This one stands beside
-it for its speed: on one core it makes 2.8 times as many throws a second with images, most of it
-because only those parts of an image are drawn that the catcher looks at, and 1.8 times as many
-with points. Faults, prescribed flights, turning heads, frames rarer than ticks, and generators that
-are no map need the Python loop.
+it for its speed: on one core it makes two to three times as many throws a second with images, most
+of it because only those parts of an image are drawn that the catcher looks at. Faults, prescribed
+flights, turning heads, frames rarer than ticks, and generators that are no map need the Python
+loop.
 """
 
 from typing import NamedTuple
