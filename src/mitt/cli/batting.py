@@ -12,6 +12,7 @@ import numpy as np
 import mitt
 from mitt.cli.options import BatOptions
 from mitt.cli.screen import (
+    check_record,
     checked,
     number,
     print_json,
@@ -29,7 +30,6 @@ from mitt.clock import Progress
 from mitt.errors import InputError
 from mitt.files.writing import locked, write_json
 from mitt.interrupts import notice, status_of, words_of
-from mitt.report.bat_page import BatContent, write_bat_page
 from mitt.signals import Array
 from mitt.trials.bat_station import (
     BatStation,
@@ -74,9 +74,7 @@ def bat(options: BatOptions) -> int:
         around=coming(asked.speed, asked.recordings), learns=not options.check,
     )  # fmt: skip
     source = _source(options, asked, station)
-    if options.record != "none" and options.generator != "direct":
-        raise InputError("--record", "none beside a rival", options.record,
-                         do="only what the map did can be replayed")  # fmt: skip
+    check_record(options)
     if options.check:
         return checked(f"{source.count} throws, output to {asked.out}")
     with locked(asked.out):
@@ -90,17 +88,24 @@ def bat(options: BatOptions) -> int:
             trials, log, stopped = _run(runner, source.count, report, keep)
             result = _result(options, asked, station, trials, summary(trials, runner.stopwatch))
             write_json(asked.out / "result.json", result)
+            page = "result.json"
             if trials and not stopped:
+                from mitt.report.bat_page import (  # noqa: PLC0415 (plots: when written)
+                    BatContent,
+                    write_bat_page,
+                )
+
+                page = "report.html"
                 report("report", 0, 1)
                 typed = shlex.join(["mitt", "bat", *repeated(options, files=_FILES)])
                 content = BatContent(result=result, arm=station.arm, scene=asked.scene, log=log,
                                      command=typed)  # fmt: skip
-                write_bat_page(asked.out / "report.html", content)
+                write_bat_page(asked.out / page, content)
                 report("report", 1, 1)
     if options.json:
         print_json(result)
     else:
-        _show(options, trials, result["summary"], asked.out)
+        _show(options, trials, result["summary"], asked.out / page)
     if stopped:
         say(f"{words_of(stopped)}; {kept_words(len(trials), source.count, asked.out)}")
     return stopped
@@ -202,7 +207,7 @@ def _result(
     }
 
 
-def _show(options: BatOptions, trials: list[BatTrial], said: dict[str, Any], out: Path) -> None:
+def _show(options: BatOptions, trials: list[BatTrial], said: dict[str, Any], page: Path) -> None:
     """Print the table of a run, and what it comes to."""
     rows = table(
         f"{options.arm}, {'shield' if options.shield else 'to a target'}, {options.generator}",
@@ -222,4 +227,4 @@ def _show(options: BatOptions, trials: list[BatTrial], said: dict[str, Any], out
     if said["median_miss_m"] is not None:
         show(f"miss: {100.0 * said['median_miss_m']:.1f} cm in the median, "
              f"90 % within {100.0 * said['p90_miss_m']:.1f} cm")  # fmt: skip
-    show(f"written: {out / 'report.html'}")
+    show(f"written: {page}")

@@ -11,6 +11,7 @@ import mitt
 from mitt.arm.tools import TOOLS
 from mitt.cli.options import MeetOptions
 from mitt.cli.screen import (
+    check_record,
     checked,
     number,
     print_json,
@@ -62,9 +63,7 @@ def meet(options: MeetOptions) -> int:
     generator = at.generator(options.generator, rate=options.plan_rate)
     runner = MeetRunner(at, seed=options.seed, speed=_speed(options), generator=generator,
                         recordings=recordings)  # fmt: skip
-    if options.record != "none" and options.generator != "direct":
-        raise InputError("--record", "none beside a rival", options.record,
-                         do="only what the map did can be replayed")  # fmt: skip
+    check_record(options)
     if options.check:
         return checked(f"{count} trials, output to {out}")
     with locked(out):
@@ -75,17 +74,19 @@ def meet(options: MeetOptions) -> int:
             )
             result = _result(options, at, trials, summary(trials, runner.stopwatch))
             write_json(out / "result.json", result)
+            page = "result.json"
             if course is not None and not stopped:
-                report("report", 0, 1)
                 from mitt.report.meet_page import write_meet_page  # noqa: PLC0415 (plots)
 
+                page = "report.html"
+                report("report", 0, 1)
                 typed = shlex.join(["mitt", "meet", *repeated(options, files=_FILES)])
-                write_meet_page(out / "report.html", result, course, command=typed)
+                write_meet_page(out / page, result, course, command=typed)
                 report("report", 1, 1)
     if options.json:
         print_json(result)
     else:
-        _show(options, trials, result["summary"], out)
+        _show(options, trials, result["summary"], out / page)
     if stopped:
         say(f"{words_of(stopped)}; {kept_words(len(trials), count, out)}")
     return stopped
@@ -162,7 +163,7 @@ def _result(
     }
 
 
-def _show(options: MeetOptions, trials: list[MeetTrial], said: dict[str, Any], out: Path) -> None:
+def _show(options: MeetOptions, trials: list[MeetTrial], said: dict[str, Any], page: Path) -> None:
     """Print the table of a run, and what it comes to."""
     rows = table(
         f"{options.arm}, {options.tool}, {Path(options.target).name}, {options.generator}",
@@ -184,5 +185,5 @@ def _show(options: MeetOptions, trials: list[MeetTrial], said: dict[str, Any], o
     show(
         f"met {rate_words(said, 'met', 'trials')}; placed {said['placed']}",
         *([] if hand is None else [f"force on the hand: at most {hand:.0f} N"]),
-        f"written: {out / ('report.html' if (out / 'report.html').exists() else 'result.json')}",
-    )  # fmt: skip
+        f"written: {page}",
+    )

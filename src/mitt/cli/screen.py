@@ -8,7 +8,7 @@ from dataclasses import fields
 from multiprocessing import get_context
 from pathlib import Path
 from threading import Event
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console, JustifyMethod
@@ -18,13 +18,11 @@ from rich.progress import Progress as Bar
 from rich.table import Table
 from rich.text import Text
 
+from mitt.cli.options import BatOptions, CatchOptions, MeetOptions
 from mitt.clock import Pace, Progress
 from mitt.errors import InputError, printable
 from mitt.files.writing import check_folder, file_name, new_folder, overlaps, wrote
 from mitt.interrupts import end_with_parent, tell
-
-if TYPE_CHECKING:
-    from mitt.cli.options import BatOptions, CatchOptions, MeetOptions
 
 
 class _Ended(Protocol):
@@ -106,7 +104,7 @@ def repeated(options: Any, *, files: Collection[str]) -> list[str]:  # noqa: ANN
     return out
 
 
-def run_folder(options: "CatchOptions | MeetOptions | BatOptions", name: str) -> Path:
+def run_folder(options: CatchOptions | MeetOptions | BatOptions, name: str) -> Path:
     """Return the folder of a run: a new one in ``runs`` with a name, where the options name none.
 
     Raises:
@@ -117,6 +115,13 @@ def run_folder(options: "CatchOptions | MeetOptions | BatOptions", name: str) ->
         out = new_folder(out)
     check_folder(out, overwrite=options.overwrite or options.check)
     return out
+
+
+def check_record(options: MeetOptions | BatOptions) -> None:
+    """Refuse recordings of a rival: only what the map did can be replayed."""
+    if options.record != "none" and options.generator != "direct":
+        raise InputError("--record", "none beside a rival", options.record,
+                         do="only what the map did can be replayed")  # fmt: skip
 
 
 def worth_a_row(trials: Sequence[_Trial], good: str) -> list[_Trial]:
