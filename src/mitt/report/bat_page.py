@@ -15,6 +15,7 @@ from mitt.report.page import NONE, Section, made_with, number, page
 from mitt.report.pictures import still
 from mitt.report.replay_3d import BOX, replay_page
 from mitt.report.style import BLUE, GREY, INK, ORANGE, Plot, dots, plot
+from mitt.trials.batting import STATUSES
 from mitt.trials.log import TrialLog
 from mitt.world.scene import Scene
 
@@ -71,8 +72,7 @@ def write_bat_page(path: Path, content: BatContent) -> None:
     said, trials = result["summary"], result["trials"]
     passes = [t["passes_m"] for t in trials if t["passes_m"] is not None]
     misses = [t for t in trials if t["miss_m"] is not None]
-    counts = ", ".join(f"{said[s]} {s}" for s in ("hit", "missed", "unreachable", "stopped",
-                                                  "aborted") if said[s])  # fmt: skip
+    counts = ", ".join(f"{said[s]} {s}" for s in STATUSES if said[s])
     of = "stopped" if result["shield"] else "hit back"
     write_text(
         path,

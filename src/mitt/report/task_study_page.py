@@ -31,6 +31,12 @@ _SECTIONS = (
     Section("picture", "Picture", "In a picture"),
     Section("cells", "Table", "All generators"),
 )
+#: What is said below the pictures.
+_RATES = "Median, and up to the 90th percentile. Generators that do not plan are lines across."
+_MISSES = (
+    "Below it, of 100 balls: refused before the arm moved (ref.), and not hit otherwise (lost). "
+    "Grey: none was hit."
+)
 #: Least number of panels.
 _COLUMNS = 3
 #: Misses at the two ends of the colours of a map [cm].
@@ -50,11 +56,17 @@ def task_study_page(study: TaskStudy, rows: Sequence[Row]) -> str:
     """Return the page of a study with the rows of its summary."""
     task = study.task_of
     groups = {c.name: [r for r in rows if r["condition"] == c.name] for c in study.conditions}
-    cells = study.cells(rows) if isinstance(study, BatStudy) else []
-    drawn = miss_map(cells) if cells else None
-    if not isinstance(study, BatStudy):
-        drawn = errors_by_rate(groups)
-    of_map = {c.name for c, _ in cells}
+    cells = study.cells(rows) if isinstance(study, BatStudy) else None
+    picture = None
+    if cells is None:
+        picture = (
+            "Error at the grasp against the rate of planning",
+            _RATES,
+            errors_by_rate(groups),
+        )
+    elif cells:
+        picture = ("Median miss [cm] by target and ball speed", _MISSES, miss_map(cells))
+    of_map = {c.name for c, _ in cells or ()}
     head = (task.success, "95 % [%]", *(x.words for x in task.measures.values()), "refused",
             "by", "beyond")  # fmt: skip
     tables = [(name, ("generator", *head), [_cells(study, "generator", row) for row in of])
@@ -66,7 +78,7 @@ def task_study_page(study: TaskStudy, rows: Sequence[Row]) -> str:
         "task-study", _SECTIONS, title=f"{study.name}: {sum(r['trials'] for r in rows):,} trials",
         command="study", study=study, task=task, answer=answer(study, rows), rows=len(rows),
         unfinished=sum(not row["complete"] for row in rows), tables=tables,
-        drawn=None if drawn is None else drawn.svg,
+        picture=picture,
     )  # fmt: skip
 
 
@@ -88,8 +100,8 @@ def _spread(of: Mapping[str, float] | None, digits: int) -> str:
 def miss_map(cells: Sequence[tuple[BatCondition, Row]]) -> Plot:
     """Draw the median miss by where the target is, a panel an axis, and by the balls' speed.
 
-    In each cell the miss [cm], and below it how many of 100 balls were refused, and how many of
-    the others were not hit, where there were any.
+    In each cell the miss [cm], and below it, of 100 balls, how many were refused and how many were
+    not hit otherwise, where there were any.
     """
 
     def draw(figure: Figure) -> None:
@@ -121,8 +133,8 @@ def _draw_misses(axes: Axes, cells: Sequence[tuple[BatCondition, Row]]) -> None:
         lost = round(100.0 * (row["trials"] - row["hit"] - row["unreachable"]) / row["trials"])
         text = number(miss, 1 if miss is not None and miss < 10.0 else 0)
         axes.text(x, y + 0.14, text, ha="center", va="center", color=ink, fontsize=10.5)
-        said = ", ".join([f"{refused} ref." if refused else "", f"{lost} lost" if lost else ""])
-        axes.text(x, y - 0.26, said.strip(", "), ha="center", va="center", color=ink, fontsize=6.5)
+        said = ", ".join(f"{n} {what}" for n, what in ((refused, "ref."), (lost, "lost")) if n)
+        axes.text(x, y - 0.26, said, ha="center", va="center", color=ink, fontsize=6.5)
     axes.set(xlim=(-0.5, len(offsets) - 0.5), ylim=(-0.5, len(speeds) - 0.5))
     axes.set_xticks(range(len(offsets)), [f"{x:+g}" if x else "0" for x in offsets])
     axes.set_yticks(range(len(speeds)), [f"{a:g} to {b:g}" for a, b in speeds])

@@ -11,11 +11,11 @@ from threading import get_ident
 from typing import Annotated, ClassVar, Final, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from mitt.clock import Stopwatch
 from mitt.errors import InputError
-from mitt.files.arm_file import load_arm
+from mitt.files.arm_file import Coordinate, load_arm
 from mitt.files.schema import Settings
 from mitt.reading import noted
 from mitt.rivals.batting import BATTERS
@@ -32,6 +32,7 @@ from mitt.trials.task_study import (
     TaskStudy,
     TaskStudySettings,
     check_files,
+    check_generators,
     read_settings,
     study_of,
 )
@@ -56,8 +57,11 @@ AXES: Final = ("away", "to the left", "up")
 #: Share of hits from which a cell of the map counts as good.
 _GOOD = 0.9
 
-Speeds = Annotated[tuple[float, float], Field(strict=False)]
-"""Least and largest speed of a ball at release [m/s]."""
+Speed = Annotated[float, Field(ge=1.0, le=20.0)]
+"""Speed of a ball at release [m/s]."""
+
+Offset = Annotated[float, Field(ge=-2.0, le=2.0)]
+"""How far a target is moved [m]."""
 
 
 def _times(factor: float, value: float | None) -> float | None:
@@ -70,18 +74,29 @@ class BatCondition(TaskCondition):
 
     Attributes:
         target: Where balls are sent [m].
-        speed: Speeds of the balls at release [m/s]; those of default throws where None.
+        speed: Least and largest speed of the balls at release [m/s]; those of default throws
+            where None.
         trials: Trials of each generator; as of the study where None.
         generators: Names of the generators; as of the study where None.
         moved: The axis along which a map has moved the target, 0 to 2, and how far [m]; -1 and 0
             where it is the usual one; None where it is no cell of a map.
     """
 
-    target: Annotated[tuple[float, float, float], Field(strict=False)] = TARGET
-    speed: Speeds | None = None
+    target: Annotated[tuple[Coordinate, Coordinate, Coordinate], Field(strict=False)] = TARGET
+    speed: Annotated[tuple[Speed, Speed], Field(strict=False)] | None = None
     trials: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
     generators: Annotated[tuple[str, ...], Field(strict=False, min_length=1)] | None = None
-    moved: Annotated[tuple[int, float], Field(strict=False)] | None = None
+    moved: (
+        Annotated[tuple[Annotated[int, Field(ge=-1, le=2)], Offset], Field(strict=False)] | None
+    ) = None
+
+    @field_validator("speed")
+    @classmethod
+    def _ordered(cls, value: tuple[float, float] | None) -> tuple[float, float] | None:
+        """Refuse speeds whose least is above their largest."""
+        if value is not None and value[0] > value[1]:
+            raise ValueError("the least speed and then the largest")
+        return value
 
 
 class MapSettings(Settings):
@@ -93,13 +108,17 @@ class MapSettings(Settings):
         trials: Trials of each cell.
     """
 
-    offsets: Annotated[
-        tuple[Annotated[float, Field(ge=-2.0, le=2.0)], ...], Field(strict=False, min_length=1)
-    ]
-    speeds: Annotated[
-        tuple[Annotated[float, Field(ge=1.0, le=20.0)], ...], Field(strict=False, min_length=2)
-    ]
+    offsets: Annotated[tuple[Offset, ...], Field(strict=False, min_length=1)]
+    speeds: Annotated[tuple[Speed, ...], Field(strict=False, min_length=2)]
     trials: Annotated[int, Field(ge=1, le=1_000_000)] = 20
+
+    @field_validator("speeds")
+    @classmethod
+    def _rising(cls, value: tuple[float, ...]) -> tuple[float, ...]:
+        """Refuse speeds that do not rise."""
+        if list(value) != sorted(set(value)):
+            raise ValueError("speeds that rise")
+        return value
 
 
 class BatStudySettings(TaskStudySettings):
@@ -165,7 +184,10 @@ class BatStudy(BatStudySettings, TaskStudy):
         if not cells:
             return []
         good = [row for _, row in cells if row["hit_rate"] >= _GOOD and row["miss_cm"]]
-        out = [f"Map: in {len(good)} of {len(cells)} cells at least 90 % of the balls are hit"]
+        out = [
+            f"Map: in {len(good)} of {len(cells)} cells at least "
+            f"{100.0 * _GOOD:.0f} % of the balls are hit"
+        ]
         if good:
             misses = sorted(row["miss_cm"]["median"] for row in good)
             out[0] += (f"; there the median miss is {misses[0]:.1f} to {misses[-1]:.1f} cm, in "
@@ -212,9 +234,13 @@ def _mapped(of: MapSettings) -> list[BatCondition]:
 
 def read_bat_study(path: Path) -> BatStudy:
     """Read the file of a study of batting; errors as of :func:`read_settings`."""
-    settings, made = read_settings(path, BatStudySettings, BATTERS)
+    path, settings = read_settings(path, BatStudySettings, BATTERS)
+    for k, condition in enumerate(settings.conditions):
+        check_generators(
+            f"{path} key conditions.{k}.generators", condition.generators or (), BATTERS
+        )
     conditions = [*settings.conditions, *(_mapped(settings.map) if settings.map else ())]
     if not conditions:
         raise InputError(f"{path} key conditions", "a condition, or a map", "neither")
-    return study_of(BatStudy, path, settings, made, conditions,
+    return study_of(BatStudy, path, settings, conditions,
                     lambda: load_arm(settings.arm, limits=settings.limits))  # fmt: skip

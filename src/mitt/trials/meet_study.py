@@ -28,6 +28,7 @@ from mitt.trials.task_study import (
     TaskStudy,
     TaskStudySettings,
     check_files,
+    once,
     read_settings,
     study_of,
 )
@@ -139,7 +140,8 @@ def read_meet_study(path: Path) -> MeetStudy:
         FileError: The file cannot be read or is no TOML.
         InputError: A key is unknown or its value cannot be used.
     """
-    settings, made = read_settings(path, MeetStudySettings, MEETERS)
+    path, settings = read_settings(path, MeetStudySettings, MEETERS)
+    once(f"{path} key rates", settings.rates)
     tool = TOOLS[settings.tool]
-    return study_of(MeetStudy, path, settings, made, settings.conditions,
+    return study_of(MeetStudy, path, settings, settings.conditions,
                     lambda: load_arm(settings.arm, hand=tool, limits=settings.limits))  # fmt: skip

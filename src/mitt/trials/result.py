@@ -95,13 +95,13 @@ def summary(trials: list[Trial], stopwatch: Stopwatch) -> dict[str, Any]:
     }
 
 
-def spread_of(values: Iterable[float | None]) -> dict[str, float] | None:
-    """Return ``median`` and 95th percentile ``p95`` of what is known; None where nothing is."""
+def spread_of(values: Iterable[float | None], percent: int = 95) -> dict[str, float] | None:
+    """Return ``median`` and a percentile, as ``p95``, of what is known; None where nothing is."""
     known = [x for x in values if x is not None]
     if not known:
         return None
-    median, p95 = np.percentile(known, [50.0, 95.0])
-    return {"median": float(median), "p95": float(p95)}
+    median, most = np.percentile(known, [50.0, percent])
+    return {"median": float(median), f"p{percent}": float(most)}
 
 
 def force_words(force: Mapping[str, float] | None, over: int) -> str:

@@ -14,12 +14,11 @@ from functools import cache
 from types import UnionType
 from typing import Any, Final, TypeVar, Union, final, get_args, get_origin
 
-import numpy as np
-
 from mitt.clock import Progress, Stopwatch
 from mitt.errors import FileError, MissingPackageError
 from mitt.files.writing import write_json
 from mitt.interrupts import notice, status_of
+from mitt.trials.result import spread_of
 from mitt.trials.statistics import holm, mcnemar, wilson
 from mitt.trials.study_file import REFERENCE
 from mitt.trials.study_folder import Folder, notes_of, read_manifest
@@ -33,28 +32,27 @@ try:
 except ImportError as error:
     raise MissingPackageError("mitt study", "pyarrow", "study") from error
 
+#: Below this p a difference counts.
+_SURE = 0.05
+#: Types of columns, by those of fields.
 _TYPES: Final = {str: pa.string(), int: pa.int64(), float: pa.float64(), bool: pa.bool_(),
                  list[float]: pa.list_(pa.float64())}  # fmt: skip
 
 
 @cache
-def columns_of(task: type) -> Any:  # noqa: ANN401 (pyarrow has no types)
+def columns_of(trial: type) -> Any:  # noqa: ANN401 (pyarrow has no types)
     """Return the columns of a table of trials: names of the cell, and all that has a type.
 
     Args:
-        task: The trials, a dataclass.
+        trial: The class of the trials, a dataclass.
     """
     out = [pa.field("generator", pa.string()), pa.field("condition", pa.string())]
-    for field in fields(task):
+    for field in fields(trial):
         kinds = get_args(field.type) if get_origin(field.type) in (Union, UnionType) else ()
         kind = next((x for x in kinds if x is not type(None)), field.type)
         if kind in _TYPES:
             out.append(pa.field(field.name, _TYPES[kind]))
     return pa.schema(out)
-
-
-#: Below this p a difference counts.
-_SURE = 0.05
 
 
 @final
@@ -201,17 +199,8 @@ def _cell(task: Task, trials: Sequence[Row]) -> dict[str, Any]:
         "ci95": list(wilson(good, len(trials))),
         "refused_by": refused.most_common(1)[0][0] if refused else None,
         "violating_trials": sum(t["limit_violations"] > 0 for t in trials),
-        **{name: _spread([x.of(t) for t in trials]) for name, x in task.measures.items()},
+        **{name: spread_of([x.of(t) for t in trials], 90) for name, x in task.measures.items()},
     }
-
-
-def _spread(values: Sequence[float | None]) -> dict[str, float] | None:
-    """Return median and 90th percentile of what is known; None where nothing is."""
-    known = [x for x in values if x is not None]
-    if not known:
-        return None
-    median, p90 = np.percentile(known, [50.0, 90.0]).tolist()
-    return {"median": median, "p90": p90}
 
 
 def _against(task: Task, trials: Mapping[str, Sequence[Row]]) -> dict[str, dict[str, Any]]:

@@ -29,7 +29,7 @@ class Measure(NamedTuple):
 
     Attributes:
         words: What it is, with its unit.
-        of: Where a row of the table has it.
+        of: Returns it from a row of the table; None where the row has none.
         digits: Digits in tables.
         more: Whether more of it is better.
     """
@@ -186,9 +186,7 @@ def task_of_file(path: Path) -> object:
 _Said = TypeVar("_Said", bound=TaskStudySettings)
 
 
-def read_settings(
-    path: Path, said: type[_Said], known: Sequence[str]
-) -> tuple[_Said, dict[str, Any]]:
+def read_settings(path: Path, said: type[_Said], known: Sequence[str]) -> tuple[Path, _Said]:
     """Read the file of a study, or one that ships, by name.
 
     Args:
@@ -197,7 +195,7 @@ def read_settings(
         known: Names of the generators.
 
     Returns:
-        What it says, and what every study of a task has besides.
+        Where the file is, and what it says.
 
     Raises:
         FileError: The file cannot be read or is no TOML.
@@ -205,18 +203,35 @@ def read_settings(
     """
     path = study_path(path)
     settings = validated(said, read_toml(path), place=str(path))
-    for name in settings.generators:
+    check_generators(f"{path} key generators", settings.generators, known)
+    return path, settings
+
+
+def check_generators(place: str, names: Sequence[str], known: Sequence[str]) -> None:
+    """Refuse names of generators that are unknown or stand there twice.
+
+    Args:
+        place: What an error calls them: the file, and where in it.
+        names: The names.
+        known: Those that there are.
+    """
+    for name in names:
         if name not in known:
-            raise UnknownNameError(f"{path} key generators", name, known)
-    scene = scene_of(settings.scene, place=f"{path} key scene")
-    return settings, {"world": scene, "version": mitt.__version__}
+            raise UnknownNameError(place, name, known)
+    once(place, names)
+
+
+def once(place: str, values: Sequence[object]) -> None:
+    """Refuse a value that stands there twice; ``place`` is what an error calls them."""
+    if doubled := [x for x in values if values.count(x) > 1]:
+        raise InputError(place, "each once", f"{doubled[0]!r} twice")
 
 
 _Made = TypeVar("_Made", bound=TaskStudy)
 
 
 def study_of(
-    kind: type[_Made], path: Path, settings: TaskStudySettings, made: Mapping[str, Any],
+    kind: type[_Made], path: Path, settings: TaskStudySettings,
     conditions: Sequence[TaskCondition], arm: Callable[[], object],
 ) -> _Made:  # fmt: skip
     """Return the study that follows from a file.
@@ -224,21 +239,19 @@ def study_of(
     Args:
         kind: What study.
         path: The file.
-        settings: What it says.
-        made: What :func:`read_settings` made besides.
+        settings: What it says, both as of :func:`read_settings`.
         conditions: What comes by.
         arm: Reads the arm, so that it is known from which files.
 
     Raises:
-        InputError: Two conditions have one name.
+        InputError: Two conditions have one name, or the scene cannot be used.
     """
-    names = [condition.name for condition in conditions]
-    if doubled := sorted({name for name in names if names.count(name) > 1}):
-        raise InputError(f"{path} key conditions", "names of their own", f"{doubled[0]!r} twice")
+    once(f"{path} key conditions", [condition.name for condition in conditions])
+    world = scene_of(settings.scene, place=f"{path} key scene")
     with noted() as files:
         arm()
     given = settings.model_dump() | {"conditions": tuple(conditions)}
-    return kind(**given, **made, arm_files=files)
+    return kind(**given, world=world, version=mitt.__version__, arm_files=files)
 
 
 def check_files(study: TaskStudy, files: Mapping[str, str]) -> None:
