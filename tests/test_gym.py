@@ -3,6 +3,7 @@
 import warnings
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import gymnasium
@@ -13,9 +14,12 @@ from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv
 from support import BASKET_ARM
 
 import mitt.gym
+from mitt.catcher.settings import Phase
 from mitt.errors import InputError
 from mitt.files.maps import save_map
 from mitt.map.learn import Learned
+from mitt.signals import Command
+from mitt.trials.batting import Hit
 from mitt.version import __version__
 from mitt.world.scene import Scene, Sensing
 
@@ -154,6 +158,31 @@ def test_tasks_keep_the_rules_of_gymnasium(
     rewards = [float(env.step(still)[1]) for _ in range(10)]
     assert len(set(rewards)) > 5 or (task, action) == ("mitt/Bat-v0", "residual")
     assert max(rewards) < 0.0
+
+
+def test_only_a_hit_has_a_miss_and_its_reward(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A catcher that stops has none, whatever its ball does; nor has a world that broke down."""
+    env = mitt.gym.Bat(ticks=1)
+    still = np.zeros(env.action_space.shape or (), np.float32)
+    hit = Hit(off_middle=0.0, returned=True, speed=3.0, miss=0.1, passes=None)
+    monkeypatch.setattr(mitt.gym, "hit_of", lambda *_: hit)
+    monkeypatch.setattr(mitt.gym, "batted", lambda *_: True)
+    env.reset(seed=0)
+    _, reward, _, _, info = env.step(still)
+    assert (info["status"], info["miss_m"], info["return_speed_m_s"]) == ("hit", 0.1, 3.0)
+    rests = Command(0.0, np.zeros((4, env.arm.n)), 0.0)
+    stopped = SimpleNamespace(phase=Phase.STOPPED, looking=False, stopped_by=None,
+                              step=lambda _: rests, think=lambda: None)  # fmt: skip
+    monkeypatch.setattr(mitt.gym.Bat, "residual", property(lambda _: True))
+    monkeypatch.setattr(env, "_catcher", stopped)
+    _, less, _, _, info = env.step(still)
+    assert (info["status"], "miss_m" in info) == ("stopped", False)
+    assert less < 0.0 < reward
+    monkeypatch.undo()
+    env.world.apply(Command(0.0, np.full((4, env.arm.n), np.nan), 0.0))
+    _, less, over, late, info = env.step(still)
+    assert (info["status"], over, late) == ("aborted", True, False)
+    assert less <= 0.0
 
 
 @pytest.mark.parametrize("vector", [SyncVectorEnv, AsyncVectorEnv])

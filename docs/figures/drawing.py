@@ -72,10 +72,11 @@ def moving_picture(
     angle = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
     ring = 0.1 * np.column_stack([np.cos(angle), 0.0 * angle, np.sin(angle)])
     dots = np.zeros((0, 3)) if mark is None else np.array(mark) + ring
-    for trace, *times, until in parts:
-        first, last = np.searchsorted(trace.t, (times[0], until))
+    for part in parts:
+        trace = part.trace
+        first, last = np.searchsorted(trace.t, (part.first, part.last))
         for k in range(first, last, _EACH_MS):
-            trail = trace.r_o[max(k - 96, 0) : k : 8] if trace.t[k] < times[1] else dots[:0]
+            trail = trace.r_o[max(k - 96, 0) : k : 8] if trace.t[k] < part.caught else dots[:0]
             shown = placed(model, bodies, trace.qpos[k], np.concatenate([trail, dots]))
             frames.append(painted(*shown, scene.floor, view=view))
     palette = frames[30].quantize(128, Image.Quantize.FASTOCTREE)

@@ -70,7 +70,7 @@ from mitt.trials.source import source_of, widened
 from mitt.trials.station import TARGETS, station
 from mitt.world.scene import Scene, scene_from, scene_of
 from mitt.world.simulation import World
-from mitt.world.throws import ThrowRanges, default_throw
+from mitt.world.truth import Instant
 
 __all__ = ["Bat", "Catch", "CatchPixels", "Environment", "Meet", "map_policy"]
 
@@ -265,9 +265,14 @@ class Driven(gymnasium.Env[Observation, Numbers]):
 
     def _touch_gain(self) -> float:
         """Return the reward of the first touch, in the action that brings it."""
+        touch = self._first_touch()
+        return 0.0 if touch is None else _TOUCH / (1.0 + touch.velocity_error)
+
+    def _first_touch(self) -> Instant | None:
+        """Return the first touch, in the action that brings it; None before and after."""
         touch = None if self._touched else self.world.first_contact
         self._touched = self._touched or touch is not None
-        return 0.0 if touch is None else _TOUCH / (1.0 + touch.velocity_error)
+        return touch
 
     def _contact(self) -> dict[str, float]:
         """Return the largest force on ball or part, and its errors at the first contact, if any."""
@@ -300,8 +305,7 @@ class Environment(Driven):
         source = source_of(self.arm, seed=0, count=1, drag=self.scene.ball.drag)
         if said is not None and said.throws is not None:
             source = widened(source, said.throws)
-        self._aim = source.aim
-        self._ranges = replace(source.ranges or ThrowRanges(), drag=source.drag)
+        self._source = source
         self._map = self._checked(map)
         f = None if action == "torque" else self.map
         base = f or unlearned(self.arm, self._design)
@@ -332,7 +336,7 @@ class Environment(Driven):
     ) -> tuple[Observation, dict[str, Any]]:
         """Throw another ball; the same seed throws the same one."""
         self._seeded(seed, options)
-        ball = default_throw(self.np_random, self._aim, self._ranges)
+        ball = self._source.drawn(self.np_random)
         self._catcher = self._runner.release(ball, seed=int(self.np_random.integers(2**62)))
         self._touched, self.senses = False, []
         self._told, self._driven = list[Array](), list[bool]()
@@ -572,7 +576,9 @@ class Bat(Driven):
         at = self._at
         self._take(at.arm, World(at.scene, at.arm.model, limits=at.arm.limits), 1.0)
         self.action_space = spaces.Box(-1.0, 1.0, (at.arm.n,), np.float32)
-        self._path, self._times = np.zeros((1, 3)), np.zeros(1)
+        self._source = source_of(at.arm, seed=0, count=1, drag=self.scene.ball.drag)
+        self._times = np.arange(0.0, _FLIES, _STRIDE)
+        self._path = np.zeros((len(self._times), 3))
         self._catcher = Catcher(at.arm, at.batting, settings=at.catcher)
 
     def _station(self) -> BatStation:
@@ -592,12 +598,9 @@ class Bat(Driven):
     ) -> tuple[Observation, dict[str, Any]]:
         """Throw another ball; the same seed throws the same one."""
         self._seeded(seed, options)
-        source = source_of(self.arm, seed=0, count=1, drag=self.scene.ball.drag)
-        ranges = source.ranges or ThrowRanges()
-        ball = default_throw(self.np_random, source.aim, replace(ranges, drag=source.drag))
+        ball = self._source.drawn(self.np_random)
         self.world.reset(ball, int(self.np_random.integers(2**31)))
         flight = self.world.flight
-        self._times = np.arange(0.0, _FLIES, _STRIDE)
         self._path = np.array([flight(t)[0] for t in self._times.tolist()])
         self._touched, self.senses = False, []
         if self.residual:
@@ -609,10 +612,9 @@ class Bat(Driven):
         world, target = self.world, self._at.target
         tau, lasts, over = self._acted(action, lambda: batted(world, target))
         reward = -lasts * self._cost(self._away(), tau)
-        late = over and world.first_contact is None and not world.truth().ball_on_floor
-        touch = None if self._touched else world.first_contact
-        self._touched = self._touched or touch is not None
-        reward += 0.0 if touch is None else _TOUCH
+        happened = world.first_contact is not None or world.truth().ball_on_floor
+        late = over and not (happened or world.diverged)
+        reward += 0.0 if self._first_touch() is None else _TOUCH
         info = self._ended() if over else {}
         reward += _HELD / (1.0 + info["miss_m"] / _HALF) if "miss_m" in info else 0.0
         return self.whole(), reward, over and not late, late, info
@@ -628,15 +630,14 @@ class Bat(Driven):
         """Return what became of the ball."""
         hit = hit_of(self.arm, self.world, self._at.target)
         stopped = self.residual and self._catcher.phase is Phase.STOPPED
-        done = hit is not None and hit.returned
-        passed = {} if hit is None or not done else {
-            "miss_m": hit.miss, "return_speed_m_s": hit.speed,
-        }  # fmt: skip
-        return {
-            "status": "stopped" if stopped else "hit" if done else "missed",
-            "peak_contact_force_n": float(self.world.peak_force),
-            **passed,
-        }
+        out = {"status": "missed", "peak_contact_force_n": float(self.world.peak_force)}
+        if self.world.diverged:
+            out["status"] = "aborted"
+        elif stopped:
+            out["status"] = "stopped"
+        elif hit is not None and hit.returned:
+            out |= {"status": "hit", "miss_m": hit.miss, "return_speed_m_s": hit.speed}
+        return out
 
 
 def _parts_scene() -> Scene:

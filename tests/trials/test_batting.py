@@ -139,8 +139,10 @@ def test_a_trial_is_replayed_to_the_bit(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="batting"):
         changed(recorded.about, generator="ik")
     rival = BatRunner(s, source, pixels=False, generator="ik")
-    with pytest.raises(InputError, match="recording"):
+    with pytest.raises(InputError, match="of the map, got ik"):
         rival.recording(rival.trial(0))
+    with pytest.raises(InputError, match=r"recording.*kept"):
+        BatRunner(s, source, pixels=False).recording(of.trial(0))
 
 
 def test_a_shield_stops_balls() -> None:

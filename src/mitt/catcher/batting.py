@@ -66,9 +66,14 @@ class BattingSettings(Settings):
         return usual + np.linspace(-self.earlier, self.earlier, self.instants)
 
 
-def _spinning(ball: BallState) -> BallState:
-    """Return an estimate whose push, the lift of a spin, goes on for a while in its forecast."""
-    return replace(ball, led=True)
+def _flown(ball: BallState, after: Array) -> Array:
+    """Fly an estimate on (:func:`flown`); its push, the lift of a spin, goes on for a while."""
+    return flown(replace(ball, led=True), after)
+
+
+def foreseen(ball: BallState, after: float) -> Array:
+    """Return where a ball will be so much later [s] and how fast [m, m/s], shape (2, 3)."""
+    return _flown(ball, np.array([after]))[0, :2]
 
 
 class _Plan(NamedTuple):
@@ -173,7 +178,7 @@ class Batting(Generator):
             f = self.map.adapt(ball, q, dq, strike)
             if f is None:
                 continue
-            motion = f.motions(flown(_spinning(ball), np.linspace(0.0, after, _INSTANTS)))
+            motion = f.motions(_flown(ball, np.linspace(0.0, after, _INSTANTS)))
             shares = shares_of(self.map.arm, motion, self.tolerance)
             binding = max(shares, key=lambda name: shares[name])
             if shares[binding] < best:
@@ -189,14 +194,13 @@ class Batting(Generator):
         s, usual = self.settings, self._usual(ball)
         if usual == inf:
             return []
-        impact, near, ball = self._impact(ball), list[Strike](), _spinning(ball)
+        near = list[Strike]()
 
         def met(after: float) -> tuple[float, Strike] | None:
             if not s.shortest <= after < inf:
                 return None
-            motion = flown(ball, np.array([after]))[0]
-            strike = self.map.strike(motion[:2], s.aim, impact, near=near[-1] if near else None)
-            if strike is None or not self.map.aims(strike, s.aim):
+            strike = self.asked(foreseen(ball, after), ball, near[-1] if near else None)
+            if strike is None:
                 return None
             near.append(strike)
             return self.map.ease(strike, q, after), strike
@@ -217,6 +221,18 @@ class Batting(Generator):
         memory.looked, memory.usual = ball.t, ball.t + after
         return after
 
+    def asked(self, met: Array, ball: BallState, near: Strike | None) -> Strike | None:
+        """Return the strike that a ball asks for; None where it cannot be, or points elsewhere.
+
+        Args:
+            met: Position and velocity of the ball at the contact [m, m/s], shape (2, 3).
+            ball: Its estimate now, whose drag it has.
+            near: A strike from which the search starts; None for the usual one.
+        """
+        strike = self.map.strike(met, self.settings.aim, self._impact(ball), near=near)
+        aims = strike is not None and self.map.aims(strike, self.settings.aim)
+        return strike if aims else None
+
     def _impact(self, ball: BallState) -> Impact:
         """Return how ball and paddle part, with the drag that the ball is known to have."""
         return replace(self.settings.impact, drag=ball.drag)
@@ -233,11 +249,11 @@ class Batting(Generator):
                 raise InputError("ball", "one that the paddle can reach", "another")
             return replace(self, strike=found[0], posed=found[1], t_contact=verdict.t_catch,
                            t_adapted=ball.t)  # fmt: skip
-        ball = _spinning(ball)
+        ball = replace(ball, led=True)
         left = self.as_map().reference(ball).time_to_catch
         if not self.settings.until <= left < inf:
             return replace(self, t_adapted=ball.t)
-        end = flown(ball, np.array([left]))[0, :2]
+        end = foreseen(ball, left)
         strike = self.map.strike(end, self.settings.aim, self._impact(ball), near=self.strike)
         f = None if strike is None else self.map.adapt(ball, q, dq, strike)
         if f is None:

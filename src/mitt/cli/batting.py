@@ -32,11 +32,11 @@ from mitt.files.writing import locked, write_json
 from mitt.interrupts import notice, status_of, words_of
 from mitt.signals import Array
 from mitt.trials.bat_station import (
+    TARGET,
     BatStation,
     bat_station,
     coming,
     strike_share,
-    target_of,
     throw_ranges,
 )
 from mitt.trials.batting import SCHEMA, BatRunner, BatTrial, summary
@@ -124,7 +124,7 @@ def _asked(options: BatOptions) -> _Asked:
     target = None
     if not options.shield:
         given = None if options.target is None else _numbers("target", options.target, 3)
-        target = target_of(options.arm) if given is None else np.array(given)
+        target = np.array(TARGET if given is None else given)
     return _Asked(
         target=target,
         speed=None if speed is None else (speed[0], speed[1]),

@@ -202,7 +202,7 @@ class BatOptions(Options):
     Attributes:
         arm: The arm, one that has a stance for batting.
         limits: Limit set, as of mitt catch; wam-48v for the wam if left out.
-        target: Where balls are sent [m], as X,Y,Z; 2.4 m before the arm if left out.
+        target: Where balls are sent [m], as X,Y,Z; 3,0,0.3 if left out.
         shield: Put the paddle in the way, at rest, instead of hitting to a target.
         throws: Number of throws; 10, or as many as a file has.
         speed: Least and largest speed of the throws at release [m/s], as MIN,MAX; 5,7.1 if left

@@ -1,9 +1,9 @@
 """Rivals that strike a ball as the batting map does: same contact, each with a path of its own.
 
 Place, velocity and direction of the paddle at the contact, and when that is, are those that
-:class:`mitt.catcher.batting.Batting` chooses; what it refuses, they refuse. All aim anew at each
-tick at what the ball's newest estimate asks for at that time; the joints' accelerations at the
-contact are zero. After it they keep their speeds until the catcher brakes.
+:class:`mitt.catcher.batting.Batting` chooses; what it refuses, they refuse. All but the
+oracle aim anew at each tick at what the ball's newest estimate asks for at that time; the joints'
+accelerations at the contact are zero. After it they keep their speeds until the catcher brakes.
 
 ``quintic``, ``ruckig`` and ``mpc`` plan as in :mod:`mitt.rivals.planned`. ``ik`` holds the pose of
 the strike, turned back by its speeds, and sets off shortly before the contact
@@ -21,11 +21,10 @@ from typing import Final, final
 import numpy as np
 
 from mitt.arm.arm import Arm
-from mitt.catcher.batting import Batting
+from mitt.catcher.batting import Batting, foreseen
 from mitt.catcher.generators import Generator
 from mitt.errors import UnknownNameError
 from mitt.fields import brief
-from mitt.map.prediction import flown
 from mitt.map.striking import Strike
 from mitt.rivals.clairvoyant import Flight
 from mitt.rivals.intercept import Intercept
@@ -33,7 +32,7 @@ from mitt.rivals.mpc import mpc_path
 from mitt.rivals.planned import Planned, RuckigPlanner, plan_quintic
 from mitt.rivals.pursuit import Chase, ChaseMemory, Pursuit, coasting, resting
 from mitt.rivals.servo import Servo, bounds_of, run_up
-from mitt.signals import Array, BallState, JointReference, MapStatus
+from mitt.signals import Array, BallState, JointReference
 from mitt.verdict.feasibility import Verdict
 
 
@@ -95,13 +94,7 @@ class BatRival(Generator):
             motion, pursuit = pursuit.step(catch, ball)
         else:
             motion = coasting(chase.motion, t - chase.t)
-        if not np.isfinite(motion).all():
-            return resting(t, chase.motion[0])
-        self.memory.after = Chase(t, pursuit, catch, catch.r_c, motion)
-        return JointReference(
-            t=t, status=MapStatus.INSIDE, q_d=motion[0], dq_d=motion[1], ddq_d=motion[2],
-            q_o=catch.end[0], dq_o=catch.end[1], time_to_catch=catch.t_c - t,
-        )  # fmt: skip
+        return self.memory.follow(chase, Chase(t, pursuit, catch, catch.r_c, motion))
 
     def _known(self, ball: BallState) -> BallState:
         """Return what is known of the ball: the estimate; of an oracle the truth."""
@@ -112,17 +105,12 @@ class BatRival(Generator):
 
     def _aimed(self, catch: Intercept, ball: BallState) -> Intercept:
         """Return the contact as the ball asks for it now; as it was where it asks for none."""
-        g, left = self.batting, catch.t_c - ball.t
-        if left <= 0.0 or g.strike is None:
+        left, fly, near = catch.t_c - ball.t, self.flight, self.batting.strike
+        if left <= 0.0 or near is None:
             return catch
-        met = flown(replace(ball, led=True), np.array([left]))[0, :2]  # as the map foresees it
-        if self.flight is not None:
-            met = np.array(self.flight(catch.t_c))
-        impact = replace(g.settings.impact, drag=ball.drag)
-        strike = g.map.strike(met, g.settings.aim, impact, near=g.strike)
-        if strike is None or not g.map.aims(strike, g.settings.aim):
-            return catch
-        return _contact(strike, catch.t_c)
+        met = foreseen(ball, left) if fly is None else np.array(fly(catch.t_c))
+        strike = self.batting.asked(met, ball, near)
+        return catch if strike is None else _contact(strike, catch.t_c)
 
 
 def _contact(strike: Strike, t_c: float) -> Intercept:

@@ -52,7 +52,7 @@ class Chase:
     """What a rival remembers of one throw between two ticks.
 
     Attributes:
-        t: When [s].
+        t: Time of the command [s].
         pursuit: The path there.
         catch: The catch.
         chosen_at: Where it was when it was chosen [m], shape (3,).
@@ -78,6 +78,17 @@ class ChaseMemory:
         if self.after is not None and t > self.after.t:
             self.before = self.after
         return self.before
+
+    def follow(self, before: Chase, now: Chase) -> JointReference:
+        """Go on to what is commanded now; rest where it was if that is not finite."""
+        catch, motion = now.catch, now.motion
+        if not np.isfinite(motion).all():
+            return resting(now.t, before.motion[0])
+        self.after = now
+        return JointReference(
+            t=now.t, status=MapStatus.INSIDE, q_d=motion[0], dq_d=motion[1], ddq_d=motion[2],
+            q_o=catch.end[0], dq_o=catch.end[1], time_to_catch=catch.t_c - now.t,
+        )  # fmt: skip
 
 
 @final
@@ -173,13 +184,7 @@ class Rival(Generator):
                 motion = checks.array("motion to the catch", motion, shape, finite=True)
         else:
             motion = self._following(chase, ball)
-        if not np.isfinite(motion).all():
-            return resting(t, chase.motion[0])
-        self.memory.after = Chase(t, pursuit, catch, chosen_at, motion)
-        return JointReference(
-            t=t, status=MapStatus.INSIDE, q_d=motion[0], dq_d=motion[1], ddq_d=motion[2],
-            q_o=catch.end[0], dq_o=catch.end[1], time_to_catch=catch.t_c - t,
-        )  # fmt: skip
+        return self.memory.follow(chase, Chase(t, pursuit, catch, chosen_at, motion))
 
     def _moving(self, q: Array, dq: Array | None) -> Array:
         """Return q, dq, ddq of an arm, shape (3, n); at rest where there is no ``dq``."""

@@ -117,7 +117,7 @@ def bat_station(
     """Return the station of an arm.
 
     Args:
-        name: Name or file of an arm.
+        name: Name of an arm whose stance is known.
         scene: The world.
         target: Where balls are sent [m], shape (3,); None for a shield.
         limits: Limit set; that of the arm if left out.
@@ -226,8 +226,3 @@ def stance_of(name: str) -> Stance:
     if name not in _STANCES:
         raise ModelError("arm", f"one whose stance is known: {', '.join(_STANCES)}", name)
     return _STANCES[name]
-
-
-def target_of(name: str) -> Array:  # noqa: ARG001
-    """Return where an arm sends balls where nothing is said [m], shape (3,)."""
-    return np.array(TARGET)

@@ -183,11 +183,15 @@ class BatRunner:
         """Return the recording of the last trial, which has to be kept.
 
         Raises:
-            InputError: What moved the arm is not the map: only that is made again by a replay.
+            InputError: What moved the arm is not the map, and only that is made again by a
+                replay; or nothing was kept.
         """
         s = self._station
-        if self._generator != "direct" or not self.senses:
-            raise InputError("a recording of batting", "kept trials of the map", self._generator)
+        if self._generator != "direct":
+            raise InputError("a recording of batting", "trials of the map", self._generator)
+        if not self.senses:
+            raise InputError("a recording of batting", "a trial that was kept", "none",
+                             do="run trials with keeps=True")  # fmt: skip
         about = About(
             arm=s.arm, generator="batting", maps=(), batting=s.generator(trial.restitution),
             settings=s.catcher, rig=s.rig, eyes=eyes_settings(s.scene),
@@ -264,7 +268,7 @@ def batted(world: World, target: Array | None) -> bool:
         target: Where the ball is sent [m], shape (3,); None for a shield.
     """
     truth, contact = world.truth(), world.first_contact
-    if truth.ball_on_floor or (contact is None and truth.t >= _LONGEST):
+    if world.diverged or truth.ball_on_floor or (contact is None and truth.t >= _LONGEST):
         return True
     if contact is None:
         return False

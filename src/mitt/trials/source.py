@@ -94,6 +94,10 @@ class Source:
                                 share=share)  # fmt: skip
         if self.throws:
             return self.throws[index % len(self.throws)]
+        return self.drawn(rng)
+
+    def drawn(self, rng: np.random.Generator) -> Throw:
+        """Return a default throw that is drawn."""
         return default_throw(rng, self.aim, replace(self.ranges or ThrowRanges(), drag=self.drag))
 
     def trial_seed(self, index: int) -> int:

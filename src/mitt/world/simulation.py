@@ -131,7 +131,7 @@ class World:
     def flight(self) -> Callable[[float], tuple[Array, Array]]:
         """The ball's true flight, untouched: time since release [s] to position and velocity.
 
-        For the clairvoyant alone; read right after ``reset``.
+        For oracles and rewards alone; read right after ``reset``.
         """
         if self._faults is not None:
             return self._faults.undisturbed_path(self._drag).at
