@@ -98,6 +98,28 @@ def test_a_part_that_cannot_be_met_is_refused_with_the_limit_that_binds(binding:
     assert g.adapt(ball, Q, np.zeros(6)).start == inf
 
 
+def test_what_a_verdict_has_planned_is_not_planned_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A robot waits for commands while the catcher thinks; of a newer estimate it plans anew."""
+    judged, tried = Meeting._judged, list[float]()
+
+    def counted(self: Meeting, ball: BallState, q: Array, T: float) -> Any:  # noqa: ANN401
+        tried.append(T)
+        return judged(self, ball, q, T)
+
+    monkeypatch.setattr(Meeting, "_judged", counted)
+    g, ball = meeting(arm=with_limits(acceleration=20.0)), part()
+    verdict = g.verdict(ball, Q)
+    asked = len(tried)
+    assert verdict.outcome is Outcome.FEASIBLE
+    assert 1 < asked <= 5
+    begun = g.adapt(ball, Q, np.zeros(6))
+    assert begun.start + begun.after == verdict.t_catch
+    assert len(tried) == asked
+    later = replace(ball, t=0.1)
+    assert g.adapt(later, Q, np.zeros(6)).start == 0.1
+    assert len(tried) > asked
+
+
 def test_the_way_to_a_part_begins_before_the_part_is_in_reach() -> None:
     """Within all limits, and it ends with the part all the same."""
     ball = part(speed=0.8, ahead=1.0)

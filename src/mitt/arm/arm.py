@@ -262,6 +262,12 @@ class Arm:
         return checks.vector(name, x, self.n, finite=True)
 
 
+def tool_speeds(arm: Arm, motion: Array) -> Array:
+    """Return the catch point's speed [m/s], shape (K,), along q, dq, ddq, shape (K, 3, n)."""
+    speeds: Array = np.linalg.norm(arm.hand_along(motion)[0], axis=1)
+    return speeds
+
+
 def trusted_deceleration(arm: Arm, q: Array, strength: float = 1.0) -> Array:
     """Return what each joint alone can brake with in a pose [rad/s^2], shape (n,).
 

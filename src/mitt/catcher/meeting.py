@@ -17,11 +17,12 @@ up, and the arm comes to rest.
 
 from dataclasses import dataclass, field, replace
 from math import inf
-from typing import Annotated, final
+from typing import Annotated, NamedTuple, final
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
-from mitt.arm.arm import Arm
+from mitt.arm.arm import Arm, tool_speeds
 from mitt.catcher.generators import Generator
 from mitt.control.envelope import bounds_of
 from mitt.fields import Range, Settings, brief
@@ -112,13 +113,23 @@ class MeetingSettings(Settings):
 
 
 @kernel
-def _glide(given: Array, across: Array, dt: float, lead: Array, motion: Array) -> None:
+def _glide(
+    given: Array, across: Array, dt: float, most: float, slowly: float, rate: float, lead: Array,
+    motion: Array,
+) -> None:  # fmt: skip
     """Let a followed motion go on for one tick towards what is given a time ``dt`` later [s].
 
-    ``lead`` has the place that leads it, shape (3,), the largest speed of that place [m/s], and the
-    rate at which it follows [1/s], 0 where it is at once where it should be; and the rate along.
+    Args:
+        given: The estimate then [m ...], shape (3, 3).
+        across: Projection on the directions in which nothing moves, shape (3, 3).
+        dt: That time [s].
+        most: Largest speed of the place that leads the motion [m/s].
+        slowly: Rate at which that place follows [1/s]; 0 where it is at once where it should be.
+        rate: Rate at which the motion closes up to it, but across a belt [1/s].
+        lead: That place [m], shape (3,), overwritten.
+        motion: The followed motion [m ...], shape (3, 3), overwritten.
     """
-    moves, rests, step, rate = np.zeros(3), np.zeros(3), np.zeros(3), lead[5]
+    moves, rests, step = np.zeros(3), np.zeros(3), np.zeros(3)
     for i in range(3):
         r = given[0, i] - dt * given[1, i]
         moves[i] = r + (3.0 * given[1, i] + 3.0 * given[2, i] / rate) / rate
@@ -127,10 +138,10 @@ def _glide(given: Array, across: Array, dt: float, lead: Array, motion: Array) -
         to = moves[i]
         for j in range(3):
             to += across[i, j] * (rests[j] - moves[j])
-        step[i] = (to if lead[4] == 0.0 else given[0, i]) - lead[i]
-    if lead[4] > 0.0:
-        step *= TICK * lead[4]
-    _limit(step, across, TICK * lead[3])
+        step[i] = (to if slowly == 0.0 else given[0, i]) - lead[i]
+    if slowly > 0.0:
+        step *= TICK * slowly
+    _limit(step, across, TICK * most)
     for i in range(3):
         lead[i] += step[i]
         r, dr, ddr = lead[i] - motion[0, i], motion[1, i], motion[2, i]
@@ -184,8 +195,8 @@ class Glide:
                 shape (k,); none if left out.
             most: Largest rate at which an estimate that has jumped is followed [1/s].
         """
-        self._t, self._motion, self._lead = inf, np.zeros((3, 3)), np.zeros(6)
-        self._lead[5] = min(most, _ALONG if speeds is None else _SLOWLY)
+        self._t, self._motion, self._lead = inf, np.zeros((3, 3)), np.zeros(3)
+        self._rate = min(most, _ALONG if speeds is None else _SLOWLY)
         self._speeds, self._begun = np.array([inf]) if speeds is None else speeds, inf
         self.calm = inf
         self.pose: Array | None = None
@@ -209,8 +220,8 @@ class Glide:
             self._begin(t, given)
         while t - self._t > 0.5 * TICK:
             k = min(max(round((self._t - self._begun) / TICK), 0), len(self._speeds) - 1)
-            self._lead[3], self._lead[4] = 0.0 if self.ended else self._speeds[k], rate
-            _glide(given, across, t - self._t, self._lead, self._motion)
+            fastest = 0.0 if self.ended else float(self._speeds[k])
+            _glide(given, across, t - self._t, fastest, rate, self._rate, self._lead, self._motion)
             self._t += TICK
         off = given - self._motion
         far = np.linalg.norm(off[0]) > _NEAR or np.linalg.norm(off[1]) > _SLOW
@@ -226,9 +237,8 @@ class Glide:
             self._motion[1] *= most / speed
         if most < inf:
             self._motion[2] = 0.0
-        rate = float(self._lead[5])
-        ahead = 3.0 * self._motion[1] + 3.0 * self._motion[2] / rate
-        self._lead[:3] = self._motion[0] + ahead / rate
+        ahead = 3.0 * self._motion[1] + 3.0 * self._motion[2] / self._rate
+        self._lead[:] = self._motion[0] + ahead / self._rate
 
 
 def _rise(x: Array, T: float) -> Array:
@@ -240,6 +250,32 @@ def _rise(x: Array, T: float) -> Array:
     """
     rate, bend = 30.0 * (x * (1.0 - x)) ** 2, 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x)
     return np.stack([x**3 * (10.0 - 15.0 * x + 6.0 * x * x), rate / T, bend / T**2], axis=1)
+
+
+class _Plan(NamedTuple):
+    """A verdict, and the generator that begins to meet the target; None where none does."""
+
+    verdict: Verdict
+    begun: "Meeting | None"
+
+
+@final
+class _Memory:
+    """What was planned last: the catcher asks for the verdict, and then to adapt."""
+
+    def __init__(self) -> None:
+        """Begin without a plan."""
+        self._ball: BallState | None = None
+        self._plan: _Plan | None = None
+
+    def of(self, ball: BallState) -> _Plan | None:
+        """Return the plan if it was made for this very estimate."""
+        return self._plan if ball is self._ball else None
+
+    def keep(self, ball: BallState, plan: _Plan) -> _Plan:
+        """Keep a plan and return it."""
+        self._ball, self._plan = ball, plan
+        return plan
 
 
 @final
@@ -256,6 +292,7 @@ class Meeting(Generator):
         pull: How far from the target the tool's way begins, towards the work area [m], shape (3,):
             where the target is out of reach at the start. It dies away until the way down.
         glide: The target as it is followed.
+        memory: What was planned last.
     """
 
     map: MeetingMap
@@ -267,6 +304,7 @@ class Meeting(Generator):
     after: float = inf
     pull: Array = field(default_factory=lambda: np.zeros(3))
     glide: Glide = field(default_factory=Glide)
+    memory: _Memory = field(default_factory=_Memory, repr=False, compare=False)
 
     __repr__ = brief
 
@@ -293,7 +331,7 @@ class Meeting(Generator):
                 return self._refused(ball, self.glide.ended)
             return Verdict(outcome=Outcome.FEASIBLE, binding_limit="", share=0.0,
                            t_catch=self.start + self.after, sigma=spread(ball, 0.0))  # fmt: skip
-        return self._planned(ball, q)[0]
+        return self._planned(ball, q).verdict
 
     def horizon(self) -> float:
         """Return the longest time to a meeting [s]."""
@@ -334,48 +372,52 @@ class Meeting(Generator):
             met = met & near & np.all((ends >= s.low) & (ends <= s.high), axis=1)
         return times[met & kept], "window" if met.any() else "area"
 
-    def _planned(self, ball: BallState, q: Array) -> tuple[Verdict, float]:
-        """Return the verdict for an arm that rests in ``q``, and the time to the meeting.
+    def _planned(self, ball: BallState, q: Array) -> _Plan:
+        """Return the verdict for an arm that rests in ``q``, and the generator that begins.
 
         The shortest time is tried at first, then the longest, then times in between: the longer it
         takes, the less is asked of the arm.
         """
-        r_o, dr_o, ddr_o = self.known(ball)
-        target = replace(ball, r_o=r_o, dr_o=dr_o, ddr_o=ddr_o)
+        target = self._target(ball)
         g = self._pulled(target)
         times, why = g._times(target)
-        if np.linalg.norm(dr_o) > _USED * self.settings.speed:
+        if np.linalg.norm(target.dr_o) > _USED * self.settings.speed:
             times, why = times[:0], "tool" if len(times) else why
-        tried = [(g._judged(target, q, T), T) for T in times[:1].tolist()]
+        tried = [g._judged(target, q, T) for T in times[:1].tolist()]
         if not tried:
-            return self._refused(ball, why), inf
-        if tried[0][0].share > 1.0 and len(times) > 1:
-            tried.append((g._judged(target, q, float(times[-1])), float(times[-1])))
+            return self.memory.keep(ball, _Plan(self._refused(ball, why), None))
+        if tried[0].verdict.share > 1.0 and len(times) > 1:
+            tried.append(g._judged(target, q, float(times[-1])))
             low, high = 0, len(times) - 1
-            for _ in range(_HALVINGS if tried[-1][0].share <= 1.0 else 0):
+            for _ in range(_HALVINGS if tried[-1].verdict.share <= 1.0 else 0):
                 k = (low + high) // 2
-                tried.append((g._judged(target, q, float(times[k])), float(times[k])))
-                low, high = (low, k) if tried[-1][0].share <= 1.0 else (k, high)
-        within = [x for x in tried if x[0].share <= 1.0]
-        best, T = (
-            min(within, key=lambda x: x[1]) if within else min(tried, key=lambda x: x[0].share)
-        )
-        return best, T if within else inf
+                tried.append(g._judged(target, q, float(times[k])))
+                low, high = (low, k) if tried[-1].verdict.share <= 1.0 else (k, high)
+        within = [x for x in tried if x.verdict.share <= 1.0]
+        if within:
+            return self.memory.keep(ball, min(within, key=lambda x: x.verdict.t_catch))
+        best = min(tried, key=lambda x: x.verdict.share)
+        return self.memory.keep(ball, best._replace(begun=None))
+
+    def _target(self, ball: BallState) -> BallState:
+        """Return an estimate of what moves only as far as it can."""
+        r_o, dr_o, ddr_o = self.known(ball)
+        return replace(ball, r_o=r_o, dr_o=dr_o, ddr_o=ddr_o)
 
     def _refused(self, ball: BallState, why: str) -> Verdict:
         """Return the verdict on a target that no motion was found for."""
         return Verdict(outcome=Outcome.UNSETTLED, binding_limit=why, share=inf, t_catch=inf,
                        sigma=spread(ball, 0.0))  # fmt: skip
 
-    def _judged(self, ball: BallState, q: Array, T: float) -> Verdict:
-        """Return the verdict on a meeting after a time [s], by all limits up to the grasp."""
+    def _judged(self, ball: BallState, q: Array, T: float) -> _Plan:
+        """Return the plan to meet a target after a time [s], by all limits up to the grasp."""
         times = np.linspace(0.0, T + self.settings.window, _INSTANTS)
         path, step = flown(ball, times), float(times[1])
         targets = self._placed(path, T - times, T)
         f = self.map.adapt(targets[0], np.array([q, 0.0 * q, 0.0 * q]), self.approach(T))
         rows = None if f is None else f.motion_along(targets, *self._clock(times, T))
-        if rows is None:
-            return self._refused(ball, "domain")
+        if f is None or rows is None:
+            return _Plan(self._refused(ball, "domain"), None)
         motion = rows[:, :3].copy()
         shares = self.shares(motion, step)
         if np.isfinite(self.settings.speed):
@@ -383,12 +425,13 @@ class Meeting(Generator):
             asked = way + lever * np.linalg.norm(path[:, 1], axis=1)
             shares["tool"] = float(asked.max()) / (_USED * self.settings.speed)
         binding = max(shares, key=lambda name: shares[name])
-        return Verdict(
+        verdict = Verdict(
             outcome=Outcome.FEASIBLE if shares[binding] <= 1.0 else Outcome.UNSETTLED,
             binding_limit=binding, share=shares[binding], t_catch=ball.t + T,
             sigma=spread(ball, 0.0),
             approach=Approach(motion=motion, step=step, dr_o=path[-1, 1]),
         )  # fmt: skip
+        return _Plan(verdict, replace(self, map=f, start=ball.t, after=T))
 
     def shares(self, motion: Array, step: float) -> dict[str, float]:
         """Return the shares of all limits of the arm that a motion asks for, in tolerances.
@@ -420,32 +463,37 @@ class Meeting(Generator):
             rows: What the map makes of the target, shape (K, 6, n).
             down: Velocity of the way down [m/s], shape (K, 3).
         """
-        arm, found = self.map.arm, []
-        for (q, dq, _, q_o, dq_o, _), v in zip(rows, down, strict=True):
-            J, virtual = arm.jacobian(q), np.linalg.norm(arm.jacobian(q_o) @ dq_o)
-            lever = max(float(np.linalg.norm(J @ dq_o)) / max(float(virtual), 1e-3), 1.0)
-            bent = _ROUGH * np.linalg.norm(J @ (dq - dq_o))
-            found.append((bent + lever * np.linalg.norm(v), lever))
-        way, levers = np.array(found).T
-        return way, levers
+        q, dq, q_o, dq_o = rows[:, 0], rows[:, 1], rows[:, 3], rows[:, 4]
+        virtual = self._speeds(q_o, dq_o)
+        lever = np.maximum(self._speeds(q, dq_o) / np.maximum(virtual, 1e-3), 1.0)
+        bent = _ROUGH * self._speeds(q, dq - dq_o)
+        return bent + lever * np.linalg.norm(down, axis=1), lever
 
-    def _left_speeds(self, ball: BallState, f: MeetingMap, T: float) -> Array | None:
+    def _speeds(self, q: Array, dq: Array) -> Array:
+        """Return the tool's speeds at K instants [m/s], shape (K,), of q, dq, shapes (K, n)."""
+        return tool_speeds(self.map.arm, np.stack([q, dq, np.zeros_like(q)], axis=1))
+
+    def _left_speeds(self, ball: BallState) -> Array | None:
         """Return what the way leaves of the tool's speed to the target in each tick [m/s], (k,).
 
         None where the tool may be as fast as it likes.
         """
         if not np.isfinite(self.settings.speed):
             return None
+        T = self.after
         times = np.linspace(0.0, T + self.settings.window, 4 * _INSTANTS)
         path = flown(ball, times)
         targets = self._placed(path, T - times, T)
-        rows = f.motion_along(targets, *self._clock(times, T))
+        rows = self.map.motion_along(targets, *self._clock(times, T))
         if rows is None:
             return np.zeros(1)
         way, lever = self._way_speeds(rows, targets[:, 1] - path[:, 1])
         left = np.maximum(_USED * self.settings.speed - way, 0.0) / lever
         ticks = np.interp(np.arange(0.0, times[-1], TICK), times, left)
-        return np.array([ticks[k : k + round(_LAG / TICK)].min() for k in range(len(ticks))])
+        lag = round(_LAG / TICK)
+        later = np.append(ticks, np.full(lag - 1, inf))
+        least: Array = sliding_window_view(later, lag).min(axis=1)
+        return least
 
     def approach(self, T: float) -> float:
         """Return the time from the start until the tool is above the target [s]."""
@@ -482,27 +530,22 @@ class Meeting(Generator):
         """
         if self.start < inf:
             return self
-        after = self._planned(ball, q)[1]
-        if after == inf:
+        begun = (self.memory.of(ball) or self._planned(ball, q)).begun
+        if begun is None:
             return self
-        r_o, dr_o, ddr_o = known = self.known(ball)
+        glide = Glide(begun._left_speeds(self._target(ball)), self._rate)
+        followed = begun.placed(glide.to(ball.t, self.known(ball), self._across), begun.after)
         still = np.array([q, 0.0 * q, 0.0 * q])
-        target = replace(ball, r_o=r_o, dr_o=dr_o, ddr_o=ddr_o)
-        begun = replace(self._pulled(target), start=ball.t, after=after)
-        f = self.map.adapt(begun.placed(known, after), still, self.approach(after))
-        if f is None:
-            return self
-        glide = Glide(begun._left_speeds(target, f, after), self._rate)
-        followed = begun.placed(glide.to(ball.t, known, self._across), after)
-        g = self.map.adapt(followed, still, self.approach(after))
-        return replace(begun, map=g or f, glide=glide)
+        f = self.map.adapt(followed, still, self.approach(begun.after))
+        return self if f is None else replace(begun, map=f, glide=glide)
 
     @property
     def _rate(self) -> float:
         """Rate at which an estimate that jumps may be followed within the arm's jerks [1/s]."""
         arm = self.map.arm
         asked = np.abs(np.linalg.pinv(arm.jacobian(arm.q_ready))).max(axis=1)
-        return float(np.cbrt(np.min(bounds_of(arm)["jerk"] / asked) / _JUMP))
+        slowness = _JUMP * float(np.max(asked / bounds_of(arm)["jerk"]))
+        return inf if slowness == 0.0 else float(np.cbrt(1.0 / slowness))
 
     def reference(self, ball: BallState) -> JointReference:
         """Evaluate the map at the target as it is, and at the time to go.
@@ -514,10 +557,9 @@ class Meeting(Generator):
         followed = glide.to(ball.t, self.known(ball), self._across, gentle)
         target = self.placed(followed, self.after - since)
         clock, whole = self._clock(np.array([since]), self.after)
-        glide.ended = glide.ended or self._lost(ball, followed)
         found = self.map.motion_along(target[None], clock, whole, glide.pose)
-        if found is not None and self._fastest(found) > _OVER * self.settings.speed:
-            glide.ended = "tool"
+        fast = found is not None and self._too_fast(found, _OVER)
+        glide.ended = glide.ended or self._lost(ball, followed) or ("tool" if fast else "")
         inside = found is not None
         if found is None:
             rows = np.zeros((6, self.map.arm.n))
@@ -531,10 +573,10 @@ class Meeting(Generator):
             time_to_catch=self._left(ball, target) if inside and not glide.ended else inf,
         )  # fmt: skip
 
-    def _fastest(self, motion: Array) -> float:
-        """Return the largest speed of the tool along a motion, (k, 3 or more, n) [m/s]."""
-        J = self.map.arm.jacobian
-        return max(float(np.linalg.norm(J(rows[0]) @ rows[1])) for rows in motion)
+    def _too_fast(self, motion: Array, share: float) -> bool:
+        """Say whether the tool is faster than a share of its largest speed, (k, 3 or more, n)."""
+        most = share * self.settings.speed
+        return most < inf and bool(tool_speeds(self.map.arm, motion[:, :3]).max() > most)
 
     def _lost(self, ball: BallState, followed: Array) -> str:
         """Return why a target is to be given up; nothing where it is not.
@@ -566,7 +608,7 @@ class Meeting(Generator):
         """
         for T in _LEAVES if self.settings.above > 0.0 else ():
             found = self._left_in(T, motion, _INSTANTS)
-            if found is None or self._fastest(found) > self.settings.speed:
+            if found is None or self._too_fast(found, 1.0):
                 continue
             if max(self.shares(found, T / (_INSTANTS - 1)).values()) <= 1.0:
                 return self._left_in(T, motion, round(T / TICK) + 1)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mitt.arm.arm import Arm
+from mitt.arm.arm import Arm, tool_speeds
 from mitt.arm.description import rotation
 from mitt.control.slow_motion import slow_motion
 from mitt.errors import InputError
@@ -137,7 +137,7 @@ def carried(arm: Arm, start: Array, end: Array, speed: float, share: float = _SH
     """
     for _ in range(_TRIES):
         rows = slow_motion(arm, start, end, share)
-        fastest = max(float(np.linalg.norm(arm.jacobian(q) @ dq)) for q, dq, _ in rows[::10])
+        fastest = float(tool_speeds(arm, rows[::10]).max())
         if fastest <= speed:
             return rows
         share *= 0.95 * speed / fastest
