@@ -9,8 +9,9 @@ from mitt.ball.flight import acceleration, advance
 from mitt.catcher.batting import Batting
 from mitt.errors import UnknownNameError
 from mitt.map.demand import Tolerance
+from mitt.map.striking import Strike
 from mitt.rivals.batting import BATTERS, BatRival, make_batter
-from mitt.signals import TICK, BallState
+from mitt.signals import TICK, Array, BallState
 from mitt.trials.bat_station import BatStation, bat_station
 from mitt.trials.batting import BatRunner
 from mitt.trials.source import source_of
@@ -48,9 +49,16 @@ def _ball(t: float, met: np.ndarray, left: float) -> BallState:
 
 @pytest.mark.parametrize("name", RIVALS)
 def test_the_joints_are_at_the_contact_as_it_asks(
-    name: str, station: BatStation, batting: Batting
+    name: str, station: BatStation, batting: Batting, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """In angle and speed, for a ball that flies as it was foreseen."""
+    """In angle and speed, for a ball that flies as it was foreseen; its contact is chosen once."""
+    chosen, choose = list[float](), Batting._contacts
+
+    def contacts(g: Batting, ball: BallState, q: Array) -> list[tuple[float, Strike]]:
+        chosen.append(ball.t)
+        return choose(g, ball, q)
+
+    monkeypatch.setattr(Batting, "_contacts", contacts)
     arm, lasts = station.arm, 0.45
     met = np.array([arm.position(np.array([0.0, 0.2, 0.0, 0.9])), [-5.0, 0.1, -2.5]])
 
@@ -63,6 +71,7 @@ def test_the_joints_are_at_the_contact_as_it_asks(
     start = _ball(0.0, met, lasts)
     assert rival.verdict(start, arm.q_ready).share < np.inf
     rival = rival.adapt(start, arm.q_ready, np.zeros(arm.n))
+    assert chosen == [0.0]
     strike, t_c = rival.batting.strike, rival.batting.t_contact
     assert strike is not None
     for t in np.arange(0.0, t_c, TICK).tolist():

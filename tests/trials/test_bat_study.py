@@ -9,7 +9,7 @@ import pytest
 from small_study import Here, quiet, written
 
 from mitt.errors import InputError, UnknownNameError
-from mitt.report.task_study_page import miss_map, task_study_page, write_task_study_page
+from mitt.report.task_study_page import write_task_study_page
 from mitt.trials.bat_study import AXES, BatStudy, read_bat_study
 from mitt.trials.study_folder import Folder, task_of_folder
 from mitt.trials.task_run import read_task_result, run_task_study, task_jobs
@@ -30,7 +30,6 @@ offsets = [-0.5, 0.5]
 speeds = [5.0, 6.0, 7.0]
 trials = 2
 """
-MAP_ALONE = TEXT[: TEXT.index("[[")] + MAP
 
 
 def test_a_study_writes_its_table_summary_and_page(tmp_path: Path) -> None:
@@ -69,28 +68,6 @@ def test_a_map_moves_the_target_along_each_axis_for_each_speed(tmp_path: Path) -
     said = study.answer_more(rows)
     assert said[0].startswith("Map: in 7 of 14 cells")
     assert "by domain" in said[1]
-
-
-def test_the_page_of_a_map_draws_each_cell_and_has_a_table_of_them(tmp_path: Path) -> None:
-    """With the miss, and of 100 balls those refused and those lost; none is said where none is."""
-    study = read_bat_study(written(tmp_path, MAP_ALONE))
-    least = {"median": 3.25, "p90": 9.0}
-    measures = dict.fromkeys(study.task_of.measures, least)
-    some = {"hit": 2, "unreachable": 1, "miss_cm": least}
-    rows = [
-        {"generator": "direct", "condition": c.name, "trials": 4, "ci95": [0.1, 0.9],
-         "hit_rate": 0.5, "refused_by": "torque", "violating_trials": 0, "complete": True,
-         "against_direct": None} | measures
-        | (some if k else {"hit": 0, "unreachable": 4, "miss_cm": None})
-        for k, c in enumerate(study.conditions)
-    ]  # fmt: skip
-    drawn = miss_map(study.cells(rows)).svg
-    assert all(text in drawn for text in ("3.2", "25 ref., 25 lost", "100 ref.<", "5 to 6"))
-    page = task_study_page(study, rows)
-    assert "Median miss [cm] by target and ball speed" in page
-    assert "<h3>Map</h3>" in page
-    assert page.count("<h3>") == 1
-    assert all(c.name in page for c in study.conditions)
 
 
 def test_what_a_file_cannot_say_is_refused(tmp_path: Path) -> None:

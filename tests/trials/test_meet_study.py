@@ -9,11 +9,7 @@ import pytest
 from small_study import Here, quiet, written
 
 from mitt.errors import InputError, UnknownNameError
-from mitt.report.task_study_page import (
-    errors_by_rate,
-    task_study_page,
-    write_task_study_page,
-)
+from mitt.report.task_study_page import write_task_study_page
 from mitt.trials.meet_study import MeetStudy, read_meet_study
 from mitt.trials.study_folder import Folder, task_of_folder
 from mitt.trials.task_run import answer, read_task_result, run_task_study, task_jobs
@@ -73,28 +69,6 @@ def test_what_a_file_cannot_say_is_refused(tmp_path: Path) -> None:
     for text in twice:
         with pytest.raises(InputError, match="twice"):
             read_meet_study(written(tmp_path, text))
-
-
-def test_the_page_draws_errors_by_rate_of_planning(tmp_path: Path) -> None:
-    """A planner is a line through its rates, the others are lines across."""
-    text = "rates = [50.0, 200.0]" + TEXT.replace('"line"', '"mpc"')
-    study = read_meet_study(written(tmp_path, text))
-    (condition,) = study.conditions
-    spread = {"median": 2.0, "p90": 3.0}
-    rows = [
-        {"generator": x.label, "rate_hz": x.rate, "condition": condition.name, "trials": 4,
-         "met": 4, "unreachable": 0, "refused_by": None, "violating_trials": 0,
-         "ci95": [0.4, 1.0], "complete": True, "against_direct": None}
-        | dict.fromkeys(study.task_of.measures, spread)
-        for x in study.players(condition)
-    ]  # fmt: skip
-    assert [row["generator"] for row in rows] == ["direct", "mpc 50 Hz", "mpc 200 Hz"]
-    drawn = errors_by_rate({condition.name: rows}).svg
-    assert all(f">{x}<" in drawn for x in ("direct", "mpc", "belt", "50", "200"))
-    assert "mpc 50 Hz" not in drawn
-    page = task_study_page(study, rows)
-    assert "Error at the grasp against the rate of planning" in page
-    assert "mpc 50 Hz" in page
 
 
 def test_the_answer_says_who_is_better_and_of_whom_that_is_not_known() -> None:

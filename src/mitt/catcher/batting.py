@@ -20,7 +20,7 @@ from mitt.fields import Range, Settings, brief
 from mitt.map.batting import BattingMap, easiest
 from mitt.map.demand import Tolerance, shares_of
 from mitt.map.mapping import DirectMap
-from mitt.map.prediction import HORIZON, STRIDE, flown, spread
+from mitt.map.prediction import HORIZON, STRIDE, flown, spread, state_of
 from mitt.map.striking import Impact, Strike
 from mitt.signals import Array, BallState, JointReference
 from mitt.verdict.feasibility import Outcome, Verdict
@@ -98,8 +98,11 @@ class _Memory:
         self.looked, self.usual = -inf, inf
 
     def of(self, ball: BallState) -> _Plan | None:
-        """Return the plan if it was made for this very estimate."""
-        return self._plan if ball is self._ball else None
+        """Return the plan if it was made for this estimate, or for one that says the same."""
+        mine = self._ball
+        if mine is None or (ball.t, ball.drag) != (mine.t, mine.drag):
+            return None
+        return self._plan if np.array_equal(state_of(ball), state_of(mine)) else None
 
     def refused(self, t: float) -> bool:
         """Say whether no ball could be struck shortly before a time [s]."""
