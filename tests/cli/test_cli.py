@@ -46,21 +46,21 @@ THROWS = "x,y,z,vx,vy,vz\n"
 FLIGHTS = "flight,t_s,x_m,y_m,z_m\n"
 GOOD_THROW = "3.5,0.1,0.2,-6,0,1.5\n"
 
-#: Runs the command line and sends its own process a signal before the third throw.
+#: Runs the command line and sends its own process a signal before the second trial.
 SIGNALLED = """
 import os, signal, sys
 import mitt.report.outputs as outputs
 from mitt.cli.main import main
-from mitt.trials.runner import TrialRunner
-inner = TrialRunner.throw
-def throw(runner, source, index, *, log=False):
-    signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job starts without
-    if index == 2:
-        os.kill(os.getpid(), signal.Signals(int(sys.argv[1])))
-    return inner(runner, source, index, log=log)
-TrialRunner.throw = throw
+from mitt.trials.{module} import {runner}
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job starts without
+inner = {runner}.{method}
+def trial(runner, *words, **how):
+    if words[-1] == 1:
+        os.kill(os.getpid(), signal.SIGINT)
+    return inner(runner, *words, **how)
+{runner}.{method} = trial
 outputs.write_report = lambda path, content: None
-sys.exit(main(sys.argv[2:]))
+sys.exit(main(sys.argv[1:]))
 """
 
 Call = Callable[..., tuple[int, str, str]]
@@ -394,18 +394,36 @@ def test_a_map_that_cannot_be_written_is_bad_input(call: Call, tmp_path: Path, p
 
 
 @pytest.mark.slow
-def test_a_signal_keeps_what_is_finished(a_map: Path, tmp_path: Path) -> None:
-    """Two of six throws done: they are printed and written, and the status tells the signal."""
+@pytest.mark.parametrize(
+    ("runs", "words"),
+    [
+        (("runner", "TrialRunner", "throw"), ["catch", "--throws", "6", "--vision", "points"]),
+        (("batting", "BatRunner", "trial"), ["bat", "--throws", "6", "--vision", "points"]),
+        (("meeting", "MeetRunner", "trial"), ["meet", "--trials", "6"]),
+    ],
+    ids=["catch", "bat", "meet"],
+)
+def test_a_signal_keeps_what_is_finished(
+    runs: tuple[str, str, str], words: list[str], a_map: Path, tmp_path: Path
+) -> None:
+    """One of six done: it is printed and written, the last line says where, and the status."""
+    script = SIGNALLED.format(**dict(zip(("module", "runner", "method"), runs, strict=True)))
+    own = ["--map", str(a_map)] if words[0] == "catch" else []
     done = process(
-        ["-c", SIGNALLED, str(int(signal.SIGINT)), "catch", "--throws", "6", "--vision", "points",
-         "--map", a_map, "--record", "none", "--json", "--out", "out"],
-        tmp_path,
-    )  # fmt: skip
+        ["-c", script, *words, *own, "--record", "none", "--json", "--out", "out"], tmp_path
+    )
     assert done.returncode == 130, done.stderr
     result = json.loads((tmp_path / "out" / "result.json").read_text())
-    check_contract(result, 2, incomplete=True)
+    assert result["schema"] == f"mitt.{words[0]}/1"
+    assert [trial["index"] for trial in result["trials"]] == [0]
+    if words[0] == "catch":
+        check_contract(result, 1, incomplete=True)
     assert json.loads(done.stdout) == result
-    assert "SIGINT" in done.stderr
+    kept = Path("out", "result.json")
+    assert done.stderr.splitlines()[-1] == (
+        f"mitt: interrupted by SIGINT; 1 of 6 throws are kept in {kept}"
+    )
+    assert not (tmp_path / "out" / "report.html").exists()
     assert "Traceback" not in done.stderr
 
 
