@@ -66,6 +66,25 @@ def test_what_is_met_is_put_away(arm: str, tool: str, target: Target, tmp_path: 
         assert replay(Recorded(tmp_path / "trial.mcap")).identical
 
 
+#: Where the belt of a UR5e is where the scene says nothing [m], and how far its area goes along it,
+#: where parts come from and where they go [m].
+MIDDLE, HEIGHT, FROM, TO = (0.5527, 0.0), 0.0225, 0.4843, 0.3737
+
+
+@pytest.mark.parametrize("direction", [None, 0.0, 0.785, 1.57, 3.14, -1.57])
+def test_a_belt_in_any_direction_leads_through_a_work_area(direction: float | None) -> None:
+    """It is cut where the belt leads alone, by what leaves the tool no way to lift the part."""
+    belt = {"middle": MIDDLE, "height": HEIGHT, "direction": direction}
+    scene = scene_of({**SCENE, **({} if direction is None else {"belt": belt})}, place="scene")
+    at = station("ur5e", TOOLS["suction"], "belt", scene)
+    assert at.place == pytest.approx([*MIDDLE, 0.0425], abs=1e-4)
+    before, beyond = at.place - at.settings.low, at.settings.high - at.place
+    along = np.sin(np.pi / 2 if direction is None else direction)
+    sides = [TO if along < 0.0 else FROM, TO if along > 0.0 else FROM]
+    assert before == pytest.approx([0.08, sides[0], 0.07], abs=1e-4)
+    assert beyond == pytest.approx([0.08, sides[1], 0.07], abs=1e-4)
+
+
 def test_a_recorded_thing_is_taken() -> None:
     """It comes as it was recorded, is held by the person until then, and put away."""
     t = np.linspace(0.0, 2.0, 121)

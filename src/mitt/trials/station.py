@@ -202,8 +202,9 @@ def station(
     low, high = place - room - 0.02, place + room + 0.02
     moves = scene.belt if target == "belt" else None
     if moves is not None:
-        left = max(wide - _ALONG, 0.0) * reach * moves.along
-        low, high = low - np.minimum(left, 0.0), high - np.maximum(left, 0.0)
+        most = _ALONG * reach + 0.02
+        low = np.where(moves.along < 0.0, np.maximum(low, place - most), low)
+        high = np.where(moves.along > 0.0, np.minimum(high, place + most), high)
     f = unlearned_meeting(arm, free, frame=frame, coupling=coupling)
     settings = MeetingSettings(
         low=tuple(low.tolist()), high=tuple(high.tolist()), above=_ABOVE, settle=_SETTLE[target],
