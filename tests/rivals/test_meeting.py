@@ -28,7 +28,7 @@ def meeting() -> Meeting:
     arm = load_arm("wam")
     arm = Arm(replace(arm.model, q_ready=np.array([0.2, 0.5, 1.5])), arm.limits)
     f = unlearned_meeting(arm, (0, 1, 2))
-    return Meeting(f, MeetingSettings(shortest=0.6, closing=0.3))
+    return Meeting(f, MeetingSettings(shortest=0.6, closing=0.3, along=(0.0, 1.0, 0.0)))
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +45,7 @@ def test_the_tool_moves_as_the_target_at_the_end(name: str, meeting: Meeting) ->
     """Position and velocity, where the target goes on as it was foreseen."""
     arm, dr = meeting.map.arm, 0.15 * ALONG
     r = arm.position(arm.q_ready) + np.array([0.05, -0.1, 0.0])
-    generator = make_meeter(name, meeting, rate=50.0, along=ALONG)
+    generator = make_meeter(name, meeting, rate=50.0)
     encoder, started = encoder_of(generator), False
     for t in (TICK * np.arange(1000)).tolist():
         if encoder is not None:
@@ -75,6 +75,6 @@ def test_each_takes_a_part_from_a_belt_that_is_seen_exactly(name: str, exact: St
 def test_a_rival_that_follows_an_encoder_needs_a_belt(meeting: Meeting) -> None:
     """And a rival needs a name that is known."""
     with pytest.raises(InputError, match="belt"):
-        make_meeter("line", meeting)
+        make_meeter("line", replace(meeting, settings=replace(meeting.settings, along=None)))
     with pytest.raises(UnknownNameError):
         make_meeter("another", meeting)

@@ -35,8 +35,8 @@ from mitt.verdict.feasibility import Approach, Outcome, Verdict
 
 #: Times that are tried, and instants at which a motion is held against its limits.
 _TIMES, _INSTANTS = 24, 24
-#: Longest way of a target that is out of reach to the meeting [m], and the share of its speed with
-#: which it still comes in time.
+#: A target out of reach at the start is met where its way to the meeting is shorter [m], and where
+#: it would be in the work area then even at this share of its speed.
 _COMES, _SLOWER = 0.8, 0.8
 #: Halvings of the times between the longest and the shortest.
 _HALVINGS = 3
@@ -50,7 +50,7 @@ _LEAST = 0.1
 _ALONG, _ACROSS = 40.0, 8.0
 #: The first of them where the tool's speed is limited: what may not be fast need not be quick.
 _SLOWLY = 15.0
-#: What an estimate may jump by without that closing it asks for more than the arm's jerk [m].
+#: Jump of an estimate that is to be closed within the arm's jerks [m].
 _JUMP = 0.01
 #: Estimate and followed target are in step if no farther apart [m, m/s].
 _NEAR, _SLOW = 0.003, 0.035
@@ -85,8 +85,8 @@ class MeetingSettings(Settings):
         longest: Longest time that is tried [s].
         speed: Largest speed of the tool on its way, relative to the base [m/s]; infinite for none.
         along: Direction of the belt that carries targets, a unit vector; None without one.
-        gentle: Rate at which a target is followed from the meeting on, where tool and what holds it
-            push each other [1/s]; 0 for as before.
+        gentle: Rate at which the tool closes up to the target from the meeting on [1/s], where tool
+            and what holds the target push each other; 0 where it does as before.
     """
 
     low: tuple[float, float, float] = (-2.0, -2.0, -2.0)
@@ -455,9 +455,10 @@ class Meeting(Generator):
         return found
 
     def _way_speeds(self, rows: Array, down: Array) -> tuple[Array, Array]:
-        """Return the tool's speed at K instants while a target rests, and what another adds.
+        """Return what the tool's speed at K instants is made of.
 
-        That is its own speed [m/s], shape (K,), and the tool's per that of the target, 1 at least.
+        Its speed on the way to a target that rests [m/s], shape (K,), and what each 1 m/s of a
+        target adds to it, at least 1, shape (K,).
 
         Args:
             rows: What the map makes of the target, shape (K, 6, n).
@@ -581,8 +582,9 @@ class Meeting(Generator):
     def _lost(self, ball: BallState, followed: Array) -> str:
         """Return why a target is to be given up; nothing where it is not.
 
-        ``tool``: it runs away faster than the tool may follow; ``area``: it leaves the work area;
-        ``taken``: it leaves its belt, falls, or is elsewhere.
+        ``taken``: it leaves its belt sideways, falls, or is far from where it is followed; that is
+        ``tool`` where the tool's speed is limited, which it may have run away from. ``area``: it
+        leaves the work area when the way down has begun, or should have.
         """
         s, v = self.settings, ball.dr_o
         spare = 3.0 * float(np.sqrt(np.max(np.diag(ball.covariance)[3:])))

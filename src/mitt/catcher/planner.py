@@ -173,7 +173,9 @@ class Planner:
         if todo & DECIDE:
             self._reconsider(ball)
         elif todo & LAGS and isinstance(self.generator, Leaving):
-            self._give_up(_behind(self._said(ball)))
+            # Its limits, the arm itself or the floor keep it from what it was told.
+            said = self._said(ball)
+            self._give_up(replace(said, outcome=Outcome.UNSETTLED, binding_limit="blocked"))
         elif todo & LAGS:
             # The ball has left the arm behind, as after a bounce: the map starts again from where
             # the arm is and how fast it moves, eq. (12), and the gap is closed on the way to the
@@ -319,9 +321,9 @@ class Planner:
         if verdict.outcome is Outcome.OPEN:
             self._scalars["t_ahead"] = ball.t
             self._take(verdict, ball)
+        elif isinstance(self.generator, Leaving) and verdict.outcome is not Outcome.FEASIBLE:
+            self._give_up(verdict)  # what was met says why it was given up
         else:
-            if isinstance(self.generator, Leaving) and verdict.outcome is not Outcome.FEASIBLE:
-                self._verdict = verdict  # what was met says why it was given up
             self._slow_down(self._arm)
 
     def _renew(self, ball: BallState) -> None:
@@ -405,11 +407,6 @@ class Planner:
         """Follow the brake from a time on [s]."""
         self._scalars["t_brake"], self._scalars["t_rest"] = t, t + len(self.brake) * TICK
         self._enter(BRAKE)
-
-
-def _behind(verdict: Verdict) -> Verdict:
-    """Return the verdict on what an arm cannot follow: its limits, itself or the floor forbid."""
-    return replace(verdict, outcome=Outcome.UNSETTLED, binding_limit="blocked")
 
 
 def load_decisions(arm: Arm, generator: Generator, settings: CatcherSettings) -> None:

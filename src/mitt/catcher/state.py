@@ -285,7 +285,13 @@ def arm_numbers(arm: Arm, around: Surroundings) -> ArmNumbers:
 
 
 def exchange_arm(state: CatcherState, arm: Arm, around: Surroundings) -> None:
-    """Let a state go on with the arm as it holds the ball."""
+    """Let a state go on with an arm that begins to hold a ball, or lets it go.
+
+    Args:
+        state: Whose limits, bounds of encoders and safety filter are overwritten.
+        arm: The arm, with the ball's mass in its last link or without.
+        around: What stands around it.
+    """
     of = state.safety, state.monitor.bounds, state.tracking.drives, state.limits
     overwrite(of, arm_numbers(arm, around))
 

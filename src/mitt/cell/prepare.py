@@ -44,7 +44,7 @@ from mitt.map.map_design import MapDesign, default_design
 from mitt.map.mapping import DirectMap, unlearned
 from mitt.map.meeting import MeetingMap
 from mitt.signals import TICK
-from mitt.trials.catcher_settings import bandwidth_of, filter_settings, reserved
+from mitt.trials.catcher_settings import bandwidth_of, filter_settings, rebound_in, reserved
 from mitt.trials.learning import learn, neighbourhood_of_ball
 from mitt.trials.source import source_of, widened
 from mitt.trials.station import Station, station
@@ -168,12 +168,11 @@ def _kept_map(prepared: PreparedCell, design: MapDesign) -> Path | None:
 def about_of(prepared: PreparedCell, f: CellMap) -> About:
     """Return what makes the catcher of a cell, as its recordings say it."""
     cell, arm, work = prepared.cell, prepared.arm, prepared.work
-    task, ball, hand = cell.task, cell.ball, arm.model.hand
+    task, ball = cell.task, cell.ball
     ball = ball if task is None else BallPart(mass=task.mass, drag=0.0)
     settings = CatcherSettings(
         ball_mass=ball.mass, ball_radius=ball.radius,
-        ball_restitution=ball.restitution if hand is None else hand.rebound(ball.restitution),
-        ball_friction=ball.friction,
+        ball_restitution=rebound_in(arm, ball.restitution), ball_friction=ball.friction,
         flight=filter_settings(ball.drag, ball.mass, spread=ball.drag_spread),
         around=prepared.around, encoders=Encoders(step=tuple(arm.encoder_step.tolist())),
         torque_lead=cell.robot.delay, bandwidth=bandwidth_of(cell.robot.takes, cell.robot.servo),

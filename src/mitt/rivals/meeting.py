@@ -353,16 +353,13 @@ MEETERS: Final = ("direct", *PLANNERS, "ds", *LINES)
 """All that meet what moves, by name."""
 
 
-def make_meeter(
-    name: str, meeting: Meeting, *, rate: float = 100.0, along: Array | None = None
-) -> Generator:
+def make_meeter(name: str, meeting: Meeting, *, rate: float = 100.0) -> Generator:
     """Return what meets a target, by name.
 
     Args:
         name: One of ``MEETERS``.
         meeting: The map.
         rate: Plans a second, of those that plan anew [Hz].
-        along: Direction of the belt, a unit vector, shape (3,); None where there is none.
 
     Raises:
         UnknownNameError: There is none of that name.
@@ -377,10 +374,10 @@ def make_meeter(
         return _rival(meeting, Attracted(bounds_of(arm)))
     if name not in LINES:
         raise UnknownNameError("--generator", name, MEETERS)
-    if along is None:
+    if meeting.settings.along is None:
         raise InputError("--generator", f"a belt for {name}, which reads its encoder", "none",
                          do="choose --target belt, or another generator")  # fmt: skip
-    return _rival(meeting, LineTracking(BeltEncoder(along), LINES[name]))
+    return _rival(meeting, LineTracking(BeltEncoder(np.array(meeting.settings.along)), LINES[name]))
 
 
 def _rival(meeting: Meeting, way: Way) -> MeetingRival:

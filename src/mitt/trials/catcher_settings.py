@@ -103,9 +103,13 @@ def filter_settings(drag: float, mass: float, *, spread: float = 0.0) -> FilterC
     )
 
 
+def rebound_in(arm: Arm, palm: float) -> float:
+    """Return what share of its speed a ball keeps in an arm's hand, whose palm leaves so much."""
+    return palm if arm.model.hand is None else arm.model.hand.rebound(palm)
+
+
 def _rebound_of(arm: Arm, scene: Scene) -> float:
     """Return what share of its speed the scene's ball keeps in a hand."""
     if isinstance(arm.model.hand, Paddle):
         return restitution_on(scene, arm.model.hand)
-    palm = restitution_of(scene) or _SOFT
-    return palm if arm.model.hand is None else arm.model.hand.rebound(palm)
+    return rebound_in(arm, restitution_of(scene) or _SOFT)

@@ -84,8 +84,10 @@ class MeetTrial:
         peak_acceleration: Largest commanded acceleration of each joint until then [rad/s^2].
         limit_violations: As of :class:`mitt.trials.score.Trial`.
         binding_limit: The limit that the verdict found most used, or what ended the trial;
-            ``area``: the part left the work area; ``taken``: it was taken away or fell; ``tool``:
-            it ran away faster than the tool may follow.
+            ``area``: the part left the work area, or does not come into it; ``window``: it leaves
+            it before the tool would have closed; ``taken``: it was taken away or fell; ``tool``: it
+            runs faster than the tool may follow; ``blocked``: the arm's limits, the arm itself or
+            the floor kept it from following.
         placed: Whether the part lies on its tray, the tool open and the arm back where it waits;
             None where nothing was met, or there is no tray.
         tool_speed_m_s: Largest speed of the tool.

@@ -134,7 +134,12 @@ class Station:
     def for_parts(self, settings: CatcherSettings) -> CatcherSettings:
         """Return a catcher's settings for parts that are met, not for balls that fly.
 
-        An arm whose tool has a largest speed does not catch up with what it was kept from.
+        What the filter assumes of its target, half of the part's width as its radius, and the gap
+        at which the arm gives up what it is kept from instead of catching up with it: wider where
+        the tool has a largest speed.
+
+        Args:
+            settings: For a ball.
         """
         part = self.scene.ball
         across = part.sides[0] if part.sides else 2.0 * part.radius
@@ -152,9 +157,7 @@ class Station:
 
     def generator(self, name: str, *, rate: float = 100.0) -> Generator:
         """Return what meets things here, by name; see :func:`mitt.rivals.meeting.make_meeter`."""
-        belt = self.scene.belt if self.target == "belt" else None
-        along = None if belt is None else belt.along
-        return make_meeter(name, Meeting(self.map, self.settings), rate=rate, along=along)
+        return make_meeter(name, Meeting(self.map, self.settings), rate=rate)
 
 
 def station(
