@@ -1,5 +1,6 @@
 """The documentation as a site: figures and their commands, answers, pages, links, no strangers."""
 
+import ast
 import re
 import runpy
 import subprocess
@@ -24,9 +25,12 @@ from mitt.map.learn import Learned
 from mitt.report import pictures
 from mitt.report.painter import Faces
 from mitt.report.pictures import placed
+from mitt.trials.batting import STATUSES as STRUCK
 from mitt.trials.explain import LIMITS
 from mitt.trials.learning import learn
-from mitt.verdict.feasibility import judge
+from mitt.trials.meeting import STATUSES as MET
+from mitt.trials.result import STATUSES as TRIED
+from mitt.verdict.feasibility import Outcome, judge
 from mitt.verdict.impact import shares_after
 
 ROOT = Path(__file__).parents[1]
@@ -141,22 +145,70 @@ def kinds_in_code(learned: Learned) -> set[str]:
         for mass in (0.05, 0.5):  # an arm that is kept slow for the impact says so
             caught = CaughtBall(mass=mass, radius=0.04)
             names |= set(shares_after(arm, verdict.approach, caught))
-    written = re.compile(r'binding_limit="(\w+)"|return "(domain)"|f"(region):|"(unseen)" if')
-    for path in (ROOT / "src" / "mitt").rglob("*.py"):
-        for found in written.findall(path.read_text()):
-            names |= {x for x in found if x}
-    return {name.split(":")[0] for name in names}
+    for folder in ("catcher", "verdict", "rivals", "trials"):
+        for path in (ROOT / "src" / "mitt" / folder).glob("*.py"):
+            if "binding_limit=" in (text := path.read_text()):
+                names |= words_given(ast.parse(text))
+    return {name.split(":")[0] for name in names} - NO_LIMITS
+
+
+#: Words that name no limit: outcomes of a verdict, statuses of trials.
+NO_LIMITS = {"", *(x.value for x in Outcome), *TRIED, *MET, *STRUCK}
+
+
+def words_given(module: ast.Module) -> set[str]:
+    """Return what a module assigns, returns, or gives to what makes a verdict, if it is a word."""
+    nodes = list(ast.walk(module))
+    makers = {x.name for x in nodes if isinstance(x, ast.FunctionDef)
+              and isinstance(x.returns, ast.Name) and x.returns.id == "Verdict"}  # fmt: skip
+    values = list[ast.expr]()
+    for node in nodes:
+        match node:
+            case ast.Assign(value=value) | ast.Return(value=ast.expr() as value):
+                values.append(value)
+            case ast.keyword(arg="binding_limit", value=value):
+                values.append(value)
+            case ast.Call(func=ast.Attribute(attr=name) | ast.Name(id=name)) if name in makers:
+                values += node.args
+    return {x for value in values for x in texts(value) if re.fullmatch(r"[a-z_]+(:.*)?", x)}
+
+
+def texts(value: ast.AST) -> set[str]:
+    """Return the texts that an expression may be; ``..`` stands for what is filled in."""
+    match value:
+        case ast.Constant(value=str(text)):
+            return {text}
+        case ast.JoinedStr():
+            parts = [x.value if isinstance(x, ast.Constant) else ".." for x in value.values]
+            return {"".join(map(str, parts))}
+        case ast.IfExp():
+            return texts(value.body) | texts(value.orelse)
+        case ast.BoolOp():
+            return {text for x in value.values for text in texts(x)}
+        case ast.Tuple():
+            return {text for x in value.elts for text in texts(x)}
+    return set()
 
 
 def test_every_reason_of_a_refusal_has_an_answer(learned: Learned) -> None:
-    """The table of the questions has the kinds of limits that code can name, and no others."""
-    text = (DOCS / "faq.md").read_text(encoding="utf-8")
-    table = re.findall(r"^\| `(\w+)(?::\w+)?` \|", text, re.MULTILINE)[1:]  # below its head
-    assert sorted(table) == sorted(kinds_in_code(learned) | {"acceleration"})
+    """The tables of balls and of parts have the kinds that code can name, and no others."""
+    table, parts = (
+        {kind.split(":")[0] for row in rows for kind in re.findall(r"`([\w:.]+)`", row)}
+        for rows in (reasons("faq.md"), reasons("meeting.md"))
+    )
+    kinds = kinds_in_code(learned) | {"acceleration"}
+    assert table | parts == kinds
     notation = (DOCS / "notation.md").read_text(encoding="utf-8")
     listed = notation[notation.index("\n`binding_limit`:") :].split("\n\n")[1]
-    assert set(re.findall(r"`(\w+)(?::\w+)?`", listed)) >= set(table)
-    assert set(LIMITS) >= set(table) - {"unseen"}  # a ball that nobody saw had no verdict
+    assert set(re.findall(r"`(\w+)(?::\w+)?`", listed)) >= table
+    assert set(LIMITS) == kinds - {"unseen"}  # a ball that nobody saw had no verdict
+
+
+def reasons(page: str) -> list[str]:
+    """Return what stands in the first column of a page's table of limits, below its head."""
+    text = (DOCS / page).read_text(encoding="utf-8")
+    table = text[text.index("\n| `binding_limit` |") + 1 :].split("\n\n")[0]
+    return [row.split("|")[1] for row in table.splitlines()[2:]]
 
 
 @pytest.mark.parametrize("page", TUTORIALS)

@@ -39,8 +39,13 @@ LIMITS = {
     "optimum": "the oracle found no motion within the limits",
     "domain": "the ball flies outside the domain of the map",
     "region": "the catch would be outside the region that the map was learned for",
-    "time": "there would be too little time",
     "blocked": "the arm would be kept from following",
+    "jerk": "the acceleration of {0} would have to change faster than it may",
+    "torque_rate": "the torque of {0} would have to change faster than it may",
+    "tool": "the tool would have to be faster than it may",
+    "area": "the part is not in the work area when it would be met",
+    "window": "the part leaves the work area before the tool would have closed",
+    "taken": "the part fell, left its belt or was taken away",
 }
 #: What is said of a trial that did what it was to do, of whatever task.
 _SUCCESS = {"caught": "The ball was caught.", "met": "The part was met.",
@@ -290,6 +295,8 @@ def _said(judged: Judged) -> str:
     """Return a verdict in words."""
     verdict = judged.verdict
     limit = f", {verdict.binding_limit} asked most" if verdict.binding_limit else ""
+    if limit and verdict.outcome not in (Outcome.FEASIBLE, Outcome.OPEN):
+        limit = f", {limit_words(judged)}"
     word = {Outcome.OPEN: "open: the ball was waited for"}.get(
         verdict.outcome, verdict.outcome.value
     )
