@@ -67,8 +67,8 @@ from mitt.trials.score import (
     was_held,
 )
 from mitt.trials.source import source_of, widened
-from mitt.trials.station import TARGETS, station
-from mitt.world.scene import Scene, scene_from, scene_of
+from mitt.trials.station import PARTS_SCENE, TARGETS, station
+from mitt.world.scene import Scene, scene_from
 from mitt.world.simulation import World
 from mitt.world.truth import Instant
 
@@ -481,7 +481,7 @@ class Meet(Driven):
         delay = checks.number("gripper_delay", gripper_delay, least=0.0, most=2.0)
         self._speed = checks.number("speed", speed, least=0.01, most=5.0)
         limits = None if limits is None else checks.text("limits", limits)
-        scene = _parts_scene() if scene is None else scene_from(scene)
+        scene = PARTS_SCENE if scene is None else scene_from(scene)
         self._set_up(render_mode, scene, action, ticks)
         at = station(str(checks.path("arm", arm)), replace(TOOLS[tool], delay=delay), target, scene,
                      limits=limits)  # fmt: skip
@@ -638,12 +638,6 @@ class Bat(Driven):
         elif hit is not None and hit.returned:
             out |= {"status": "hit", "miss_m": hit.miss, "return_speed_m_s": hit.speed}
         return out
-
-
-def _parts_scene() -> Scene:
-    """Return the world of ``mitt meet`` where nobody names one."""
-    sensing = {"latency": 30, "point_noise": 0.002, "frame_rate": 60.0}
-    return scene_of({"base": "lab", "sensing": sensing}, place="scene")
 
 
 def map_policy(env: gymnasium.Env[Any, Any]) -> Callable[[Observation], Numbers]:

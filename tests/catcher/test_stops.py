@@ -26,6 +26,10 @@ RELEASE, VELOCITY = np.array([3.6, 0.15, 0.2]), np.array([-5.9, -0.2, 2.2])
 FALL = np.array([0.0, 0.0, -9.81])
 
 
+#: Most by which a torque may change in a tick, and least weight of the ball at a joint [N m].
+CHANGE, WEIGHT = 0.02, 0.4
+
+
 class Cell:
     """An exact arm, a ball seen with 1 mm of noise, and a catcher, tick by tick."""
 
@@ -130,6 +134,26 @@ def test_no_call_undoes_a_stop(
         assert np.all(np.abs(command.dq) <= before + 1e-9)
     assert catcher.done
     assert not command.tau.any()
+
+
+def test_a_hand_lets_go_once_its_arm_has_braked(arm: Arm, learned: Learned) -> None:
+    """The ball's weight leaves the torques, no faster than they may change; before, none does."""
+    cell = cell_of(arm, learned, ball_mass=0.15)
+    catcher = cell.catcher
+    with pytest.raises(InputError, match="watch"):
+        catcher.let_go()
+    cell.until(lambda: catcher.phase is Phase.BRAKE)
+    with pytest.raises(InputError, match="moves"):
+        catcher.let_go()
+    held = cell.until(lambda: catcher.done, seen=False)
+    assert held.hand > 0.5
+    catcher.state.tracking.change[:] = CHANGE
+    catcher.let_go()
+    commands = [held, *(cell.tick(seen=False) for _ in range(100))]
+    assert commands[1].hand == 0.0
+    change = np.diff([x.tau for x in commands], axis=0)
+    assert np.abs(change).max() <= (1.0 + 1e-9) * CHANGE
+    assert np.abs(commands[-1].tau - held.tau).max() > WEIGHT
 
 
 def test_a_motion_is_taken_as_it_was_given(arm: Arm, learned: Learned) -> None:

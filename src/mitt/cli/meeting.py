@@ -33,17 +33,12 @@ from mitt.rivals.meeting import PLANNERS
 from mitt.trials.log import keep_recording
 from mitt.trials.meeting import SCHEMA, Course, MeetRunner, MeetTrial, summary
 from mitt.trials.result import finite, kept_words
-from mitt.trials.station import TARGETS, Station, station
+from mitt.trials.station import PARTS_SCENE, TARGETS, Station, station
 from mitt.world.flights import Recording, read_flights
-from mitt.world.scene import read_scene, scene_of
+from mitt.world.scene import read_scene
 
 #: Options that may name a file.
 _FILES = ("arm", "scene", "limits", "target")
-#: What a scene is where none is named: a camera of 60 Hz, 30 ms late, and 2 mm of noise.
-_SCENE = {
-    "base": "lab",
-    "sensing": {"latency": 30, "point_noise": 0.002, "frame_rate": 60.0},
-}
 #: Speeds of belt and hand where none is said [m/s]; and of the tool near a person, as robots that
 #: a person may touch are set to (ISO 10218-1: 0.25 m/s).
 _SPEEDS, _NEAR_PERSON = {"belt": 0.3, "hand": 0.8}, 0.25
@@ -56,7 +51,7 @@ def meet(options: MeetOptions) -> int:
     recordings = _recordings(options.target)
     count = options.trials or len(recordings) or _TRIALS
     out = run_folder(options, f"meet-{options.seed}-{Path(options.target).stem}")
-    scene = scene_of(_SCENE, place="scene") if options.scene is None else read_scene(options.scene)
+    scene = PARTS_SCENE if options.scene is None else read_scene(options.scene)
     tool = replace(TOOLS[options.tool], delay=options.gripper_delay)
     at = station(options.arm, tool, "belt" if options.target == "belt" else "hand", scene,
                  limits=options.limits, speed=_tool_speed(options))  # fmt: skip

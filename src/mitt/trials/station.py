@@ -29,7 +29,7 @@ from mitt.map.reach import Reach, ReachScratch, reach_of, reach_scratch, reach_t
 from mitt.rivals.meeting import make_meeter
 from mitt.signals import Array
 from mitt.trials.catcher_settings import catcher_settings
-from mitt.world.scene import Ball, Belt, Scene
+from mitt.world.scene import Ball, Belt, Scene, scene_of
 from mitt.world.targets import InHand, Ride, drawn_reach, drawn_ride
 
 Target = Literal["belt", "hand"]
@@ -45,6 +45,13 @@ CARRIED: Final = FilterConfig(
 
 PART: Final = Ball(sides=(0.05, 0.06, 0.04), mass=0.1, drag=0.0)
 """The part that is met where the scene says nothing: a small box."""
+
+PARTS_SCENE: Final = scene_of(
+    {"base": "lab", "sensing": {"latency": 30, "point_noise": 0.002, "frame_rate": 60.0}},
+    place="scene",
+)
+"""The world where parts are met and nothing is said: a camera of 60 Hz, 30 ms late, 2 mm of noise.
+"""
 
 #: How far above its place the tool waits, and where its way down begins [m].
 _WAITS, _ABOVE = 0.15, 0.06
