@@ -1,11 +1,12 @@
 """How a part that was met is put down: on a tray beside the station, or at a place of a cell.
 
-The tray's place is that of the station, turned about the arm's first axis: the pose that waits over
-it is the one in which the arm waits for parts, turned by the same angle, and as clear of the arm
-itself. The tool points down there, so that the part lies flat.
+The tray's place is that of the station, turned about the arm's first axis, or below that: the pose
+in which its inverse starts is the one in which the arm waits for parts, turned by the same angle.
+The tool points down there, so that the part lies flat.
 """
 
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -18,9 +19,9 @@ from mitt.signals import Array
 from mitt.trials.station import Station
 from mitt.world.scene import Scene, Tray
 
-#: Angles about the first axis that are tried [rad], and the tray's least distance from the middle
-#: of a belt, beyond half its width [m].
-_ANGLES = (1.57, -1.57, 1.2, -1.2, 2.0, -2.0, 2.6, -2.6)
+#: Angles about the first axis and heights of the tray below the station's place that are tried
+#: [rad, m], and the tray's least distance from the middle of a belt, beyond half its width [m].
+_ANGLES, _LOWER = (1.57, -1.57, 1.2, -1.2, 2.0, -2.0, 2.6, -2.6), (0.0, 0.15, 0.3)
 _BESIDE = 0.17
 #: How far above its place a part comes down from, and is let go over a tray [m].
 _ABOVE, _DROP = 0.1, 0.003
@@ -28,6 +29,9 @@ _ABOVE, _DROP = 0.1, 0.003
 _BACK = 0.1
 #: Share of the joints' speeds with which a part is carried.
 _SHARE = 0.4
+#: Steps in which the tool is tilted and brought above a place, in turn: the pose in which it waits
+#: may be where it cannot point down.
+_TILTS = (1, 8)
 #: Most slow motions that are tried until the tool is slow enough.
 _TRIES = 4
 
@@ -52,9 +56,9 @@ class Placing:
 def placing_of(s: Station) -> Placing | None:
     """Return where a station puts its parts; None where no place is clear of its belt."""
     arm = s.arm
-    for angle in _ANGLES:
+    for lower, angle in product(_LOWER, _ANGLES):
         turned = rotation(np.array([0.0, 0.0, 1.0]), angle)
-        over, place = _turned_by(arm, turned, angle), turned @ s.place
+        over, place = _turned_by(arm, turned, angle), turned @ s.place - [0.0, 0.0, lower]
         room = 0.02 * (arm.q_max[0] - arm.q_min[0])
         if over is None or _crosses(s.scene, place):
             continue
@@ -94,13 +98,33 @@ def poses_at(
     x, down = f.frame[:, 0] * [1.0, 1.0, 0.0], np.array([0.0, 0.0, -1.0])
     x = x / np.linalg.norm(x)
     frame = np.column_stack([x, np.cross(down, x), down])
-    poses, g = [start], replace(f, frame=rotation(np.array([0.0, 0.0, 1.0]), angle) @ frame)
-    for above in (_ABOVE, drop):
-        q = _brought(g, place + np.array([0.0, 0.0, above]), poses[-1])
-        if q is None or np.any((q <= f.arm.q_min) | (q >= f.arm.q_max)):
+    turned = rotation(np.array([0.0, 0.0, 1.0]), angle)
+    g, over = replace(f, frame=turned @ frame), place + np.array([0.0, 0.0, _ABOVE])
+    for steps in _TILTS:
+        q = _tilted(g, turned @ f.frame[:, 2], over, start, steps)
+        end = None if q is None else _brought(g, place + np.array([0.0, 0.0, drop]), q)
+        if q is not None and end is not None:
+            both = np.array([q, end])
+            if np.all((both > f.arm.q_min) & (both < f.arm.q_max)):
+                return q, end
+    return None
+
+
+def _tilted(f: MeetingMap, z: Array, place: Array, start: Array, steps: int) -> Array | None:
+    """Return the pose that brings the tool to a place; None where there is none.
+
+    In so many steps, in which the tool's axis turns from ``z`` in the start to that of the map.
+    """
+    at, axis, q = f.arm.position(start), np.cross(z, f.frame[:, 2]), start
+    length = float(np.linalg.norm(axis))
+    tilt, axis = np.arctan2(length, z @ f.frame[:, 2]), axis / max(length, 1e-12)
+    for left in (1.0 - np.arange(1, steps + 1) / steps).tolist():
+        g = replace(f, frame=rotation(axis, -left * tilt) @ f.frame)
+        found = _brought(g, place + left * (at - place), q)
+        if found is None:
             return None
-        poses.append(q)
-    return poses[1], poses[2]
+        q = found
+    return q
 
 
 def backed(f: MeetingMap, q: Array) -> Array:
