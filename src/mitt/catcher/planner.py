@@ -7,6 +7,7 @@ from typing import Any, final
 import numpy as np
 
 from mitt.arm.arm import Arm
+from mitt.arm.shapes import MARGIN, clearance
 from mitt.catcher.generators import Farsighted, Generator, Leaving, Underway, Unoptimised
 from mitt.catcher.settings import (
     BRAKE,
@@ -25,6 +26,7 @@ from mitt.catcher.state import CatcherState, Result, ball_in, exchange_arm, over
 from mitt.control.envelope import speeds_of
 from mitt.control.health import FAILED_TICKS, is_lost
 from mitt.control.stop import plan_brake
+from mitt.control.viability import Safety, safety_of
 from mitt.errors import MittError
 from mitt.kernels import kernel
 from mitt.map.prediction import lay_state, sigma_at_catch
@@ -133,7 +135,7 @@ class Planner:
         if self._deferred is not None:
             (ball, q), self._deferred = self._deferred, None
             try:
-                self._verdict = self.generator.verdict(ball, q)
+                self._verdict = self._of_rest(ball, q)
             except Exception as error:  # whatever a generator raises
                 self._fail(error, FAILED_TICKS)
         return self._verdict
@@ -268,7 +270,12 @@ class Planner:
         g, (q, dq) = self.generator, self._state.estimated.copy()
         if self.phase != WATCH and isinstance(g, Underway):
             return g.verdict(ball, q, dq)
-        return g.verdict(ball, q)
+        return self._of_rest(ball, q)
+
+    def _of_rest(self, ball: BallState, q: Array) -> Verdict:
+        """Return what the generator says of a ball for an arm that rests in a pose."""
+        g, verdict = self.generator, self.generator.verdict(ball, q)
+        return _kept_clear(self._state.safety, verdict) if isinstance(g, Leaving) else verdict
 
     def _take(self, verdict: Verdict, ball: BallState) -> None:
         """Let a verdict that the ball can be caught, or waited for, take effect: follow it."""
@@ -409,6 +416,16 @@ class Planner:
         self._enter(BRAKE)
 
 
+def _kept_clear(s: Safety, verdict: Verdict) -> Verdict:
+    """Refuse, as ``clearance``, a way on which the safety filter would stop the arm."""
+    if verdict.outcome is not Outcome.FEASIBLE or verdict.approach is None:
+        return verdict
+    poses = verdict.approach.motion[:, 0]
+    if min(clearance(s.arm.bodies, q, s.shapes, s.pairs, s.ends) for q in poses) >= MARGIN:
+        return verdict
+    return replace(verdict, outcome=Outcome.UNSETTLED, binding_limit="clearance", share=np.inf)
+
+
 def load_decisions(arm: Arm, generator: Generator, settings: CatcherSettings) -> None:
     """Ask about balls that come to the hand, aside, below or not at all, and one that is led.
 
@@ -433,6 +450,8 @@ def load_decisions(arm: Arm, generator: Generator, settings: CatcherSettings) ->
     f = generator.as_map()
     if f is not None:
         f.to_ball(f.start)
+    s = safety_of(arm, settings.around)
+    clearance(s.arm.bodies, q, s.shapes, s.pairs, s.ends)
     still = np.array([[q, 0.0 * q, 0.0 * q]] * 3)
     short = Approach(motion=still, step=2.0 * TICK, dr_o=_COMES)
     gap_at_catch(arm, short, speeds_of(arm), settings.bandwidth)

@@ -39,6 +39,7 @@ LIMITS = {
     "optimum": "the oracle found no motion within the limits",
     "domain": "the ball flies outside the domain of the map",
     "region": "the catch would be outside the region that the map was learned for",
+    "clearance": "the arm would come too near to itself, the floor or a zone",
     "blocked": "the arm would be kept from following",
     "jerk": "the acceleration of {0} would have to change faster than it may",
     "torque_rate": "the torque of {0} would have to change faster than it may",

@@ -2,19 +2,19 @@
 
 The place scales with the arm: half of its reach before its shoulder, and a belt a little below it.
 The pose in which it waits is looked for: the tool above the place, its axis as wanted, from where
-it comes down on all of the work area clear of itself.
+it comes down on all of the work area clear of itself, of the floor and of singular poses.
 """
 
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import Final, Literal
+from typing import Final, Literal, NamedTuple
 
 import numpy as np
 
 from mitt.arm.arm import Arm
 from mitt.arm.kinematics import motion_of, sweep
 from mitt.arm.limits import slowed
-from mitt.arm.shapes import Shapes, Surroundings, clearance, shapes_of
+from mitt.arm.shapes import MARGIN, Shapes, Surroundings, clearance, shapes_of
 from mitt.arm.tools import Jaw, Suction
 from mitt.arm.wam import wrist_wam
 from mitt.ball.filter import FilterConfig
@@ -64,8 +64,10 @@ _DOWN = (0.2, 0.25, 0.3, 0.4, 0.5, 0.7, 1.0, 1.5, 2.5)
 #: Least of them: a person is touched gently [s].
 _LEAST_DOWN = {"belt": 0.2, "hand": 0.4}
 _HALF = Tolerance(torque=0.8, speed=0.5, acceleration=0.4)
-#: Places that are tried, in lengths of the arm before its shoulder.
+#: Places that are tried, in lengths of the arm before its shoulder, and above it [m]: where a
+#: forearm points as the tool to a person does, its wrist is singular.
 _SHARES = (0.5, 0.6, 0.7)
+_HIGHER = {"belt": (-0.12,), "hand": (0.05, 0.2, 0.35)}
 #: Half-widths of the work area that are tried, in lengths of the arm: fast belts want long areas;
 #: and how far it goes along a belt at most: beyond, the tool lifts the part and comes to rest.
 _WIDE, _ALONG = {"belt": (0.42, 0.32), "hand": (0.2,)}, 0.32
@@ -83,6 +85,12 @@ _QUARTERS = [
 _POSES, _SEED = 600, 5
 #: Gap that it keeps from itself [m]. What is nearer than 10 mm as in a wrist, is not watched later.
 _GAP = 0.005
+#: What it keeps beyond ``MARGIN`` over the work area, to come to rest in [m], unless it waits with
+#: less, and how far a joint turns at most there for a metre of the target's way [rad/m]: at
+#: 0.25 m/s those of a Panda are at their speed.
+_SPARE, _STEEPEST = 0.005, 10.0
+#: Merits of a pose that has all; rounding of a gap [m].
+_ALL, _ROUNDING = 2, 1e-6
 _SIN, _COS = float(np.sin(np.deg2rad(40.0))), float(np.cos(np.deg2rad(40.0)))
 #: How the tool points: down on a belt, away from the arm and 40 degrees down to a person.
 _FRAMES = {
@@ -192,19 +200,21 @@ def station(
     raw, free, coupling = _raw(name, tool, limits, target)
     raw = Arm(raw.model, slowed(raw.limits, speed_scale))
     shoulder, reach = _shoulder(raw)
-    higher = -0.12 if target == "belt" else 0.05
-    places = [shoulder + np.array([share * reach, 0.0, higher]) for share in _SHARES]
+    tried = product(_HIGHER[target], _SHARES)
+    places = [shoulder + np.array([share * reach, 0.0, up]) for up, share in tried]
     if scene.belt is not None:
         places = [np.array([*scene.belt.middle, scene.belt.height + half])]
-    inverse, found = reach_of(raw, free, coupling), None
+    inverse, best = reach_of(raw, free, coupling), None
     for wide, place in product(_WIDE[target], places):
         room = np.array([0.06, wide * reach, 0.05 if target == "belt" else 0.1])
         found = waiting_pose(raw, inverse, _FRAMES[target], place, room, scene.floor)
-        if found is not None:
-            break
-    if found is None:
+        if found is not None and (best is None or found.merits > best[0].merits):
+            best = found, wide, place, room
+            if found.merits == _ALL:
+                break
+    if best is None:
         raise ModelError(f"arm {name}", f"one that reaches over the {target}", "no pose that does")
-    q, frame = found
+    (_, q, frame), wide, place, room = best
     if scene.belt is None and target == "belt":
         belt = Belt(middle=(float(place[0]), float(place[1])), height=float(place[2]) - half)
         scene = scene.model_copy(update={"belt": belt})
@@ -285,13 +295,29 @@ def _shoulder(arm: Arm) -> tuple[Array, float]:
     return at, float(max(np.linalg.norm(tip - at) for tip in tips))
 
 
+class Waiting(NamedTuple):
+    """A pose in which an arm waits.
+
+    Attributes:
+        merits: How much of :func:`waiting_pose`'s wishes it fulfils all over the work area: 0 to 2.
+        q: The pose [rad], shape (n,).
+        frame: Columns: where the tool's axes point, shape (3, 3).
+    """
+
+    merits: int
+    q: Array
+    frame: Array
+
+
 def waiting_pose(
     arm: Arm, inverse: Reach, frame: Array, place: Array, room: Array, floor: float
-) -> tuple[Array, Array] | None:
-    """Return the pose in which an arm waits for what comes to a place [rad], (n,), and its frame.
+) -> Waiting | None:
+    """Return the pose in which an arm waits for what comes to a place; None where none reaches all.
 
-    Of many that have the tool above the place, turned about its axis by quarters, the one that is
-    farthest from singular poses all over the work area; None where none reaches all of it.
+    Of many that have the tool above the place, turned about its axis by quarters: those from where
+    no place in the work area turns a joint fast, as a singular wrist does; of these, if there are
+    any, those clear of the arm itself and of the floor all over it; of these the one whose tool has
+    the most room to move.
 
     Args:
         arm: The arm.
@@ -301,12 +327,14 @@ def waiting_pose(
         room: Half of its sizes [m], shape (3,).
         floor: Height of the floor [m].
     """
-    w = reach_scratch(inverse)
+    w, around = reach_scratch(inverse), Surroundings(floor=floor)
     rng, above = np.random.default_rng(_SEED), place - _WAITS * frame[:, 2]
+    area = [place + room * x for x in product((-1.0, 0.0, 1.0), repeat=3)]
     corners = [place + room * x for x in product((-1.0, 1.0), repeat=3)]
-    corners += [x - _ABOVE * frame[:, 2] for x in corners]
-    turns, shapes = [frame @ x for x in _QUARTERS], shapes_of(arm, Surroundings(floor=floor))
-    best: tuple[float, Array, Array] | None = None
+    area, corners = (x + [y - _ABOVE * frame[:, 2] for y in x] for x in (area, corners))
+    turns, shapes = [frame @ x for x in _QUARTERS], shapes_of(arm, around)
+    best: tuple[int, float, Array, Array] | None = None
+    merits = dict[bytes, int]()
     for k in range(_POSES):
         w.frame[:] = turned = turns[k % len(turns)]
         start = rng.uniform(np.maximum(arm.q_min, -2.6), np.minimum(arm.q_max, 2.6))
@@ -314,17 +342,29 @@ def waiting_pose(
         if q is None or not _is_sound(arm, inverse, q, turned):
             continue
         worth = _ease(arm, inverse, w, corners, q)
-        if (best is None or worth > best[0]) and worth > 0.0 and _is_clear(arm, shapes, q):
-            best = worth, q, turned
-    return None if best is None else best[1:]
+        hopes = worth > 0.0 and (best is None or (_ALL, worth) > best[:2])
+        if hopes and _gap_in(arm, shapes, q) > _GAP:
+            alike = (np.round(q, 3) + 0.0).tobytes()
+            if alike not in merits:
+                merits[alike] = _merits(arm, inverse, w, area, q, around)
+            if best is None or (merits[alike], worth) > best[:2]:
+                best = merits[alike], worth, q, turned
+    return None if best is None else Waiting(best[0], *best[2:])
 
 
 def _brought(inverse: Reach, w: ReachScratch, to: Array, start: Array) -> Array | None:
     """Return the pose that brings the tool to a place, from a start; None where there is none."""
+    rows = _followed(inverse, w, to, np.zeros(3), start)
+    return None if rows is None else rows[0].copy()
+
+
+def _followed(
+    inverse: Reach, w: ReachScratch, to: Array, speed: Array, start: Array
+) -> Array | None:
+    """Return q, dq, ddq of a tool that comes by a place at a velocity, from a start, (3, n)."""
     rows = np.zeros((3, len(start)))
     rows[0] = start
-    target = np.array([to, np.zeros(3), np.zeros(3)])
-    return rows[0].copy() if reach_target(inverse, target, rows, w) else None
+    return rows if reach_target(inverse, np.array([to, speed, np.zeros(3)]), rows, w) else None
 
 
 def _is_sound(arm: Arm, inverse: Reach, q: Array, frame: Array) -> bool:
@@ -350,7 +390,22 @@ def _ease(arm: Arm, inverse: Reach, w: ReachScratch, corners: list[Array], q: Ar
     return least * (1.2 - float(np.abs((q - middle) / half).max()))
 
 
-def _is_clear(arm: Arm, shapes: Shapes, q: Array) -> bool:
-    """Say whether an arm that waits in a pose is clear of itself and of the floor."""
-    gap = clearance(arm.bodies, q, shapes.table, shapes.pairs, shapes.ends)
-    return bool(gap > _GAP)
+def _merits(
+    arm: Arm, inverse: Reach, w: ReachScratch, area: list[Array], q: Array, around: Surroundings
+) -> int:
+    """Return 1 for a pose from where no place asks for a joint too fast, 2 if it is clear, too."""
+    poses = []
+    for to in area:
+        ways = [_followed(inverse, w, to, speed, q) for speed in np.eye(3)]
+        asked = [np.inf if x is None else float(np.abs(x[1]).max()) for x in ways]
+        if ways[0] is None or max(asked) > _STEEPEST:
+            return 0
+        poses.append(ways[0][0])
+    shapes = shapes_of(Arm(replace(arm.model, q_ready=q), arm.limits), around)
+    least = min(_gap_in(arm, shapes, q) - _ROUNDING, MARGIN + _SPARE)
+    return _ALL if all(_gap_in(arm, shapes, x) >= least for x in poses) else 1
+
+
+def _gap_in(arm: Arm, shapes: Shapes, q: Array) -> float:
+    """Return how far an arm in a pose is from itself and from the floor [m]."""
+    return float(clearance(arm.bodies, q, shapes.table, shapes.pairs, shapes.ends))

@@ -1,0 +1,88 @@
+"""Where an arm meets things: all over its work area it can; what it cannot it does not begin."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from mitt.arm.description import Capsule
+from mitt.arm.shapes import MARGIN, Surroundings, clearance, shapes_of
+from mitt.arm.tools import TOOLS
+from mitt.catcher.catcher import Catcher, Phase
+from mitt.catcher.meeting import Meeting
+from mitt.signals import TICK, ArmState, Array, Senses, Sighting
+from mitt.trials.station import Station, Target, station
+from mitt.verdict.feasibility import Outcome
+from mitt.world.scene import named_scene
+
+#: Ticks from one sighting to the next, and time for which a hand is looked at [s].
+SEEN_EVERY, LOOKED_AT = 16, 1.0
+
+
+@cache
+def station_of(arm: str, tool: str, target: Target) -> Station:
+    """Return a station whose tool is slow near a person."""
+    speed = 0.25 if target == "hand" else np.inf
+    return station(arm, TOOLS[tool], target, named_scene("lab"), speed=speed)
+
+
+@pytest.mark.parametrize(
+    ("arm", "tool", "target"),
+    [
+        ("ur5e", "jaw", "hand"),
+        ("franka-fr3", "jaw", "hand"),
+        ("franka-panda", "jaw", "hand"),
+        ("franka-panda", "suction", "belt"),
+        ("kuka-iiwa7", "jaw", "hand"),
+    ],
+)
+def test_wherever_a_thing_is_met_the_arm_is_clear_and_not_singular(
+    arm: str, tool: str, target: Target
+) -> None:
+    """Anywhere in the work area, and above: in the range, and no joint turns fast for the tool."""
+    at, rng = station_of(arm, tool, target), np.random.default_rng(0)
+    a, low, high = at.arm, np.array(at.settings.low), np.array(at.settings.high)
+    shapes = shapes_of(a, Surroundings(floor=at.scene.floor))
+    along = np.zeros(3) if at.settings.along is None else np.abs(at.settings.along)
+    for _ in range(200):
+        place = rng.uniform(low + 0.02 * (1.0 - along), high - 0.02 * (1.0 - along))
+        place -= rng.uniform(0.0, at.settings.above) * at.map.frame[:, 2]
+        speed = rng.standard_normal(3)
+        speed /= np.linalg.norm(speed)
+        inside, (q, dq, _) = at.map.virtual(np.array([place, speed, np.zeros(3)]))
+        assert inside
+        assert np.all((q > a.q_min) & (q < a.q_max))
+        assert np.abs(dq).max() < 12.0
+        assert clearance(a.bodies, q, shapes.table, shapes.pairs, shapes.ends) > MARGIN
+
+
+def offered(at: Station, r_o: Array, zones: tuple[Capsule, ...] = ()) -> Catcher:
+    """Return the catcher of an arm that rests and is offered a thing in a place, among zones."""
+    settings = at.catcher
+    settings = replace(settings, around=replace(settings.around, zones=zones))
+    catcher = Catcher(at.arm, Meeting(at.map, at.settings), settings=settings)
+    q = at.arm.q_ready
+    for k in range(round(LOOKED_AT / TICK)):
+        point = Sighting(t=k * TICK, found=True, r_o=r_o, covariance=1e-6 * np.eye(3))
+        arm = ArmState(t=k * TICK, q=q, dq=0.0 * q)
+        points = () if k % SEEN_EVERY else (point,)
+        catcher.step(Senses(t=k * TICK, arm=arm, points=points))
+        catcher.think()
+        if catcher.phase is not Phase.WATCH:
+            break
+    return catcher
+
+
+def test_an_arm_does_not_begin_a_way_on_which_its_safety_filter_would_stop_it() -> None:
+    """A zone about what is offered is named before the arm moves; without it the arm goes."""
+    at = station_of("ur5e", "jaw", "hand")
+    free = offered(at, at.place)
+    assert free.phase is Phase.FOLLOW
+    x, y, z = at.place.tolist()
+    zone = Capsule(start=(x, y, z), end=(x, y, z), radius=0.02)
+    refused = offered(at, at.place, (zone,))
+    assert refused.phase is Phase.WATCH
+    assert refused.verdict is not None
+    assert refused.verdict.outcome is Outcome.UNSETTLED
+    assert refused.verdict.binding_limit == "clearance"
