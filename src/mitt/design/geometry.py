@@ -259,17 +259,16 @@ def spread(whole: Arm, balls: Balls, rows: Rows, touch: Touch) -> Rows:
     Those that cannot, or that touch themselves at the nominal catch, are left out.
     Scores are replaced, and rates where learning weighs the match.
     """
-    box, rates = boxes_of(whole, balls, rows), np.zeros_like(rows.x)
-    good: NDArray[np.bool_] = np.ones(len(rows.q), dtype=bool)
+    half, rates = boxes_of(whole, balls, rows)[:, 1], np.zeros_like(rows.x)
     total = np.zeros(len(rows.q))
     for across, up, azimuth in _PLACES:
-        offset = np.array([0.0, across, up]) * box[:, 1]
+        offset = np.array([0.0, across, up]) * half
         q = _moved(whole, rows, balls.velocity(0.0, azimuth), offset)
         poses = poses_of(whole.model, q)
         v = np.array([balls.velocity(x, azimuth, y) for x, y in _BALLS])
         met = _meeting(whole, rows, poses, v)
         share = np.abs(met.dq / whole.dq_max).max(axis=2)
-        good &= within(whole, q, 0.05) & (share.max(axis=0) < _BEYOND) & (met.line < FASTEST_SHARE)
+        good = within(whole, q, 0.05) & (share.max(axis=0) < _BEYOND) & (met.line < FASTEST_SHARE)
         braked = within(whole, q + BRAKED * met.dq, 0.0)
         cost = (
             _COST.effort * share
@@ -278,9 +277,9 @@ def spread(whole: Arm, balls: Balls, rows: Rows, touch: Touch) -> Rows:
         )
         total += np.mean(cost + _hardness(met.relative, poses.palm), axis=0) / len(_PLACES)
         rates += _rates(rows, met.dq.mean(axis=0)) / len(_PLACES)
+        rows, half, total, rates = rows.take(good), half[good], total[good], rates[good]
     x = np.where(rows.weight[:, None] > 0.0, rates, rows.x)
-    kept = rows._replace(score=total, x=x).take(good)
-    kept = kept.take(touch.clear(kept.q))
+    kept = rows._replace(score=total, x=x).take(touch.clear(rows.q))
     outside = 1.0 - share_inside(whole, balls, kept)
     return kept._replace(score=kept.score + _COST.outside * outside)
 
@@ -291,8 +290,8 @@ def _meeting(whole: Arm, rows: Rows, poses: Poses, v: Array) -> _Meeting:
     x = np.array([line_rates(J, w, y, rows.kappa, rows.inward) for y in v])
     x = np.where(np.isfinite(x), x, 1e6)  # too fast for any joint
     dq = np.einsum("bna,kba->kbn", rows.A, x)
-    line = np.abs(dq / whole.dq_max).max(axis=(0, 2))
-    dq += np.where(rows.weight[:, None] > 0.0, _first_order(whole, poses.J, dq, x[:, :, 2], v), 0.0)
+    line, some = np.abs(dq / whole.dq_max).max(axis=(0, 2)), np.flatnonzero(rows.weight > 0.0)
+    dq[:, some] += _first_order(whole, poses.J[some], dq[:, some], x[:, some, 2], v)
     return _Meeting(dq, v[:, None] - np.einsum("bnc,kbn->kbc", poses.J, dq), line)
 
 
