@@ -16,6 +16,7 @@ from mitt.arm.basket import Basket
 from mitt.cli import designing as command
 from mitt.cli.main import main
 from mitt.design import arm_design, evaluation, search_jobs
+from mitt.design import search as search_module
 from mitt.design.arm_design import (
     AtSpeed,
     Design,
@@ -41,7 +42,7 @@ from mitt.design.evaluation import (
 from mitt.design.geometry import drawn, triples_of
 from mitt.design.poses import Touch
 from mitt.design.search import EFFORTS, best_by_price, effort_of, ranked, search, surely
-from mitt.design.search_jobs import Evaluator, Job, Procedure
+from mitt.design.search_jobs import Asked, Evaluator, Job, Procedure
 from mitt.design.task import BOX, FAR, REPORTED, Balls, Task, shifted
 from mitt.errors import InputError
 from mitt.files.arm_file import ArmFile, design_of, hand_of, load_arm, read_arm_file, write_arm_file
@@ -355,11 +356,13 @@ def test_what_is_reported_was_thrown_with_seeds_that_no_search_uses(
     thrown = [job for _, job in asked[:last] if job.by.throws]
     assert thrown
     assert all(job.by.seed < REPORTED for job in thrown)
-    job = asked[last][1]
+    job, speeds = asked[last][1], [job for name, job in asked if name == "reporting"][1:]
     assert (job.by.seed, job.by.throws, job.by.give_up) == (REPORTED, TINY.report, False)
     assert found.best is not None
     assert found.best.thrown == TINY.report
-    assert set(names[last + 1 :]) == {"speeds", "fastest"}
+    assert [release_speed(job.task) for job in speeds] == pytest.approx(TINY.speeds)
+    assert [x.throws for x in found.rows] == [TINY.each_speed] * len(TINY.speeds)
+    assert set(names[last + 1 :]) <= {"reporting", "speeds", "fastest"}
     assert all(job.by.seed > REPORTED for _, job in asked[last + 1 :])
 
 
@@ -501,9 +504,8 @@ def test_a_design_whose_force_is_too_much_says_so_and_what_helps(
     assert hard.binding == FORCE
     lost = replace(best, thrown=100, caught=90, clean=10, hard=80, binding=FORCE)
     monkeypatch.setattr(arm_design, "search", lambda *_, **__: [lost])
-    monkeypatch.setattr(arm_design, "reported", lambda *_: lost)
+    monkeypatch.setattr(arm_design, "_described", lambda *_: (lost, tuple(_rows(True))))
     monkeypatch.setattr(arm_design, "slower", lambda *_, **__: None)
-    monkeypatch.setattr(arm_design, "by_speed", lambda *_, **__: _rows(True))
     monkeypatch.setattr(arm_design, "fastest", lambda *_, **__: Fastest(speed_m_s=0.0))
     mine = design(weak, task, TINY, progress=silent)
     said = mine.as_json()
@@ -560,9 +562,9 @@ def test_the_fastest_throws_are_the_last_before_the_first_failure(
     best, bench = found.best, Evaluator(whole, task, None, silent)
     limit, thrown_at = 5.3, list[tuple[float, int, int]]()
 
-    def each(_: str, pairs: list[tuple[Candidate, Task]], by: Procedure) -> list[Evaluation]:
+    def each(_: str, asked: list[Asked]) -> list[Evaluation]:
         out = []
-        for _c, at in pairs:
+        for _c, at, by in asked:
             thrown_at.append((release_speed(at), by.throws, by.seed))
             good = by.throws if release_speed(at) < limit else 0
             out.append(replace(best, thrown=by.throws, caught=good, clean=good))
@@ -577,7 +579,8 @@ def test_the_fastest_throws_are_the_last_before_the_first_failure(
     mine = of(_rows(True, True, True, False, True), 4.0)
     assert 5.0 <= mine.speed_m_s < limit
     assert not mine.more
-    assert thrown_at[-1][1:] == (TINY.sure, arm_design._SURE_SEED)
+    halves = [(TINY.sure // 2, arm_design._SURE_SEED + k) for k in range(2)]
+    assert [x[1:] for x in thrown_at[-2:]] == halves
     assert arm_design._SURE_SEED > arm_design._SPEEDS_SEED > REPORTED
     # Rows that were luck are taken back by fresh throws.
     assert of(_rows(True, True, True, True, True), 3.0).speed_m_s == 5.0
@@ -595,7 +598,7 @@ def test_a_design_for_slower_throws_only_is_the_one_described(
     usual = replace(found.best, thrown=100, caught=20, clean=10, binding="speed:j2")
     slow = replace(usual, candidate=replace(usual.candidate, turn=0.5), caught=90, clean=90)
     monkeypatch.setattr(arm_design, "search", lambda *_, **__: [usual])
-    monkeypatch.setattr(arm_design, "reported", lambda *_: usual)
+    monkeypatch.setattr(arm_design, "_described", lambda *_: (usual, tuple(_rows(False))))
     monkeypatch.setattr(arm_design, "slower", lambda *_, **__: (slow, at))
     monkeypatch.setattr(arm_design, "by_speed", lambda *_, **__: _rows(True))
     monkeypatch.setattr(arm_design, "fastest", lambda *_, **__: Fastest(speed_m_s=3.0))
@@ -604,6 +607,7 @@ def test_a_design_for_slower_throws_only_is_the_one_described(
     assert not mine.found
     assert mine.usable
     assert mine.best is slow
+    assert list(mine.rows) == _rows(True)
     assert (said["found"], said["throws"], said["feasible"]) == (False, 100, 90)
     assert mine.reason is not None
     assert "10 of 100 throws" in mine.reason
@@ -648,14 +652,64 @@ def test_candidates_of_a_dead_worker_are_evaluated_by_themselves(
 
 
 def test_the_effort_in_full_goes_with_the_number_of_joints() -> None:
-    full, half, many = effort_of("full", 4), effort_of("full", 3), effort_of("full", 7)
+    full, half, many = EFFORTS["full"], effort_of("full", 3), effort_of("full", 7)
     assert many == effort_of("full", 5) == replace(full, throws=full.throws[:-1])
+    assert effort_of("full", 4) == replace(full, weights=(1.0,))
     assert effort_of("quick", 3) == effort_of("quick", 7)
     for name in ("judged", "offspring", "thrown", "parents", "children"):
         assert getattr(half, name) == (getattr(full, name) + 1) // 2
     assert (half.last, half.again) == (full.last // 2, full.again // 2)
     assert half.throws == full.throws[:-2]
     assert (half.confirm, half.report) == (full.confirm, full.report)
+
+
+def test_no_more_is_tried_on_paper_than_is_learned(
+    whole: Arm, task: Task, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first that are sound, in their order, as if all had been tried."""
+    asked = list[Candidate]()
+
+    def worth(_: Evaluator, __: str, jobs: list[Job]) -> list[Evaluation]:
+        asked.extend(job.candidate for job in jobs)
+        why = ["", "no pose", "", ""]
+        return [Evaluation(candidate=job.candidate, able=1.0, speed=0.0,
+                           failed=why[job.number % 4]) for job in jobs]  # fmt: skip
+
+    monkeypatch.setattr(Evaluator, "_worth", worth)
+    effort = replace(TINY, judged=4)
+    sought = search_module._sought(Evaluator(whole, task, None, silent), effort, None)
+    assert len(asked) == 12
+    assert sought == [c for k, c in enumerate(asked) if k % 4 != 1][:8]
+
+
+@pytest.mark.parametrize(
+    ("lost", "tried"), [((0, 9, 9, 9), 2), ((9, 9, 0, 0), 4), ((9, 9, 9, 8), 4)]
+)
+def test_the_last_are_thrown_at_until_the_softest_that_catches_enough_is_known(
+    found: Design, whole: Arm, task: Task, monkeypatch: pytest.MonkeyPatch,
+    lost: tuple[int, ...], tried: int,
+) -> None:  # fmt: skip
+    """Of four, the harder the later: no pair after one that has what is asked for."""
+    assert found.best is not None
+    c, further = found.best.candidate, list[int]()
+    last = [replace(c, turn=0.1 * k, match_weight=0.0) for k in (2, 0, 3, 1)]
+
+    def worth(_: Evaluator, name: str, jobs: list[Job]) -> list[Evaluation]:
+        out, again = [], name.startswith("confirming again")
+        for job in jobs:
+            rank, n = round(job.candidate.turn / 0.1), job.by.throws
+            clean = n - lost[rank] if again else n
+            out.append(Evaluation(candidate=job.candidate, able=1.0, speed=1.0 + rank, thrown=n,
+                                  caught=clean, clean=clean))  # fmt: skip
+            further.extend([rank] if again else [])
+        return out
+
+    monkeypatch.setattr(Evaluator, "_worth", worth)
+    effort, evaluator = EFFORTS["full"], Evaluator(whole, task, None, silent)
+    best = search_module._confirmed(evaluator, effort, last, 0.98)
+    assert further == list(range(tried))
+    assert round(best[0].candidate.turn / 0.1) == int(np.argmin(lost))
+    assert best[0].thrown == effort.confirm + effort.more
 
 
 def test_more_is_asked_for_than_the_rate_the_fewer_throws_there_are() -> None:

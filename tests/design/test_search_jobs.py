@@ -293,7 +293,7 @@ def test_the_last_throws_are_seen_in_images(
     searched: tuple[Design, list[tuple[str, Job]]],
 ) -> None:
     """As those of ``mitt catch``; those of the stages before as points."""
-    last = {"confirming", "confirming again", "reporting", "speeds", "fastest"}
+    last = {"confirming", "confirming again 1 of 1", "reporting", "speeds", "fastest"}
     seen = {name for name, job in searched[1] if job.by.images}
     assert seen == last & {name for name, _ in searched[1]}
     assert "reporting" in seen

@@ -25,8 +25,16 @@ from mitt.ball.flight import advance
 from mitt.clock import Progress, monotonic
 from mitt.design.candidate import Candidate
 from mitt.design.evaluation import ENOUGH, FORCE, START, Evaluation, Verdicts, learned, verdicts
-from mitt.design.search import RATE, Effort, SearchProgress, ranked, reported, search
-from mitt.design.search_jobs import Answers, Evaluator, Procedure
+from mitt.design.search import (
+    RATE,
+    Effort,
+    SearchProgress,
+    ranked,
+    reported,
+    search,
+    to_report,
+)
+from mitt.design.search_jobs import Answers, Asked, Evaluator, Procedure
 from mitt.design.task import (
     BOX,
     FAR,
@@ -214,9 +222,30 @@ def by_speed(
 
     Speeds are those at release [m/s].
     """
-    by = Procedure(throws=throws, seed=_SPEEDS_SEED, give_up=False, images=True)
-    worth = evaluator.try_each("speeds", [(c, task_at(task, speed)) for speed in speeds], by)
+    worth = evaluator.try_each("speeds", _at_speeds(c, task, speeds, throws=throws))
     return [_at(speed, w) for speed, w in zip(speeds, worth, strict=True)]
+
+
+def _at_speeds(c: Candidate, task: Task, speeds: Sequence[float], *, throws: int) -> list[Asked]:
+    """Return what is asked of a design to say how it does at several speeds."""
+    by = Procedure(throws=throws, seed=_SPEEDS_SEED, give_up=False, images=True)
+    return [(c, task_at(task, speed), by) for speed in speeds]
+
+
+def _described(
+    evaluator: Evaluator, c: Candidate, effort: Effort
+) -> tuple[Evaluation | None, tuple[AtSpeed, ...]]:
+    """Return a design's reported throws and how it does at several speeds, thrown side by side.
+
+    None, and no rows, where it is not thrown at.
+    """
+    task = evaluator.task
+    asked = [to_report(c, task, effort),
+             *_at_speeds(c, task, effort.speeds, throws=effort.each_speed)]  # fmt: skip
+    worth, *rest = evaluator.try_each("reporting", asked)
+    if worth.failed:
+        return None, ()
+    return worth, tuple(_at(x, w) for x, w in zip(effort.speeds, rest, strict=True))
 
 
 def _at(speed: float, w: Evaluation) -> AtSpeed:
@@ -253,9 +282,13 @@ def fastest(
                 good.add(middle)
             else:
                 failed = middle
-    by = Procedure(throws=effort.sure, seed=_SURE_SEED, give_up=False, images=True)
+    first = effort.sure // 2  # two halves, thrown side by side
+    halves = [Procedure(throws=n, seed=_SURE_SEED + k, give_up=False, images=True)
+              for k, n in enumerate((first, effort.sure - first))]  # fmt: skip
     for speed in sorted(good, reverse=True):
-        if evaluator.try_each("fastest", [(c, task_at(task, speed))], by)[0].enough:
+        at = task_at(task, speed)
+        one, other = evaluator.try_each("fastest", [(c, at, by) for by in halves])
+        if one.with_more(other).enough:
             return Fastest(speed_m_s=speed, more=failed is None and speed == rows[-1].speed_m_s)
     return Fastest(speed_m_s=0.0)
 
@@ -446,7 +479,7 @@ def design(
     total = SearchProgress(effort, progress, answers, rate)
     evaluator = Evaluator(whole, task, engine, total, answers=answers)
     confirmed = search(evaluator, effort, joints=joints, rate=rate, start=start)
-    usual = reported(evaluator, confirmed[0].candidate, effort) if confirmed else None
+    usual, rows = _described(evaluator, confirmed[0].candidate, effort) if confirmed else (None, ())
     found = usual is not None and usual.enough
     best, own, reason = usual, release_speed(task) if found else 0.0, None
     if not found and (task.own or start is not None):
@@ -457,13 +490,12 @@ def design(
         if again is not None:
             best, task = again
             own = release_speed(task)
+            rows = tuple(by_speed(evaluator, best.candidate, task, effort.speeds,
+                                  throws=effort.each_speed))  # fmt: skip
         reason = _reason(whole, usual, None if again is None else best, own)
-    rows, most, region = tuple[AtSpeed, ...](), Fastest(speed_m_s=own), None
+    most, region = Fastest(speed_m_s=own), None
     if best is not None:
         region = region_of(whole, best.candidate, task, total, each_way=effort.grid)
-        rows = tuple(
-            by_speed(evaluator, best.candidate, task, effort.speeds, throws=effort.each_speed)
-        )
         most = fastest(evaluator, best.candidate, task, rows, effort, own=own)
     return Design(
         whole=whole, task=task, found=found, reason=reason, best=best, fastest=most, rows=rows,

@@ -35,7 +35,7 @@ from mitt.design.geometry import (
     triples_of,
 )
 from mitt.design.poses import Touch
-from mitt.design.search_jobs import Answers, Evaluator, Procedure, digest, plain_task
+from mitt.design.search_jobs import Answers, Asked, Evaluator, Procedure, digest, plain_task
 from mitt.design.task import REPORTED, Task
 from mitt.errors import ModelError
 from mitt.files.schema import to_plain
@@ -47,8 +47,11 @@ _COMPARE, _CONFIRM, _AGAIN = 100, 1000, 1500
 _BY_THROWS, _BY_VERDICTS = 2, 3
 #: What a catch that is harder by 1 m/s costs, in shares of throws; the best for each are kept.
 PRICES = (0.005, 0.1, 0.03, 0.2)
-#: How many times as many throws decide among the last as chose them.
-_MORE = 4
+#: In how many parts candidates by geometry are tried on paper, in their order: no more of them once
+#: there are enough to learn.
+_PARTS = 6
+#: How many of the last are thrown at further side by side.
+_PAIR = 2
 #: Share of the throws that is asked for, if nothing else is said.
 RATE = 0.98
 
@@ -73,7 +76,9 @@ class Effort:
         children: Changed ones of each generation.
         last: Candidates that are learned in full and confirmed, with some match weights each.
         confirm: Throws at each of these, by which the best is chosen.
-        again: How many of them are thrown at further: the best of several was lucky as well.
+        again: How many of them are thrown at further: the best of several was lucky as well. Two by
+            two, the softest first, until one catches as many as are asked for.
+        more: Further throws at each of them.
         report: Fresh throws at the chosen one, which alone are reported.
         speeds: Speeds of throws of which the page tells, rising [m/s].
         each_speed: Throws at each of these.
@@ -98,8 +103,9 @@ class Effort:
     parents: int = 6
     children: int = 16
     last: int = 5
-    confirm: int = 50
+    confirm: int = 25
     again: int = 4
+    more: int = 200
     report: int = 100
     speeds: tuple[float, ...] = (3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0)
     each_speed: int = 12
@@ -115,6 +121,7 @@ class Effort:
         return replace(
             self, judged=self.judged // 3, generations=self.generations // 2,
             thrown=self.thrown // 2, throws=self.throws[:3], last=1, confirm=self.throws[0],
+            more=4 * self.throws[0],
         )  # fmt: skip
 
     def halved(self) -> "Effort":
@@ -133,11 +140,11 @@ class Effort:
 #: By name: what ``mitt design --effort`` may ask for.
 EFFORTS = {
     "quick": Effort(rounds=2, changes=8, judged=16, generations=4, offspring=40, thrown=6,
-                    throws=(12, 12), children=8, last=1, confirm=20),
+                    throws=(12, 12), children=8, last=1, confirm=20, more=80),
     "full": Effort(),
     "refine": Effort(rounds=0, changes=0, judged=0, generations=2, offspring=24, thrown=8,
                      throws=(16, 24, 32), parents=3, children=10, last=3, confirm=40, again=2,
-                     size=0.4, weights=(1.0,), images=True),
+                     more=160, size=0.4, weights=(1.0,), images=True),
 }  # fmt: skip
 
 
@@ -146,15 +153,19 @@ def effort_of(name: str, joints: int) -> Effort:
 
     Args:
         name: One of :data:`EFFORTS`.
-        joints: How many joints may move. In full, half as many candidates do where there are three;
-            from five on each takes longer, and one round by throws less is made.
+        joints: How many joints may move. In full, half as many candidates do where there are three.
+            After all rounds by throws the match weight has been found: where there are four, the
+            last are tried with their own. From five on each takes longer, and one round less is
+            made.
     """
     effort = EFFORTS[name]
-    if name == "full" and joints == 3:
+    if name != "full":
+        return effort
+    if joints == 3:
         return effort.halved()
-    if name == "full" and joints >= 5:
-        return replace(effort, throws=effort.throws[:-1])
-    return effort
+    if joints == 4:
+        return replace(effort, weights=effort.weights[:1])
+    return replace(effort, throws=effort.throws[:-1])
 
 
 #: What learning a map takes, about, by how it is learned, in the time of one throw.
@@ -168,30 +179,45 @@ def stages(effort: Effort) -> dict[str, float]:
     of = {
         "geometry": 36.0 * effort.rounds,
         "geometry, changed": 6.0 * effort.changes,
-        "on paper": 6.0 * effort.judged,
-        "learning": _LEARNED["glance"] * 2 * effort.judged,
     }
+    for k in range(_PARTS):
+        of[_part("on paper", k, _PARTS)] = 1.0 * effort.judged
+    of["learning"] = _LEARNED["glance"] * 2 * effort.judged
     for k in range(effort.generations):
         each = _LEARNED["glance"] * effort.offspring
-        of[f"changing {k + 1} of {effort.generations}"] = each
+        of[_part("changing", k, effort.generations)] = each
     seen = _SEEN if effort.images else 1.0
     of["throwing"] = effort.thrown * (_LEARNED["quick"] + seen * effort.throws[0])
     for k, throws in enumerate(effort.throws[1:]):
         how = "quick" if throws == effort.throws[0] else "many"
         again = effort.parents if throws > effort.throws[k] else 0
         each = (effort.children + again) * (_LEARNED[how] + seen * throws)
-        of[f"improving {k + 1} of {len(effort.throws) - 1}"] = each
+        of[_part("improving", k, len(effort.throws) - 1)] = each
     full = _LEARNED["full"]
     of["confirming"] = len(effort.weights) * effort.last * (full + _SEEN * effort.confirm)
-    of["confirming again"] = effort.again * (full + _SEEN * _MORE * effort.confirm)
-    return of | {"reporting": full + _SEEN * effort.report}
+    pairs = _pairs(effort.again)
+    for k in range(pairs):
+        each = effort.again / pairs * (full + _SEEN * effort.more)
+        of[_part("confirming again", k, pairs)] = each
+    speeds = len(effort.speeds) * (_LEARNED["quick"] + _SEEN * effort.each_speed)
+    return of | {"reporting": full + _SEEN * effort.report + speeds}
+
+
+def _part(stage: str, k: int, of: int) -> str:
+    """Return the name of one of the parts of a stage, from 0."""
+    return f"{stage} {k + 1} of {of}"
+
+
+def _pairs(count: int) -> int:
+    """Return in how many steps so many candidates are thrown at two by two."""
+    return -(-count // _PAIR)
 
 
 def last_stages(effort: Effort) -> dict[str, float]:
     """Return what is done with a design once it is found."""
     return {
         "region": _LEARNED["full"] + 4.0 * (2 * effort.grid + 1),
-        "speeds": (len(effort.speeds) + 3) * (_LEARNED["quick"] + _SEEN * effort.each_speed),
+        "speeds": 3 * (_LEARNED["quick"] + _SEEN * effort.each_speed),
         "fastest": _LEARNED["quick"] + _SEEN * effort.sure,
     }
 
@@ -289,10 +315,14 @@ def _sought(
     rows = _by_geometry(evaluator, effort, triples, rng)
     if len(rows.q) == 0:
         return []
-    first = best_of(rows, count=6 * effort.judged, each=2 * effort.judged)
-    candidates = candidates_of(whole, task.balls, first, rng)
-    sound = evaluator.try_all("on paper", candidates, Procedure(how="paper"))
-    return [w.candidate for w in sound[: 2 * effort.judged]]
+    first = best_of(rows, count=_PARTS * effort.judged, each=2 * effort.judged)
+    candidates, sound = candidates_of(whole, task.balls, first, rng), list[Candidate]()
+    for k in range(_PARTS):
+        if len(sound) < 2 * effort.judged:
+            part = candidates[k * effort.judged : (k + 1) * effort.judged]
+            worth = evaluator.try_all(_part("on paper", k, _PARTS), part, Procedure(how="paper"))
+            sound += [w.candidate for w in worth]
+    return sound[: 2 * effort.judged]
 
 
 def search_of(
@@ -315,13 +345,17 @@ def _confirmed(
     ]
     by = Procedure(throws=effort.confirm, seed=_CONFIRM, how="full", images=True)
     once = evaluator.try_all("confirming", softer, by)
-    best = _likely(once, rate, effort.again)
-    by = Procedure(throws=_MORE * effort.confirm, seed=_AGAIN, how="full", give_up=False,
-                   images=True)  # fmt: skip
-    again = evaluator.try_all("confirming again", [w.candidate for w in best], by)
-    before = {w.candidate: w for w in once}
-    both = [before[w.candidate].with_more(w) for w in again]
-    return ranked(both, surely(rate, (1 + _MORE) * effort.confirm))
+    best, pairs = _likely(once, rate, effort.again), _pairs(effort.again)
+    asked = surely(rate, effort.confirm + effort.more)
+    by = Procedure(throws=effort.more, seed=_AGAIN, how="full", give_up=False, images=True)
+    both = list[Evaluation]()
+    for k in range(pairs):
+        pair, name = best[_PAIR * k : _PAIR * (k + 1)], _part("confirming again", k, pairs)
+        if not any(w.within >= asked for w in both):
+            again = evaluator.try_all(name, [w.candidate for w in pair], by)
+            before = {w.candidate: w for w in pair}
+            both += [before[w.candidate].with_more(w) for w in again]
+    return ranked(both, asked)
 
 
 def _likely(once: Sequence[Evaluation], rate: float, count: int) -> list[Evaluation]:
@@ -348,12 +382,15 @@ def reported(evaluator: Evaluator, c: Candidate, effort: Effort) -> Evaluation |
 
     None where it is not thrown at.
     """
-    task = evaluator.task
+    worth = evaluator.try_each("reporting", [to_report(c, evaluator.task, effort)])
+    return None if worth[0].failed else worth[0]
+
+
+def to_report(c: Candidate, task: Task, effort: Effort) -> Asked:
+    """Return what is asked of a candidate whose throws are reported."""
     own = task.unseen or len(task.throws or task.recordings)  # 0 where throws are drawn
     throws = min(effort.report, own) if own else effort.report
-    by = Procedure(throws=throws, seed=REPORTED, how="full", give_up=False, images=True)
-    worth = evaluator.try_all("reporting", [c], by)
-    return worth[0] if worth else None
+    return c, task, Procedure(throws=throws, seed=REPORTED, how="full", give_up=False, images=True)
 
 
 def _by_geometry(
@@ -387,7 +424,7 @@ def _softened(evaluator: Evaluator, effort: Effort, worth: list[Evaluation]) -> 
     for generation in range(effort.generations):
         parents = best_by_price(pool, 2 * effort.parents)
         children = _changed(evaluator, effort, parents, (_BY_VERDICTS, generation))
-        name = f"changing {generation + 1} of {effort.generations}"
+        name = _part("changing", generation, effort.generations)
         pool += evaluator.try_all(name, children, Procedure(how="glance"))
     return pool
 
@@ -398,7 +435,7 @@ def _refined(evaluator: Evaluator, effort: Effort, pool: list[Evaluation]) -> li
         parents = best_by_price(pool, effort.parents)
         if not parents:
             break
-        name = f"improving {generation + 1} of {len(effort.throws) - 1}"
+        name = _part("improving", generation, len(effort.throws) - 1)
         how: How = "quick" if throws == effort.throws[0] else "many"
         by = Procedure(throws=throws, seed=_COMPARE + throws, how=how, images=effort.images)
         if throws > parents[0].thrown:  # what was best on a few throws was lucky as well

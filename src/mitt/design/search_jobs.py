@@ -51,6 +51,10 @@ class Procedure:
     images: bool = False
 
 
+#: A candidate, what is to be caught, and how it is tried.
+Asked = tuple[Candidate, Task, Procedure]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Job:
     """What is to be tried of a candidate.
@@ -325,18 +329,16 @@ class Evaluator:
 
         ``name`` is that of the stage, for the progress.
         """
-        pairs = [(c, self.task) for c in candidates]
-        worth = [w for w in self.try_each(name, pairs, by) if not w.failed]
+        asked = [(c, self.task, by) for c in candidates]
+        worth = [w for w in self.try_each(name, asked) if not w.failed]
         self.answers.ended(self.task, worth)
         return worth
 
-    def try_each(
-        self, name: str, pairs: Sequence[tuple[Candidate, Task]], by: Procedure
-    ) -> list[Evaluation]:
+    def try_each(self, name: str, asked: Sequence[Asked]) -> list[Evaluation]:
         """Return what each candidate is worth for a task of its own, those that failed as well."""
         jobs = [
             Job(number=k, whole=self.whole, candidate=c, task=task, by=by)
-            for k, (c, task) in enumerate(pairs)
+            for k, (c, task, by) in enumerate(asked)
         ]
         return self._worth(name, jobs)
 
