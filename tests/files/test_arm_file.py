@@ -204,8 +204,9 @@ def test_force_of_hand_and_arm_are_read_and_written(path: Path, tmp_path: Path) 
         read_arm_file(path)
 
 
-def test_fingers_are_not_tilted(path: Path) -> None:
-    """One line says what can be."""
-    path.write_text(TEXT.replace("turn = 0.3", "tilt = 0.3"))
-    with pytest.raises(FileError, match="tilt: wanted a basket, got three-finger"):
+@pytest.mark.parametrize("said", ["tilt = 0.3", "catch_depth = 0.04", "catch_depth = 0.0"])
+def test_what_only_a_basket_has_is_refused_of_fingers(said: str, path: Path) -> None:
+    """One line says what can be, of a depth of zero as well."""
+    path.write_text(TEXT.replace("turn = 0.3", said))
+    with pytest.raises(FileError, match=f"{said[:4]}.*: wanted a basket, got three-finger"):
         read_arm_file(path)

@@ -30,15 +30,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from mitt import checks
-from mitt.arm.catch import (
-    LOST,
-    Catch,
-    CaughtBall,
-    ClosingPlan,
-    FingerDrive,
-    Strike,
-    reduced,
-)
+from mitt.arm.catch import LOST, Catch, CaughtBall, ClosingPlan, FingerDrive, Strike, reduced
 from mitt.arm.description import Capsule, Hand, checked_inertia
 from mitt.errors import InputError
 from mitt.fields import Range, Settings, brief, check

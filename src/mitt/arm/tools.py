@@ -17,15 +17,7 @@ from typing import Annotated, ClassVar, Final
 
 import numpy as np
 
-from mitt.arm.catch import (
-    LOST,
-    Catch,
-    CaughtBall,
-    ClosingPlan,
-    FingerDrive,
-    Strike,
-    reduced,
-)
+from mitt.arm.catch import LOST, Catch, CaughtBall, ClosingPlan, FingerDrive, Strike, reduced
 from mitt.arm.description import Capsule, Hand
 from mitt.arm.hands import rate
 from mitt.fields import Range, Settings
@@ -36,14 +28,19 @@ _JERKY = 50.0
 
 
 class Gripper(Hand, Settings):
-    """What takes a thing that rests or moves slowly: a block on the plate, as long as it is."""
+    """What takes a thing that rests or moves slowly.
+
+    It weighs as much and turns as hard as a block on the plate.
+
+    Attributes:
+        length: From the plate to its end, and length of the block [m].
+        across: Width of the block [m].
+    """
 
     __slots__ = ()
     closes: ClassVar[bool] = True
     across: ClassVar[float]
-    """Width of the block that weighs as much and turns as hard [m]."""
     length: float
-    """From the plate to its end [m]."""
 
     @property
     def com(self) -> float:

@@ -68,21 +68,20 @@ def _commands(found: tuple[ShippedArm, ...]) -> list[str]:
     """Return which command each arm takes."""
     groups: dict[tuple[str, float], dict[str, None]] = {}
     for arm in found:
-        robot = _robot(arm)
+        robot = _robot(arm.arm)
         groups.setdefault((robot.takes, robot.rate), {})[arm.name] = None
     return [f"takes {takes} at {rate:g} Hz: {', '.join(names)}"
             for (takes, rate), names in groups.items()]  # fmt: skip
 
 
-def _robot(arm: ShippedArm) -> RobotPart:
-    """Return the robot of the cell that ships for an arm, whichever hand it has."""
-    name = arm.name.removesuffix("-fingers").removesuffix("-basket")
-    return read_cell(f"{name}-sim").robot
+def _robot(arm: str) -> RobotPart:
+    """Return the robot of the cell that ships for an arm."""
+    return read_cell(f"{arm}-sim").robot
 
 
 def _as_json(arm: ShippedArm) -> dict[str, Any]:
     """Return an arm as the contract has it; null is what is not known of one without a design."""
-    of = arm.figures
+    of, robot = arm.figures, _robot(arm.arm)
     return {
         "name": arm.name,
         "title": arm.title,
@@ -90,8 +89,8 @@ def _as_json(arm: ShippedArm) -> dict[str, Any]:
         "joints": [] if of is None else list(of.joints),
         "hand": None if of is None else of.hand,
         "source": arm.source,
-        "takes": _robot(arm).takes,
-        "command_hz": _robot(arm).rate,
+        "takes": robot.takes,
+        "command_hz": robot.rate,
         "rate": None if of is None else of.caught / of.throws,
         "throws": 0 if of is None else of.throws,
         "beyond": None if of is None else of.beyond,

@@ -51,13 +51,17 @@ _TASKS: Final = {
 }
 
 
+def _task(name: object) -> _TaskStudies | None:
+    """Return the studies of a task, by what a file says that it is of; None of throws."""
+    return _TASKS.get(name) if isinstance(name, str) else None
+
+
 def study(options: StudyOptions) -> int:
     """Run ``mitt study``; return its exit status."""
     from mitt.trials.study_run import run_study  # noqa: PLC0415 (needs pyarrow, as nothing else here)
 
-    task = task_of_file(options.study)
-    if isinstance(task, str) and task in _TASKS:
-        return _study_of_task(options, _TASKS[task].read(options.study))
+    if (task := _task(task_of_file(options.study))) is not None:
+        return _study_of_task(options, task.read(options.study))
     study = read_study(options.study, generators=available())
     folder = _folder(options, study)
     for name in study.counts:
@@ -191,11 +195,11 @@ def report(options: ReportOptions) -> int:
 def _page_of_study(options: ReportOptions) -> int:
     """Write the page of a study; tables and plots are loaded only now."""
     folder = Folder(options.folder)
-    task = task_of_folder(folder.path)
+    task = _task(task_of_folder(folder.path))
     write, said = (
-        _page_of_task(folder, _TASKS[task].kind)
-        if isinstance(task, str) and task in _TASKS
-        else _page_of_throws(folder, options.replays)
+        _page_of_throws(folder, options.replays)
+        if task is None
+        else _page_of_task(folder, task.kind)
     )
     if options.check:
         return checked(said)

@@ -322,7 +322,8 @@ class RunOptions(Options):
     again (docs/cell.md).
 
     Attributes:
-        cell: A cell that ships, as wam-sim or ur5e-sim, or a CELL.toml file.
+        cell: A cell that ships, as wam-sim, ur5e-sim or ur5e-belt-sim (parts on a belt), or a
+            CELL.toml file.
         throws: Number of throws; as many as the cell says, or until stopped, if left out.
         yes: The arm may move at once: somebody watches it.
         out: Folder for a recording of the catches, for mitt replay and mitt view.
@@ -344,7 +345,8 @@ class SimOptions(Options):
     """Be a cell in simulation, in real time: robot, thrower, and what sees the ball.
 
     Attributes:
-        cell: A cell that ships, as wam-sim or ur5e-sim, or a CELL.toml file.
+        cell: A cell that ships, as wam-sim, ur5e-sim or ur5e-belt-sim (parts on a belt), or a
+            CELL.toml file.
         throws: Number of throws; until stopped if left out.
         seed: Seed of throws, plant and noise.
         scene: The world: ideal, lab or rough, or a TOML file; lab with the cell's ball if left out.

@@ -85,7 +85,8 @@ class Effort:
         sure: Fresh throws at the fastest of them that is caught.
         grid: Points of the region of balls on each side of its middle.
         slower: Searches for slower throws where the default ones are not caught.
-        size: Of the first small changes; 1 where they are to lead far.
+        size: Size of the first small changes, as :func:`mitt.design.candidate.mutated` takes it;
+            less than 1 where they are to stay near.
         weights: Times their match weight with which the last candidates are tried: small changes
             come to soft catches slowly, and one number decides how soft a learned map is.
         images: Whether all throws are seen in images, and not the last alone.
@@ -290,8 +291,9 @@ def search(
     sound = _sought(evaluator, effort, joints) if start is None else [start]
     worth = evaluator.try_all("learning", sound, Procedure(how="glance"))
     worth = _softened(evaluator, effort, worth)
-    best = _distinct(worth, effort.thrown)
-    if start is not None:
+    if start is None:
+        best = _distinct(worth, effort.thrown)
+    else:
         best = [w.candidate for w in best_by_price(worth, effort.thrown)]
         best = [start, *(c for c in best if c is not start)]
     by = Procedure(throws=effort.throws[0], seed=_COMPARE + effort.throws[0], images=effort.images)
@@ -303,9 +305,7 @@ def search(
     return _confirmed(evaluator, effort, last, rate)
 
 
-def _sought(
-    evaluator: Evaluator, effort: Effort, joints: Sequence[str] | None
-) -> list[Candidate]:  # fmt: skip
+def _sought(evaluator: Evaluator, effort: Effort, joints: Sequence[str] | None) -> list[Candidate]:
     """Return candidates by geometry that are sound on paper."""
     whole, task = evaluator.whole, evaluator.task
     triples = triples_of(whole, joints)

@@ -167,7 +167,10 @@ def about_of(text: str, *, place: str) -> About:
 
 
 def _arm_of(said: _Arm) -> Arm:
-    """Return an arm; it names no type of its map's design, since it knows no maps."""
+    """Return the arm of a recording.
+
+    The design of its map is read apart: a field of an arm, which knows no maps, has no type for it.
+    """
     model = from_plain(ArmModel, said.model | {"design": None}, place="arm.model")
     if (design := said.model.get("design")) is not None:
         design = from_plain(MapDesign, design, place="arm.model.design")
@@ -236,10 +239,10 @@ class _Struck:
 
 def _batting_content(batting: Batting) -> Any:  # noqa: ANN401 (any JSON value)
     """Return what makes a way of batting again, but for its arm."""
-    f, g = batting.map.map, batting.map
+    f = batting.map.map
     return to_plain(_Struck(
         design=f.design, basis=f.basis, alpha=f.alpha, H=f.H, region=f.region,
-        q_rest=f.arm.q_ready if f.q_rest is None else f.q_rest, held=g.held,
+        q_rest=f.tangent.q_rest, held=batting.map.held,
         settings=batting.settings, tolerance=batting.tolerance,
     ))  # fmt: skip
 

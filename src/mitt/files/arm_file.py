@@ -350,13 +350,13 @@ def read_arm_file(path: Path) -> ArmFile:
 
 def _arm_file(content: _ArmFile, folder: Path) -> ArmFile:
     """Return what a checked file says, its paths found from its folder."""
-    arm, limits = content.arm, content.arm.limits
-    if arm.name is not None and content.hand.name == "none":
+    arm, hand, limits = content.arm, content.hand, content.arm.limits
+    if arm.name is not None and hand.name == "none":
         raise InputError("hand", "a hand on an arm by name", "none")
-    for key, said in (("tilt", content.hand.tilt), ("catch_depth", content.hand.catch_depth)):
-        if said and content.hand.name != "basket":
-            raise InputError(key, "a basket", content.hand.name, do="leave it out")
-    if content.hand.force is not None and content.hand.name == "none":
+    for key, said in (("tilt", hand.tilt or None), ("catch_depth", hand.catch_depth)):
+        if said is not None and hand.name != "basket":
+            raise InputError(key, "a basket", hand.name, do="leave it out")
+    if hand.force is not None and hand.name == "none":
         raise InputError("force of hand", "a hand", "none", do="leave it out")
     if content.arrivals is not None and (content.throws is None or content.throws.at is None):
         raise InputError("arrivals", "a box where they arrive, at and around of throws", "none")
@@ -370,12 +370,12 @@ def _arm_file(content: _ArmFile, folder: Path) -> ArmFile:
         ready=None if arm.ready is None else tuple(arm.ready),
         held=arm.held,
         limits=folder / limits if limits is not None and limits.endswith(".toml") else limits,
-        hand=content.hand.name,
-        hand_turn=content.hand.turn,
-        hand_mount=content.hand.mount,
-        hand_tilt=content.hand.tilt,
-        hand_force=content.hand.force,
-        hand_depth=content.hand.catch_depth,
+        hand=hand.name,
+        hand_turn=hand.turn,
+        hand_mount=hand.mount,
+        hand_tilt=hand.tilt,
+        hand_force=hand.force,
+        hand_depth=hand.catch_depth,
         map=None if content.map is None else from_plain(MapDesign, content.map, place="map"),
         throws=content.throws,
         arrivals=content.arrivals,

@@ -61,6 +61,7 @@ class ShippedArm:
 
     Attributes:
         name: Name, which stands wherever an arm is taken.
+        arm: Name of the arm, whichever hand it has.
         limits: Limit set.
         title: Vendor and model.
         source: Where its numbers are from.
@@ -69,6 +70,7 @@ class ShippedArm:
     """
 
     name: str
+    arm: str
     limits: str
     title: str
     source: str
@@ -100,6 +102,7 @@ def shipped_arms() -> tuple[ShippedArm, ...]:
     return tuple(
         ShippedArm(
             name=name,
+            arm=arm,
             limits=limits,
             designed=name in ("wam", *designs),
             figures=rows.get((name, limits)),

@@ -94,7 +94,7 @@ class ImageSensor(Settings):
         if self.background + self.brightness > 255.0:
             raise InputError("ImageSensor", "background + brightness <= 255", self)
         if self.light[0] > 0.9 or not 0.0 <= self.shadow[0] <= 0.9:
-            raise InputError("ImageSensor", "relative amplitudes of light and shadow <= 0.9", self)
+            raise InputError("ImageSensor", "amplitudes of light and shadow in 0..0.9", self)
 
     @property
     def hand_level(self) -> float:
