@@ -3,12 +3,14 @@
 import gc
 import os
 import threading
+from types import SimpleNamespace
+from unittest.mock import patch
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.clock import Stopwatch, hurried, longest_stall, pinned, settle, timekeeping
+from mitt.clock import Pace, Stopwatch, hurried, longest_stall, pinned, settle, timekeeping
 
 
 @pytest.fixture
@@ -137,3 +139,37 @@ def test_a_loop_has_a_core_of_its_own(place: int) -> None:
         other.join()
     assert os.sched_getaffinity(0) == before
     assert others == [before]
+
+
+def _left(steps: list[tuple[float, int]], of: int) -> list[float | None]:
+    """Return the times left that are told of work, by the time and the work of each step."""
+    now = [100.0]
+    with patch("mitt.clock.time", SimpleNamespace(monotonic=lambda: now[0])):
+        pace, done = Pace(), 0
+        out = [pace.left(done, of)]
+        for lasts, more in steps:
+            now[0] += lasts
+            done += more
+            out.append(pace.left(done, of))
+    return out
+
+
+@given(st.lists(st.tuples(st.floats(0.01, 100.0), st.integers(0, 20)), max_size=40))
+def test_the_time_left_never_grows(steps: list[tuple[float, int]]) -> None:
+    """However the pace changes; nothing is told before the first report is due."""
+    left = _left(steps, 1000)
+    told = [x for x in left if x is not None]
+    assert left == [None] * (len(left) - len(told)) + told
+    assert told == sorted(told, reverse=True)
+    assert all(x >= 0.0 for x in told)
+
+
+def test_the_time_left_is_that_of_the_pace_and_follows_it() -> None:
+    """Exact at an even pace; nearer to the new pace than to the old one after two minutes."""
+    even = _left([(5.0, 1)] * 100, 100)
+    assert even[:2] == [None, None]
+    assert even[2:] == pytest.approx([500.0 - 5.0 * k for k in range(2, 101)])
+    faster = _left([(10.0, 1)] * 10 + [(5.0, 2)] * 40, 90)
+    assert faster[10] == pytest.approx(800.0)
+    assert faster[34] is not None
+    assert 80.0 < faster[34] < 200.0  # at the new pace and half way to that at the old one

@@ -11,6 +11,7 @@ import os
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from math import expm1, inf
 from typing import final
 
 import numpy as np
@@ -45,6 +46,8 @@ _SPIN = 1.2e-4
 STALL = 0.003
 """How late a tick may come on a machine that a live loop is to run on [s]; longer stalls add up
 with those of the robot's side to the 10 to 20 ms at which the arm is stopped."""
+#: Time constant with which the expected end of some work follows its pace [s].
+_SMOOTH = 30.0
 #: For how long a machine is watched [ticks].
 _WATCHED = 2000
 
@@ -117,30 +120,39 @@ class Pace:
     """Estimates the time left of some work, and says when to report it.
 
     Attributes:
-        every: Shortest time between two reports [s].
+        every: Shortest time between two reports, and from the start to the first [s].
     """
 
     def __init__(self, *, every: float = 10.0) -> None:
         """Start now."""
         self.every = every
-        self._begun: tuple[float, int] | None = None
-        self._reported = 0.0
+        self._start = self._reported = self._asked = time.monotonic()
+        self._before: int | None = None
+        self._end = self._left = inf
 
     def due(self) -> bool:
         """Say whether it is time for a report, and count it as given."""
         now = time.monotonic()
-        self._reported = self._reported or now
         if now - self._reported < self.every:
             return False
         self._reported = now
         return True
 
     def left(self, done: int, of: int) -> float | None:
-        """Return the time left [s] at the pace since the first call; None without progress."""
+        """Return the time left [s] at the pace so far; None before the first report is due.
+
+        The end that is expected is smoothed, and where it moves off the time left stands: it never
+        grows.
+        """
         now = time.monotonic()
-        self._begun = self._begun or (now, done)
-        start, before = self._begun
-        return None if done <= before else (now - start) / (done - before) * (of - done)
+        self._before = done if self._before is None else self._before
+        spent, gone = now - self._start, done - self._before
+        if gone > 0 and spent >= self.every:
+            end = now + spent / gone * (of - done)
+            new = -expm1((self._asked - now) / _SMOOTH)
+            self._end = end if self._end == inf else self._end + new * (end - self._end)
+            self._left, self._asked = min(self._left, max(self._end - now, 0.0)), now
+        return None if self._left == inf else self._left
 
 
 def sleep_until(t: float) -> float:

@@ -1,6 +1,7 @@
 """The search: same seed, same design; the contract holds; the file gives the design back."""
 
 import json
+import shlex
 from collections.abc import Iterator
 from concurrent.futures import BrokenExecutor
 from dataclasses import asdict, replace
@@ -292,6 +293,22 @@ def test_the_arm_file_that_is_given_is_not_written_over(
     assert main(["design", str(path), "--out", str(path), "--overwrite", "--check"]) == 2
     assert "another file than the arm's" in capsys.readouterr().err
     assert path.read_text() == before
+
+
+def test_the_command_that_comes_next_is_said_and_good(
+    found: Design, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    """It catches with the design that was written, in the scene of the search."""
+    monkeypatch.setattr(command, "search_design", lambda *_, **__: found)
+    out = str(tmp_path / "a design.toml")
+    words = ["design", "wam", "--out", out, "--workers", "1", "--scene", "ideal"]
+    assert main(words) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert said[-1].startswith("next: mitt catch --arm ")
+    again = shlex.split(said[-1])[2:]
+    assert again == ["catch", "--arm", out, "--scene", "ideal"]
+    assert main([*again, "--check", "--out", str(tmp_path / "run")]) == 0
 
 
 def test_an_arm_file_keeps_its_joints(

@@ -113,6 +113,9 @@ def _finish(found: Design, origin: ArmFile, scene: Scene, options: DesignOptions
         print_json(found.as_json())
     else:
         _show(found, written)
+        if found.usable:
+            seen = [] if options.scene is None else ["--scene", str(options.scene)]
+            show(f"next: {shlex.join(['mitt', 'catch', '--arm', str(options.out), *seen])}")
 
 
 def _keep(best: Design | None, origin: ArmFile, options: DesignOptions) -> str:

@@ -13,7 +13,7 @@ from typing import Any, Protocol, TypeVar
 from rich.box import SIMPLE_HEAD
 from rich.console import Console, JustifyMethod
 from rich.live import Live
-from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
 from rich.progress import Progress as Bar
 from rich.table import Table
 from rich.text import Text
@@ -170,8 +170,8 @@ def progress() -> Iterator[Progress]:
 
     What is named ``work: part`` is one work, of whichever part.
     """
+    paces: dict[str, Pace] = {}
     if not sys.stderr.isatty():
-        paces: dict[str, Pace] = {}
 
         def line(name: str, done: int, of: int) -> None:
             pace = paces.setdefault(name.partition(":")[0], Pace())
@@ -182,19 +182,22 @@ def progress() -> Iterator[Progress]:
         yield line
         return
     columns = (
-        TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(),
-        TimeRemainingColumn(),
-    )  # fmt: skip
-    console = _console(stderr=True)
-    with Bar(*columns, console=console, transient=True, speed_estimate_period=600.0) as bar:
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[left]}"),
+    )
+    with Bar(*columns, console=_console(stderr=True), transient=True) as bar:
         tasks = {}
 
         def report(name: str, done: int, of: int) -> None:
             work = name.partition(":")[0]
             if work not in tasks:
-                tasks[work] = bar.add_task(name, total=of)
+                tasks[work], paces[work] = bar.add_task(name, total=of, left=""), Pace()
             part = name.rpartition(": ")[2]  # a line of 80 columns has no more room
-            bar.update(tasks[work], description=part, completed=done, total=of)
+            left = paces[work].left(done, of)
+            bar.update(tasks[work], description=part, completed=done, total=of,
+                       left="" if left is None else f"{left / 60.0:.1f} min")  # fmt: skip
 
         yield report
 
