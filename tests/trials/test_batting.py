@@ -15,7 +15,7 @@ from mitt.cli.main import main
 from mitt.errors import InputError, ModelError
 from mitt.files.arm_file import load_arm
 from mitt.files.recordings import Recorded
-from mitt.signals import Sighting
+from mitt.signals import BallState, Sighting
 from mitt.trials.bat_station import BatStation, bat_station
 from mitt.trials.batting import (
     DOUBT,
@@ -29,6 +29,7 @@ from mitt.trials.batting import (
 from mitt.trials.log import keep_recording
 from mitt.trials.replayed import changed, replay
 from mitt.trials.source import source_of
+from mitt.verdict.feasibility import Outcome
 from mitt.world.scene import named_scene
 
 TARGET = np.array([3.0, 0.0, 0.3])
@@ -143,6 +144,32 @@ def test_a_trial_is_replayed_to_the_bit(tmp_path: Path) -> None:
         rival.recording(rival.trial(0))
     with pytest.raises(InputError, match=r"recording.*kept"):
         BatRunner(s, source, pixels=False).recording(of.trial(0))
+
+
+def coming(t: float, speed: float, before: float) -> BallState:
+    """Return a ball that passes the middle of the WAM's box so long after it is looked at [s]."""
+    r, v = station().arm.model.aim[0].copy(), speed * np.array([-0.9, 0.0, -0.435])
+    advance(r, v, 0.045, -before)
+    return BallState(t=t, r_o=r, dr_o=v, drag=0.045)
+
+
+def test_a_trial_does_not_know_what_was_planned_in_the_one_before() -> None:
+    """Its first ball, seen 10 ms later in its trial, comes sooner; it is met when it comes."""
+    s, q = station(), station().arm.q_ready
+    one, two = s.generator(0.7), s.generator(0.7)
+    alone = s.generator(0.7).verdict(coming(0.11, 5.7, 0.36), q)
+    one.verdict(coming(0.1, 5.7, 0.48), q)
+    assert two.verdict(coming(0.11, 5.7, 0.36), q) == alone
+
+
+def test_a_refusal_names_the_limit_that_forbade_it() -> None:
+    """Also when the ball has come so near that nothing can be planned any more."""
+    g, q = station().generator(0.7), station().arm.q_ready + np.array([1.5, 0.0, 0.0, 0.0])
+    early = g.verdict(coming(0.1, 6.0, 0.17), q)
+    late = g.verdict(coming(0.24, 6.0, 0.03), q)
+    assert early.outcome is late.outcome is Outcome.UNSETTLED
+    assert early.binding_limit != "domain"
+    assert late.binding_limit == early.binding_limit
 
 
 def test_a_shield_stops_balls() -> None:

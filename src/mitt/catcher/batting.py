@@ -87,14 +87,15 @@ class _Plan(NamedTuple):
 class _Memory:
     """What was found out last, and is asked for again.
 
-    The plan, of the estimate that it was made for; when the ball is where the map strikes usually,
-    ``usual``, and when that was looked at [s].
+    The plan, of the estimate that it was made for; the verdict that came nearest to a strike, if
+    any; when the ball is where the map strikes usually, ``usual``, and when that was looked at [s].
     """
 
     def __init__(self) -> None:
         """Begin without one."""
         self._ball: BallState | None = None
         self._plan: _Plan | None = None
+        self.nearest: Verdict | None = None
         self.looked, self.usual = -inf, inf
 
     def of(self, ball: BallState) -> _Plan | None:
@@ -111,7 +112,11 @@ class _Memory:
         return recent and plan is not None and plan.verdict.outcome is not Outcome.FEASIBLE
 
     def keep(self, ball: BallState, plan: _Plan) -> _Plan:
-        """Keep a plan and return it."""
+        """Keep a plan and return it; one without a strike says what was lacking when it had one."""
+        if plan.found is None and self.nearest is not None:
+            plan = plan._replace(verdict=replace(self.nearest, outcome=Outcome.UNSETTLED))
+        elif self.nearest is None or plan.verdict.share < self.nearest.share:
+            self.nearest = plan.verdict
         self._ball, self._plan = ball, plan
         return plan
 

@@ -68,10 +68,13 @@ class BatStation:
         return replace(catcher_settings(self.arm, self.scene), ball_mass=0.0)
 
     def generator(self, restitution: float) -> Batting:
-        """Return what moves the arm, as it is believed that balls bounce off the paddle."""
-        of = self.batting.settings
-        impact = replace(of.impact, restitution=restitution)
-        return replace(self.batting, settings=replace(of, impact=impact))
+        """Return what moves the arm, as it is believed that balls bounce off the paddle.
+
+        It has planned nothing yet: plans are those of one ball.
+        """
+        g = self.batting
+        impact = replace(g.settings.impact, restitution=restitution)
+        return Batting(g.map, replace(g.settings, impact=impact), g.tolerance)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
