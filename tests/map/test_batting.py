@@ -121,6 +121,40 @@ def test_at_the_contact_the_paddle_is_at_the_ball_and_strikes(
     assert np.allclose(rows[:2], [q, dq], atol=1e-8 * _size(f.alpha))
 
 
+def test_bounded_accelerations_leave_more_time_for_the_last_push() -> None:
+    """At the contact no joint of a Panda uses more than 0.7 of its bound; speeds are as asked."""
+    pose, free = (-1.44, 1.48, 2.11, -1.52, 2.43, 2.97, 0.0), (0, 2, 3)
+    raw = load_arm("franka-panda", joints=tuple(f"panda_joint{k + 1}" for k in range(7)))
+    arm = Arm(replace(raw.model, q_ready=np.array(pose)), raw.limits)
+    design = MapDesign(catch_joint=3, free=free, inward=6.0)
+    g, longer = unlearned_batting(arm, design, (1, 4, 5), arm.q_ready), 0
+    bound, r = arm.limits.acceleration, arm.position(arm.q_ready)
+    assert bound is not None
+    for speed in np.linspace(3.0, 6.0, 10):
+        ball = np.array([r, [-speed, 0.0, -1.5]])
+        s = g.strike(ball, TARGET, IMPACT)
+        assert s is not None
+        f = g.adapt(earlier(ball, 0.4), arm.q_ready, np.zeros(7), s)
+        assert f is not None
+        _, rows = f.motion(np.array([*ball, [0.0, 0.0, -GRAVITY]]))
+        assert np.allclose(rows[1], s.dq, atol=1e-8 * _size(f.alpha))
+        assert np.all(np.abs(rows[2]) <= 0.7 * bound + 1e-6 * _size(f.alpha))
+        longer += bool(np.any(np.abs(rows[1]) / 0.07 > 0.7 * bound))
+    assert longer > 3
+
+
+def test_a_strike_beyond_the_catch_joints_range_has_no_map() -> None:
+    """It is no error: the ball is refused, or met as it was to be met before."""
+    g, ball, _ = drawn("wam-48v", 0)
+    s, q = g.strike(ball, TARGET, IMPACT), g.arm.q_ready
+    assert s is not None
+    beyond = s.q.copy()
+    beyond[3] = g.arm.q_max[3] + 0.01
+    of = earlier(ball, 0.4), q, 0.0 * q
+    assert g.adapt(*of, s) is not None
+    assert g.adapt(*of, replace(s, q=beyond)) is None
+
+
 def _size(alpha: Array) -> float:
     """Return how large sums with coefficients are."""
     return 1.0 + float(np.abs(alpha).max())

@@ -225,7 +225,7 @@ class BatOptions(Options):
         "mitt bat --limits wam-80v --target 3,0.3,0.4 --vision points",
     )
 
-    arm: Literal["wam", "ur5e"] = "wam"
+    arm: Literal["wam", "ur5e", "franka-panda"] = "wam"
     limits: Limits = None
     target: Annotated[str | None, Arg("X,Y,Z")] = None
     shield: bool = False

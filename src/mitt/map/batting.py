@@ -28,12 +28,12 @@ import numpy as np
 from mitt.arm.arm import Arm
 from mitt.errors import InputError, ModelError
 from mitt.fields import brief
-from mitt.map.demand import demand
+from mitt.map.demand import arm_numbers, demand
 from mitt.map.learn import Flight, Learned, LearnSettings, Lifted, learn_lifted, lift_flight
 from mitt.map.map_design import MapDesign, check_joints
 from mitt.map.mapping import DirectMap, coordinates, initial_gap, project
 from mitt.map.polynomial import CatchBasis
-from mitt.map.striking import ASTRAY, Aiming, Impact, Strike, aim, aiming_of
+from mitt.map.striking import ASTRAY, Aiming, Impact, Strike, aim, aiming_of, attained
 from mitt.signals import GRAVITY, Array, BallState
 
 #: Largest speed of a motion from rest to rest, in units of its mean, and largest acceleration, in
@@ -43,6 +43,8 @@ _PEAK, _PUSH = 1.875, 5.774
 #: they are twice as large, and the torque of a WAM's joints 2 and 4 ends 10 ms before the contact;
 #: from 0.05 to 0.1 s as many balls pass within 15 cm of the target.
 _SWING = 0.07
+#: Share of its bound that no joint's acceleration exceeds at the contact: then it takes longer.
+_HELD_BACK = 0.7
 #: How often the instants about the easiest contact are looked at more closely.
 _HALVINGS = 3
 #: Share of a limit beyond which a flight is left out of learning.
@@ -109,7 +111,7 @@ class BattingMap:
         return strike.astray <= ASTRAY or target is None or not self.held
 
     def ease(self, strike: Strike, q: Array, after: float) -> float:
-        """Return about the share of the limits that a strike takes: speeds, torques and ranges.
+        """Return about the share of the limits that a strike takes.
 
         Args:
             strike: The strike.
@@ -120,10 +122,11 @@ class BattingMap:
         mean = np.abs(strike.q - q) / max(after, 1e-3)
         push = _PUSH * arm.mass_matrix(strike.q) @ mean / (max(after, 1e-3) * arm.tau_max)
         way = np.maximum(_PEAK * mean / arm.dq_max, np.abs(push))
+        way = np.maximum(way, _PUSH * mean / (max(after, 1e-3) * arm_numbers(arm).ddq_max))
         middle, half = 0.5 * (arm.q_max + arm.q_min), 0.5 * (arm.q_max - arm.q_min)
         off = np.abs(strike.q - middle) / half
         beyond = np.where(off > 1.0, np.inf, 0.0)
-        return float(max(way.max(), np.abs(strike.dq / arm.dq_max).max(), beyond.max()))
+        return float(max(way.max(), np.abs(strike.dq / attained(arm)).max(), beyond.max()))
 
     def posed(self, strike: Strike) -> DirectMap:
         """Return the map whose joints are those of a strike at s = 0, with alpha as learned."""
@@ -143,7 +146,8 @@ class BattingMap:
     def adapt(self, ball: BallState, q: Array, dq: Array, strike: Strike) -> DirectMap | None:
         """Return the map that starts where the arm is and ends in a strike.
 
-        None where the ball is, or will be, outside the domain of l_c^-1.
+        None where the ball is, or will be, outside the domain of l_c^-1, or where the strike turns
+        the catch joint beyond its range.
 
         Args:
             ball: Estimate of the ball.
@@ -151,6 +155,9 @@ class BattingMap:
             dq: Joint velocities [rad/s], shape (n,).
             strike: How the ball will be met.
         """
+        i = self.map.design.catch_joint
+        if not self.arm.q_min[i] <= strike.q[i] <= self.arm.q_max[i]:
+            return None
         f = self.posed(strike)
         inside, virtual = f.virtual(np.array([ball.r_o, ball.dr_o, ball.ddr_o]))
         end = contact_rows(f, strike)
@@ -198,7 +205,8 @@ def contact_rows(f: DirectMap, strike: Strike) -> tuple[Array, Array] | None:
     if not inside:
         return None
     phi = f.basis.jets(*coordinates(f.tangent, virtual))
-    return phi[1:], np.concatenate([strike.dq - virtual[1], strike.dq / _SWING - virtual[2]])
+    swing = np.abs(strike.dq / (_HELD_BACK * arm_numbers(f.arm).ddq_max)).max(initial=_SWING)
+    return phi[1:], np.concatenate([strike.dq - virtual[1], strike.dq / swing - virtual[2]])
 
 
 def unlearned_batting(

@@ -47,6 +47,7 @@ from mitt.arm.kinematics import (
 from mitt.ball.flight import advance
 from mitt.fields import Range, Settings, brief
 from mitt.kernels import big_kernel, kernel
+from mitt.map.demand import arm_numbers
 from mitt.signals import Array
 
 #: Steps of Newton's method, its largest steps [rad, s], and rounds of shooting in each.
@@ -57,6 +58,8 @@ _WEIGHT, _DAMPING, _SETTLED = 1e3, 1e-9, 1e-7
 _BRIEFEST, _LONGEST = 0.1, 2.0
 #: Speed of a returned ball by which the search for T begins [m/s].
 _USUAL = 4.5
+#: Time in which a joint is to come to its speed at the contact [s].
+_RUN_UP = 0.15
 #: Largest distance of the contact from the ball that counts as met [m].
 _NEAR: Final = 1e-4
 #: Largest angle of the normal off the one that is wished that counts as met [rad].
@@ -358,10 +361,15 @@ def aim(
     )  # fmt: skip
 
 
+def attained(arm: Arm) -> Array:
+    """Return the joint speeds that limits of speed and acceleration allow at a contact, (n,)."""
+    return np.minimum(arm.dq_max, _RUN_UP * arm_numbers(arm).ddq_max)
+
+
 def _speeds(arm: Arm, q: Array, v: Array) -> Array:
     """Return the least joint speeds, as shares of their limits, that move the paddle so, (n,)."""
-    J = arm.jacobian(q)
-    spread = arm.dq_max[:, None] ** 2 * J.T if np.all(np.isfinite(arm.dq_max)) else J.T
+    J, most = arm.jacobian(q), attained(arm)
+    spread = most[:, None] ** 2 * J.T if np.all(np.isfinite(most)) else J.T
     dq: Array = spread @ np.linalg.solve(J @ spread, v)
     return dq
 
