@@ -148,7 +148,9 @@ def test_a_trial_is_replayed_to_the_bit(tmp_path: Path) -> None:
 
 def coming(t: float, speed: float, before: float) -> BallState:
     """Return a ball that passes the middle of the WAM's box so long after it is looked at [s]."""
-    r, v = station().arm.model.aim[0].copy(), speed * np.array([-0.9, 0.0, -0.435])
+    aim = station().arm.model.aim
+    assert aim is not None
+    r, v = aim[0].copy(), speed * np.array([-0.9, 0.0, -0.435])
     advance(r, v, 0.045, -before)
     return BallState(t=t, r_o=r, dr_o=v, drag=0.045)
 
