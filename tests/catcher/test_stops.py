@@ -142,6 +142,9 @@ def test_a_hand_lets_go_once_its_arm_has_braked(arm: Arm, learned: Learned) -> N
     catcher = cell.catcher
     with pytest.raises(InputError, match="watch"):
         catcher.let_go()
+    cell.tick()
+    with pytest.raises(InputError, match="before its first tick"):
+        catcher.take_over(np.zeros(arm.n))
     cell.until(lambda: catcher.phase is Phase.BRAKE)
     with pytest.raises(InputError, match="moves"):
         catcher.let_go()

@@ -3,6 +3,7 @@
 from math import inf
 from pathlib import Path
 
+import numpy as np
 import pytest
 from local_cell import LocalCell
 
@@ -10,13 +11,17 @@ from mitt.catcher.catcher import Phase
 from mitt.cell import live
 from mitt.cell.live import Mode
 from mitt.cell.prepare import about_of, map_of, prepare
+from mitt.cell.ticks import Ticks
 from mitt.errors import FileError, InputError
 from mitt.files.cell import cell_of
 from mitt.files.recordings import Recorded
 from mitt.reading import read_toml, shipped_path
+from mitt.signals import TICK, Command, Sighting
 from mitt.trials.replayed import replay
 
 NAME = "ur5e-belt-sim"
+#: Relative error of the time between two stamps that are times of the day.
+STAMPS = 1e-3
 
 
 def followed(cell: LocalCell) -> LocalCell:
@@ -68,6 +73,49 @@ def test_a_tool_that_does_not_answer_is_noticed(monkeypatch: pytest.MonkeyPatch)
     assert cell.loop.counts.empty == 1
     assert cell.robot.braked[-1]
     assert cell.simulated.violations == 0
+
+
+def test_torques_keep_their_rates_from_one_catcher_to_the_next(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A Panda's, after a stop and in the ready pose; on its way no part is looked at. Replayed."""
+    raw, own = (read_toml(shipped_path("cells", name)) for name in (NAME, "franka-panda-sim"))
+    belt = raw["task"]["belt"] | {"middle": [0.5, 0.0], "height": 0.19}
+    task = raw["task"] | {"belt": belt, "put": [0.0, 0.5, 0.21]}
+    panda = {"arm": own["arm"], "robot": own["robot"], "floor": -1.0, "task": task}
+    prepared, file = prepare(cell_of(raw | panda, place="a cell")), tmp_path / "panda.mcap"
+    cell, told = LocalCell(throws=1, seed=1, prepared=prepared, record=file), list[Command]()
+
+    def note(command: Command) -> bool:
+        told.append(command)
+        return True
+
+    def seen(_: object) -> list[Sighting]:
+        return [Sighting(t=cell.simulated.t, found=True, r_o=cell.simulated.truth.r_o,
+                         covariance=1e-6 * np.eye(3))]  # fmt: skip
+
+    cell.robot.on_write = note
+    assert cell.recorder is not None
+    with cell.recorder:
+        followed(cell)
+        cell.robot.on_points = lambda _: []
+        cell.until(lambda: cell.loop.mode is Mode.MOVING)
+        cell.robot.on_points = seen
+        with monkeypatch.context() as patch:  # as where the arm has yet to come to rest
+            patch.setattr(Ticks, "told_to_rest", property(lambda _: False))
+            for _ in range(40):
+                cell.loop.cycle()
+        assert cell.loop.mode is Mode.MOVING
+        assert not cell.loop._ticks.catcher.result.scalars[0]["tracked"]
+        cell.until(lambda: cell.loop.mode is Mode.CATCHING)
+        for _ in range(20):
+            cell.loop.cycle()
+    rate = prepared.arm.limits.torque_rate
+    assert rate is not None
+    change = np.abs(np.diff([x.tau for x in told], axis=0)) / TICK
+    assert np.all(change <= (1.0 + STAMPS) * prepared.arm.active(rate))
+    assert any(name.startswith("torques") for x in Recorded(file).calls.values() for name in x)
+    assert replay(Recorded(file)).identical
 
 
 @pytest.mark.parametrize("target", ["belt", "hand"])

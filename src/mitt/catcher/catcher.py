@@ -134,6 +134,20 @@ class Catcher:
         eyes.reset()
         return other
 
+    def take_over(self, torques: Array) -> None:
+        """Let torques go on from those of another catcher, no faster than they may change.
+
+        Args:
+            torques: Commanded in the tick before the first one here [N m], shape (n,).
+
+        Raises:
+            InputError: It has made a tick.
+        """
+        torques = checks.vector("torques", torques, self._arm.n, finite=True)
+        if self._ticked:
+            raise InputError("take_over", "a catcher before its first tick", "one after it")
+        self.state.tracking.before[:] = torques
+
     def _begin(self, generator: Generator, eyes: Eyes) -> None:
         """Begin a throw with a state of its own."""
         self._eyes = eyes

@@ -52,10 +52,11 @@ from mitt.files.messages import (
     notice_message,
     point_message,
     point_rows,
+    torques_call,
 )
 from mitt.files.recordings import Heading, RecordingWriter, heading_of
 from mitt.files.robot_description import Frame as Drawn
-from mitt.signals import Command, Frame, Senses, all_of
+from mitt.signals import Array, Command, Frame, Senses, all_of
 
 #: Kinds of entries: a tick, what the catcher was told, what happened, the background.
 TICK, CALL, NOTICE, GROUND = 1, 2, 3, 4
@@ -263,6 +264,15 @@ class Recorder(AbstractContextManager["Recorder"]):
         """
         checks.one_of("call", name, CALLS)
         self._ring.put(CALL, COUNTS.pack(self.count, 0, 0) + name.encode())
+
+    def torques(self, torques: Array) -> None:
+        """Keep what a fresh catcher was told to take over before its first tick.
+
+        Args:
+            torques: As of :meth:`mitt.catcher.catcher.Catcher.take_over` [N m], shape (n,).
+        """
+        said = torques_call(checks.array("torques", torques, (None,), finite=True))
+        self._ring.put(CALL, COUNTS.pack(self.count, 0, 0) + said.encode())
 
     def clock(self, offset: float) -> None:
         """Keep what the stamps of sightings and images are corrected by from now on.

@@ -107,6 +107,7 @@ class Ticks:
         """
         self._period, self._arm = period, arm
         self._seen: Sighting | None = None
+        self._taken: Array | None = None
         self.catcher, self.stamps, self.recorded = first, Stamps(), False
         self._again, self._sight, self._counts, self._recorder = again, sight, counts, recorder
         self._positions, self._begun, self._last = positions, 0.0, 0.0
@@ -152,11 +153,18 @@ class Ticks:
         """Forget the stamps so far, as after a stop, and take a fresh catcher."""
         self.stamps, self._last, self._read, self.frozen = Stamps(), 0.0, np.zeros(0), False
         self._positions.restart()
-        self.fresh()
+        self.fresh(goes_on=False)
 
-    def fresh(self) -> None:
-        """Take a fresh catcher, whose time begins now."""
+    def fresh(self, *, goes_on: bool = True) -> None:
+        """Take a fresh catcher, whose time begins now.
+
+        Where it ``goes_on`` under command, torques that have rates keep them from tick to tick.
+        """
+        before, self._taken = self.catcher.result.command[3], None
         self.catcher, self.recorded = self._again(self.catcher), False
+        if goes_on and self._arm.limits.torque_rate is not None:
+            self._taken = before.copy()
+            self.catcher.take_over(self._taken)
         self._begun, self._seen = self.stamps.t, None
         self._sight.fresh()
 
@@ -193,7 +201,8 @@ class Ticks:
             self.repeating += 1.0
             nothing = np.full(len(reading.q), np.nan)
             arm = ArmState(t=t, q=nothing, dq=nothing)
-        return self._step(Senses(t=t, arm=arm, frames=frames, points=seen))
+        watched = seen if self.recorded else ()  # on its way to the ready pose it follows nothing
+        return self._step(Senses(t=t, arm=arm, frames=frames, points=watched))
 
     def _repeats(self, reading: ArmState) -> bool:
         """Say whether a reading is the one before under a new stamp: all joints, to the last digit.
@@ -236,6 +245,8 @@ class Ticks:
         self.recorded, self._offset = True, self.clock.offset
         self._notes.clear()
         self._note("again")
+        if self._recorder is not None and self._taken is not None:
+            self._recorder.torques(self._taken)
         if self._recorder is not None and self._offset != 0.0:
             self._recorder.clock(self._offset)
 

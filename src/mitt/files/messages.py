@@ -27,8 +27,8 @@ TRANSFORMS, SHAPE = "tf2_msgs/msg/TFMessage", "visualization_msgs/msg/Marker"
 TICK, POINT, FRAME = "mitt_msgs/msg/Tick", "mitt_msgs/msg/Point", "mitt_msgs/msg/Frame"
 #: A marker's type of a ball.
 _SPHERE = 2
-#: What a correction of the eyes' stamps is called among the calls.
-_CLOCK = "clock"
+#: Among the calls: a correction of the eyes' stamps, torques that were taken over.
+_CLOCK, _TORQUES = "clock", "torques"
 #: Largest time that a stamp can say [ns].
 _LAST = 2**31 * 1_000_000_000 - 1
 
@@ -250,6 +250,22 @@ def tick_rows(results: Result, senses: Sequence[Senses], heads: int) -> Rows:
 def call_message(name: str) -> Said:
     """Return what the catcher was told to do."""
     return CALLS, TEXT, text(name), None
+
+
+def torques_call(torques: Array) -> str:
+    """Return what is kept of torques that a catcher took over [N m], shape (n,)."""
+    return " ".join([_TORQUES, *map(repr, torques.tolist())])
+
+
+def torques_in(call: str, n: int) -> Array | None:
+    """Return the torques that a call says were taken over [N m], (n,); None for another."""
+    kind, *values = call.split()[: n + 2] or [""]
+    try:
+        torques = np.array([float(x) for x in values])
+    except ValueError:
+        return None
+    whole = kind == _TORQUES and len(torques) == n and bool(np.all(np.isfinite(torques)))
+    return torques if whole else None
 
 
 def clock_call(offset: float) -> str:

@@ -28,6 +28,7 @@ from mitt.errors import FileError, InputError, MittError
 from mitt.eyes.eyes import Eyes
 from mitt.files.about import About
 from mitt.files.maps import read_map
+from mitt.files.messages import torques_in
 from mitt.files.recordings import Recorded
 from mitt.files.schema import from_plain, merged, to_plain
 from mitt.reading import read_toml
@@ -225,6 +226,8 @@ class _Run:
             self.catcher.recover(checked=name == "recover checked")
         elif name == "again":
             self.catcher = self.fresh.again(recorded_generator(self.about))
+        elif (torques := torques_in(name, self.about.arm.n)) is not None and not self.catcher.begun:
+            self.catcher.take_over(torques)
 
     def _note(self, t: float) -> None:
         """Keep the verdict where it has changed, and why the catcher stopped."""
