@@ -15,6 +15,7 @@ from mitt.catcher.generators import Direct
 from mitt.cell.recorder import Recorder, Ring
 from mitt.errors import FileError, InputError
 from mitt.files.about import About
+from mitt.files.messages import torques_call, torques_in
 from mitt.files.recordings import Recorded
 from mitt.map.learn import Learned
 from mitt.signals import ArmState, Array, Frame, Senses, Sighting
@@ -233,6 +234,17 @@ def test_what_cannot_be_recorded_is_refused(tmp_path: Path, about: About) -> Non
     assert (tmp_path / "x.mcap").read_bytes() == b"mine"
     with Recorder(tmp_path / "y.mcap", about) as recorder, pytest.raises(InputError, match="again"):
         recorder.call("dance")
+
+
+@pytest.mark.parametrize("call", ["again", "", "torques", "torques 1.0 2.0", "torques 1 x 3",
+                                  "torques 1 nan 3", "torques 1 2 3 4"])  # fmt: skip
+def test_torques_that_were_taken_over_are_read_to_the_bit(call: str) -> None:
+    """And what a file says that are none is not."""
+    torques = np.array([0.1, -1e-17, 30.0 / 7.0])
+    read = torques_in(torques_call(torques), 3)
+    assert read is not None
+    assert np.array_equal(read, torques)
+    assert torques_in(call, 3) is None
 
 
 def test_the_ring_gives_back_what_was_put() -> None:

@@ -228,6 +228,7 @@ class Cases:
             "again": {"generator": self.direct}, "learn_background": {"views": [self.frames]},
             "move": {"motion": motion}, "recover": {"checked": True},
             "step": {"senses": self.senses}, "ticked": {"todo": 0, "since": 0.0},
+            "take_over": {"torques": np.zeros(self.arm.n)},
         }  # fmt: skip
         of_eyes = {
             "arrange": {"frames": self.frames}, "gaze": {"ball": ball, "t": 0.25},
@@ -239,6 +240,7 @@ class Cases:
         of_recorder = {
             "background": {"frames": self.frames}, "call": {"name": "stop"},
             "clock": {"offset": -0.005}, "note": {"text": "a note", "topic": "/events"},
+            "torques": {"torques": np.zeros(self.arm.n)},
             "tick": {"senses": self.senses, "command": command, "result": self.catcher.result},
         }  # fmt: skip
         records = {"path": self.folder / "again.mcap", "about": self.about, "images": False,

@@ -271,7 +271,8 @@ class Recorder(AbstractContextManager["Recorder"]):
         Args:
             torques: As of :meth:`mitt.catcher.catcher.Catcher.take_over` [N m], shape (n,).
         """
-        said = torques_call(checks.array("torques", torques, (None,), finite=True))
+        n = len(self._row[0]["q"])
+        said = torques_call(checks.vector("torques", torques, n, finite=True))
         self._ring.put(CALL, COUNTS.pack(self.count, 0, 0) + said.encode())
 
     def clock(self, offset: float) -> None:

@@ -259,7 +259,7 @@ def torques_call(torques: Array) -> str:
 
 def torques_in(call: str, n: int) -> Array | None:
     """Return the torques that a call says were taken over [N m], (n,); None for another."""
-    kind, *values = call.split()[: n + 2] or [""]
+    kind, *values = call.split() or [""]
     try:
         torques = np.array([float(x) for x in values])
     except ValueError:

@@ -140,7 +140,8 @@ def _table(path: Path, what: str, **of: Any) -> Any:  # noqa: ANN401
     try:
         return pq.read_table(path, page_checksum_verification=True, **of)
     except (OSError, pa.ArrowException) as error:
-        raise FileError(str(path), f"a whole {what} of a study", str(error)[:100]) from None
+        said = str(error)[:100].strip() or type(error).__name__  # it may say a blank name alone
+        raise FileError(str(path), f"a whole {what} of a study", said) from None
 
 
 def merge(
