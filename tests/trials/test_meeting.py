@@ -104,6 +104,7 @@ def test_a_recorded_thing_is_taken() -> None:
 
 FAULTS: list[dict[str, Any]] = [
     {"fault": "belt", "magnitude": 0.0, "start": 0.9},
+    {"fault": "belt", "magnitude": -1.0, "start": 1.1},  # the arm is led to the end of its reach
     {"fault": "turned", "start": 0.9},
     {"fault": "dropout", "start": 0.9},
     {"fault": "taken", "start": 0.6},
@@ -112,10 +113,11 @@ FAULTS: list[dict[str, Any]] = [
 
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda x: f"{x['fault']} {x.get('magnitude', '')}")
 def test_what_goes_wrong_ends_at_rest(fault: dict[str, Any]) -> None:
-    """Nothing is crushed, and what was not met has a reason."""
+    """Within all limits, nothing is crushed, and what was not met has a reason."""
     trial: MeetTrial = runner_of("suction", "belt", **fault).trial(0)
     assert trial.at_rest
     assert not trial.over_force
+    assert trial.limit_violations == 0
     assert trial.status == "met" or trial.binding_limit
     if fault["fault"] == "dropout":
         assert trial.status == "stopped"

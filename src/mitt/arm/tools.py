@@ -43,6 +43,11 @@ class Gripper(Hand, Settings):
     length: float
 
     @property
+    def yields(self) -> float:
+        """How far its end gives way where it is pressed on something [m]."""
+        return 0.0
+
+    @property
     def com(self) -> float:
         """Height of the centre of mass above the plate [m]."""
         return 0.4 * self.length
@@ -87,6 +92,11 @@ class Suction(Gripper):
     def fingers_at(self, told: float) -> float:  # noqa: ARG002
         """Return that the bellows are out: nothing closes."""
         return 0.0
+
+    @property
+    def yields(self) -> float:
+        """The bellows' way [m]."""
+        return self.bellows
 
     @property
     def catch_offset(self) -> float:

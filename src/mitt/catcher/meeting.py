@@ -44,6 +44,8 @@ _HALVINGS = 3
 _EVERY = 8
 #: Times in which the tool lifts what it has grasped and comes to rest [s].
 _LEAVES = (0.2, 0.3, 0.4, 0.6, 0.9, 1.4, 2.0)
+#: Times in which it comes to rest straight on [s], and the shares of the limits that this may take.
+_STOPS, _HARD = (0.1, 0.15, 0.2, 0.3, 0.4), Tolerance(torque=0.9, speed=1.0, acceleration=0.9)
 #: Least time from the start until the way down begins [s].
 _LEAST = 0.1
 #: Rates at which the followed target closes up to the estimate, along a belt and across it [1/s].
@@ -61,6 +63,8 @@ _ASTRAY, _STRAYS, _FALLS = 0.1, 0.25, 0.6
 _AHEAD = 0.25
 #: How far outside the work area, and how fast outwards, a target is given up [m, m/s].
 _OUTSIDE, _OUTWARDS = 0.03, 0.1
+#: How far beyond it, and the way to it, the tool may be told to be [m].
+_BEYOND = 0.1
 #: Share of the tool's largest speed that is used, and at which what is followed is given up; how
 #: much faster than planned the way may be, and how long what is followed lags [s].
 _USED, _OVER, _ROUGH, _LAG = 0.97, 1.03, 1.1, 0.4
@@ -183,7 +187,7 @@ class Glide:
 
     Attributes:
         calm: Since when estimate and followed target have been in step [s].
-        pose: Where the inverse of the next tick starts [rad], shape (n,); None before the first.
+        rows: What the map made of it last [rad ...], shape (6, n); None before the first.
         ended: Why the target was given up; nothing as long as it is followed.
     """
 
@@ -199,7 +203,7 @@ class Glide:
         self._rate = min(most, _ALONG if speeds is None else _SLOWLY)
         self._speeds, self._begun = np.array([inf]) if speeds is None else speeds, inf
         self.calm = inf
-        self.pose: Array | None = None
+        self.rows: Array | None = None
         self.ended = ""
 
     @property
@@ -228,6 +232,15 @@ class Glide:
         if far and rate == 0.0:
             self.calm = t
         return self.motion
+
+    def onwards(self) -> Array | None:
+        """Return the rows of a tick later if velocities stay; None before the first."""
+        if self.rows is None:
+            return None
+        rows = self.rows.copy()
+        rows[[0, 3]] += TICK * rows[[1, 4]]
+        rows[[2, 5]] = 0.0
+        return rows
 
     def _begin(self, t: float, given: Array) -> None:
         """Begin where the target is, as fast as it is, but no faster than is allowed."""
@@ -551,23 +564,29 @@ class Meeting(Generator):
     def reference(self, ball: BallState) -> JointReference:
         """Evaluate the map at the target as it is, and at the time to go.
 
-        What is given up has no meeting ahead: its followed target comes to rest.
+        What is given up has no meeting ahead: its followed target comes to rest. Out of the map's
+        domain the motion goes on as it was, until the arm brakes.
         """
         since, glide = ball.t - self.start, self.glide
         gentle = self.settings.gentle if since > self.after else 0.0
         followed = glide.to(ball.t, self.known(ball), self._across, gentle)
         target = self.placed(followed, self.after - since)
         clock, whole = self._clock(np.array([since]), self.after)
-        found = self.map.motion_along(target[None], clock, whole, glide.pose)
-        fast = found is not None and self._too_fast(found, _OVER)
-        glide.ended = glide.ended or self._lost(ball, followed) or ("tool" if fast else "")
-        inside = found is not None
-        if found is None:
+        known = glide.onwards()
+        start = None if known is None else known[3]
+        found = self.map.motion_along(target[None], clock, whole, start)
+        glide.ended = glide.ended or self._lost(ball, followed)
+        if found is not None and not glide.ended:
+            fast, strays = self._too_fast(found, _OVER), self._strays(found[0, 0])
+            glide.ended = "tool" if fast else "area" if strays else ""
+        inside = found is not None or known is not None
+        if found is not None:
+            rows = glide.rows = found[0]
+        elif known is not None:  # it goes on for a tick, in which a brake is planned
+            glide.ended, rows = glide.ended or "domain", known
+        else:
             rows = np.zeros((6, self.map.arm.n))
             rows[0] = rows[3] = self.map.arm.q_ready
-        else:
-            rows = found[0]
-            glide.pose = rows[3] + TICK * rows[4]
         return JointReference(
             t=ball.t, status=MapStatus.INSIDE if inside else MapStatus.DOMAIN, q_d=rows[0],
             dq_d=rows[1], ddq_d=rows[2], q_o=rows[3], dq_o=rows[4],
@@ -578,6 +597,18 @@ class Meeting(Generator):
         """Say whether the tool is faster than a share of its largest speed, (k, 3 or more, n)."""
         most = share * self.settings.speed
         return most < inf and bool(tool_speeds(self.map.arm, motion[:, :3]).max() > most)
+
+    def _strays(self, q: Array) -> bool:
+        """Say whether the tool is told to leave the work area and the way to it.
+
+        Outside are singular poses. What is followed has turned round before it was there.
+        """
+        s, arm = self.settings, self.map.arm
+        back, waits = s.above * self.map.frame[:, 2], arm.position(arm.q_ready)
+        low = np.minimum(s.low - np.maximum(back, 0.0), waits) - _BEYOND
+        high = np.maximum(s.high - np.minimum(back, 0.0), waits) + _BEYOND
+        tool = arm.position(q)
+        return bool(np.any((tool < low) | (tool > high)))
 
     def _lost(self, ball: BallState, followed: Array) -> str:
         """Return why a target is to be given up; nothing where it is not.
@@ -596,34 +627,35 @@ class Meeting(Generator):
             return "tool" if slow else "taken"
         out = ball.r_o - np.clip(ball.r_o, s.low, s.high)
         far = float(np.linalg.norm(out))
-        leaves = float(out @ v) > _OUTWARDS * far
-        return "area" if due and far > _OUTSIDE and leaves else ""
+        leaves = float(out @ v) > (_OUTWARDS if due else _OUTWARDS + spare) * far
+        return "area" if far > _OUTSIDE and leaves else ""
 
     def leaving(self, motion: Array) -> Array | None:
-        """Return how the tool lifts what it holds while it comes to rest, (k, 3, n).
+        """Return how the tool leaves while it comes to rest, with what it holds, (k, 3, n).
 
-        It goes ``above`` back along its axis, in the shortest of a few times within all limits;
-        None where none is.
+        It goes ``above`` back along its axis, or straight on where limits forbid that, in the
+        shortest of a few times within all limits; None where none is.
 
         Args:
             motion: The command from which it goes on [rad ...], shape (3, n).
         """
-        for T in _LEAVES if self.settings.above > 0.0 else ():
-            found = self._left_in(T, motion, _INSTANTS)
+        s, hard = self.settings, replace(self, tolerance=_HARD)
+        tried = [(self, s.above, T) for T in _LEAVES] + [(hard, 0.0, T) for T in _STOPS]
+        for g, lift, T in tried if s.above > 0.0 else []:
+            found = self._left_in(T, lift, motion, _INSTANTS)
             if found is None or self._too_fast(found, 1.0):
                 continue
-            if max(self.shares(found, T / (_INSTANTS - 1)).values()) <= 1.0:
-                return self._left_in(T, motion, round(T / TICK) + 1)
+            if max(g.shares(found, T / (_INSTANTS - 1)).values()) <= 1.0:
+                return self._left_in(T, lift, motion, round(T / TICK) + 1)
         return None
 
-    def _left_in(self, T: float, motion: Array, count: int) -> Array | None:
+    def _left_in(self, T: float, lift: float, motion: Array, count: int) -> Array | None:
         """Return such a motion in a time [s] at some instants, (count, 3, n)."""
         arm, x = self.map.arm, np.linspace(0.0, 1.0, count)
         r, v = arm.position(motion[0]), arm.jacobian(motion[0]) @ motion[1]
         on = [T * (x - x**3 + 0.5 * x**4), 1.0 - x * x * (3.0 - 2.0 * x), -6.0 * x * (1.0 - x) / T]
-        path = np.stack(on, axis=1)[:, :, None] * v + _rise(x, T)[:, :, None] * (
-            -self.settings.above * self.map.frame[:, 2]
-        )
+        path = np.stack(on, axis=1)[:, :, None] * v
+        path -= _rise(x, T)[:, :, None] * (lift * self.map.frame[:, 2])
         path[:, 0] += r
         f = self.map.adapt(path[0], motion, T)
         rows = None if f is None else f.motion_along(path, 1.0 - x, T, motion[0])

@@ -396,19 +396,23 @@ class Planner:
 
         The model carries the ball's weight from then on.
         """
-        loaded, g = self._arm.holding(self._settings.ball_mass), self.generator
-        way = g.leaving(self._result.command[:3].copy()) if isinstance(g, Leaving) else None
-        if way is None:
-            self._slow_down(loaded)
-        else:
-            self.move(way, self._result.scalars["t"].item())
+        loaded = self._arm.holding(self._settings.ball_mass)
+        self._slow_down(loaded)
         exchange_arm(self._state, loaded, self._settings.around)
 
     def _slow_down(self, arm: Arm) -> None:
-        """Brake an arm, with the ball or without, from the last command on."""
-        t = self._result.scalars["t"].item()
-        self.brake = plan_brake(arm, t, self._result.command[:3].copy()).table(TICK)
-        self._brake_from(t)
+        """Bring an arm, with the ball or without, to rest from the last command on.
+
+        As its generator leaves, where it says so: an arm that brakes joint by joint may sink.
+        """
+        t, g = self._result.scalars["t"].item(), self.generator
+        last = self._result.command[:3].copy()
+        way = g.leaving(last) if isinstance(g, Leaving) else None
+        if way is None:
+            self.brake = plan_brake(arm, t, last).table(TICK)
+            self._brake_from(t)
+        else:
+            self.move(way, t)
 
     def _brake_from(self, t: float) -> None:
         """Follow the brake from a time on [s]."""

@@ -12,10 +12,11 @@ from typing import Final, Literal, NamedTuple
 import numpy as np
 
 from mitt.arm.arm import Arm
+from mitt.arm.description import Capsule
 from mitt.arm.kinematics import motion_of, sweep
 from mitt.arm.limits import slowed
 from mitt.arm.shapes import MARGIN, Shapes, Surroundings, clearance, shapes_of
-from mitt.arm.tools import Jaw, Suction
+from mitt.arm.tools import Gripper, Jaw, Suction
 from mitt.arm.wam import wrist_wam
 from mitt.ball.filter import FilterConfig
 from mitt.catcher.generators import Generator
@@ -151,17 +152,21 @@ class Station:
 
         What the filter assumes of its target, half of the part's width as its radius, and the gap
         at which the arm gives up what it is kept from instead of catching up with it: wider where
-        the tool has a largest speed.
+        the tool has a largest speed. Of the belt it keeps clear: nothing presses on it.
 
         Args:
             settings: For a ball.
         """
         part = self.scene.ball
         across = part.sides[0] if part.sides else 2.0 * part.radius
-        behind = max(_BEHIND, _LAGS * self.settings.speed)
+        behind, around = max(_BEHIND, _LAGS * self.settings.speed), settings.around
+        hand, belt = self.arm.model.hand, self.scene.belt
+        if isinstance(hand, Gripper) and belt is not None and self.target == "belt":
+            under = _under(belt, hand.yields - MARGIN)
+            around = replace(around, zones=(*around.zones, under))
         return replace(
             settings, flight=CARRIED, sigma_ready=0.05, ball_radius=0.5 * across, adapt_dq=np.inf,
-            adapt_q=behind,
+            adapt_q=behind, around=around,
         )  # fmt: skip
 
     @property
@@ -252,6 +257,17 @@ def _time_down(f: MeetingMap, settings: MeetingSettings, place: Array, least: fl
         if rows is not None and max(way.shares(rows[:, :3], left[0] - left[1]).values()) <= 1.0:
             return down
     return _DOWN[-1]
+
+
+def _under(belt: Belt, above: float) -> Capsule:
+    """Return what the arm keeps clear of: a roll as wide as two belts, its top along the belt's.
+
+    As high above it as is said [m].
+    """
+    middle = np.array([*belt.middle, belt.height + above - belt.width])
+    ends = [middle + 0.5 * way * belt.length * belt.along for way in (-1.0, 1.0)]
+    start, end = ((float(x), float(y), float(z)) for x, y, z in ends)
+    return Capsule(start=start, end=end, radius=belt.width)
 
 
 def _takes(tool: Suction | Jaw, scene: Scene) -> float:
