@@ -615,7 +615,7 @@ class Meeting(Generator):
 
         ``taken``: it leaves its belt sideways, falls, or is far from where it is followed; that is
         ``tool`` where the tool's speed is limited, which it may have run away from. ``area``: it
-        leaves the work area when the way down has begun, or should have.
+        leaves the work area, or turns round before it has come there.
         """
         s, v = self.settings, ball.dr_o
         spare = 3.0 * float(np.sqrt(np.max(np.diag(ball.covariance)[3:])))
