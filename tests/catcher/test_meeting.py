@@ -171,11 +171,11 @@ def test_under_way_the_tool_is_with_the_part_whatever_it_does_and_lifts_it_to_re
 @pytest.mark.parametrize("leaves", [True, False])
 def test_the_tool_closes_at_once_where_the_part_leaves_not_where_it_enters(leaves: bool) -> None:
     """Its work area; a belt that slows down brings a part there later than it was met."""
-    ball = part(speed=0.1, ahead=0.1)
+    ball = part(speed=0.3)
     g = meeting(settle=0.2, closing=0.05).adapt(ball, Q, np.zeros(6))
-    met = ball.r_o[1] + 0.1 * g.after
+    met = ball.r_o[1] + 0.3 * g.after
     side: dict[str, Any] = (
-        {"high": (9.0, met + 0.005, 9.0)} if leaves else {"low": (-9.0, met + 0.03, -9.0)}
+        {"high": (9.0, met + 0.01, 9.0)} if leaves else {"low": (-9.0, met + 0.05, -9.0)}
     )
     g = replace(g, settings=replace(g.settings, **side))
     for tick in range(1, round(g.after / TICK) + 3):

@@ -63,8 +63,6 @@ _ASTRAY, _STRAYS, _FALLS = 0.1, 0.25, 0.6
 _AHEAD = 0.25
 #: How far outside the work area, and how fast outwards, a target is given up [m, m/s].
 _OUTSIDE, _OUTWARDS = 0.03, 0.1
-#: How far beyond it, and the way to it, the tool may be told to be [m].
-_BEYOND = 0.1
 #: Share of the tool's largest speed that is used, and at which what is followed is given up; how
 #: much faster than planned the way may be, and how long what is followed lags [s].
 _USED, _OVER, _ROUGH, _LAG = 0.97, 1.03, 1.1, 0.4
@@ -576,9 +574,8 @@ class Meeting(Generator):
         start = None if known is None else known[3]
         found = self.map.motion_along(target[None], clock, whole, start)
         glide.ended = glide.ended or self._lost(ball, followed)
-        if found is not None and not glide.ended:
-            fast, strays = self._too_fast(found, _OVER), self._strays(found[0, 0])
-            glide.ended = "tool" if fast else "area" if strays else ""
+        if found is not None and not glide.ended and self._too_fast(found, _OVER):
+            glide.ended = "tool"
         inside = found is not None or known is not None
         if found is not None:
             rows = glide.rows = found[0]
@@ -597,18 +594,6 @@ class Meeting(Generator):
         """Say whether the tool is faster than a share of its largest speed, (k, 3 or more, n)."""
         most = share * self.settings.speed
         return most < inf and bool(tool_speeds(self.map.arm, motion[:, :3]).max() > most)
-
-    def _strays(self, q: Array) -> bool:
-        """Say whether the tool is told to leave the work area and the way to it.
-
-        Outside are singular poses. What is followed has turned round before it was there.
-        """
-        s, arm = self.settings, self.map.arm
-        back, waits = s.above * self.map.frame[:, 2], arm.position(arm.q_ready)
-        low = np.minimum(s.low - np.maximum(back, 0.0), waits) - _BEYOND
-        high = np.maximum(s.high - np.minimum(back, 0.0), waits) + _BEYOND
-        tool = arm.position(q)
-        return bool(np.any((tool < low) | (tool > high)))
 
     def _lost(self, ball: BallState, followed: Array) -> str:
         """Return why a target is to be given up; nothing where it is not.
