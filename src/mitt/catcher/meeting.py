@@ -45,7 +45,7 @@ _EVERY = 8
 #: Times in which the tool lifts what it has grasped and comes to rest [s].
 _LEAVES = (0.2, 0.3, 0.4, 0.6, 0.9, 1.4, 2.0)
 #: Times in which it comes to rest straight on [s], and the shares of the limits that this may take.
-_STOPS, _HARD = (0.1, 0.15, 0.2, 0.3, 0.4), Tolerance(torque=0.9, speed=1.0, acceleration=0.9)
+_STOPS, _HARD = (0.05, 0.07, 0.1, 0.2, 0.4), Tolerance(torque=0.9, speed=1.0, acceleration=0.9)
 #: Least time from the start until the way down begins [s].
 _LEAST = 0.1
 #: Rates at which the followed target closes up to the estimate, along a belt and across it [1/s].
