@@ -63,7 +63,7 @@ class Examples:
             "frames": (), "least": 0.0, "other": f,
             "views": [tuple(Frame(t=0.0, camera=k, number=0, pixels=grey) for k in range(2))],
             "arm": arm, "generator": Direct(f), "todo": 0, "since": 0.0,
-            "gap": 2.0**-10, "known": True, "alone": False,
+            "gap": 2.0**-10, "known": True, "alone": False, "torques": 0.0 * q,
         }  # fmt: skip
         self.special: dict[str, dict[str, Value]] = {
             "DirectMap.virtual": {"ball": np.array([_R, _DR, _DDR])},
