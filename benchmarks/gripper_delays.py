@@ -1,6 +1,6 @@
 """How fast a belt may be for a tool that takes its time: parts met and in step, over its speed.
 
-    python benchmarks/gripper_delays.py docs/img/delays.svg --parts 20 --seed 9850
+    python benchmarks/gripper_delays.py docs/img/delays.svg --parts 10 --seed 9850
 
 A part counts if it is met and the tool was in step with it for 150 ms before it had closed. The
 bars are Wilson intervals, 95 %. The figures are printed, too: a row for each delay and speed.
@@ -62,7 +62,7 @@ def main() -> None:
     """Try all, print a row for each delay and speed, and draw."""
     parser = argparse.ArgumentParser()
     parser.add_argument("path", type=Path)
-    parser.add_argument("--parts", type=int, default=20)
+    parser.add_argument("--parts", type=int, default=10)
     parser.add_argument("--seed", type=int, default=9850)
     parser.add_argument("--workers", type=int, default=2)
     options = parser.parse_args()

@@ -102,7 +102,7 @@ class Stance:
 #: Stances by arm. Those of the others are the best of random poses that strike a ball of 5.7 m/s,
 #: and balls around it, with the least share of their speeds; of a Panda, whose accelerations bind,
 #: also of these and of its ranges. Asked for 1.45 of its speed, a joint of a Panda that had lagged
-#: went beyond it for 4 ms; up to 1.4 none of 60 did.
+#: went beyond it for 4 ms; up to 1.4 none of 59 did.
 _STANCES: Final = {
     "wam": Stance(
         joints=("j1", "j2", "j3", "j4"), middle=(0.0, 0.2, 0.0, 0.9), ready=(0.0, 0.4, 0.0, 0.75),
