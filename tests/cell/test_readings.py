@@ -183,7 +183,7 @@ ODD: dict[str, tuple[Change, str, bool]] = {
     "no numbers": (lambda k, r: at(NOW + k * TICK, np.nan * r), "no numbers", False),
     "not found": (lambda k, r: at(NOW + k * TICK, r, found=False), "no numbers", False),
     "all zero": (lambda k, r: at(NOW + k * TICK, 0.0 * r), "all zero", False),
-    "no time": (lambda k, r: at(np.nan * k, r), "stamps of the ball are no numbers", False),
+    "no time": (lambda k, r: at(np.nan * k, r), "stamps are no numbers", False),
     "stuck": (lambda k, r: at(NOW + k * TICK, 0.0 * r + 1.0), "is stuck", False),
     "now and then": (lambda k, r: at(NOW + k * TICK, r * (k % 3 == 0)), "of 25 positions", False),
     "repeated": (lambda k, r: at(NOW + k * TICK, 0.0 * r + [k // 4, 1.0, 0.0]), "repeat", False),

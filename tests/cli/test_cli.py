@@ -421,7 +421,7 @@ def test_a_signal_keeps_what_is_finished(
     assert json.loads(done.stdout) == result
     kept = Path("out", "result.json")
     assert done.stderr.splitlines()[-1] == (
-        f"mitt: interrupted by SIGINT; 1 of 6 throws are kept in {kept}"
+        f"mitt: interrupted by SIGINT; 1 of 6 trials are kept in {kept}"
     )
     assert not (tmp_path / "out" / "report.html").exists()
     assert "Traceback" not in done.stderr

@@ -14,13 +14,13 @@ from typing import Annotated, NamedTuple, final
 import numpy as np
 
 from mitt.arm.arm import Arm
-from mitt.catcher.generators import Generator
+from mitt.catcher.generators import Generator, Memory
 from mitt.errors import InputError
 from mitt.fields import Range, Settings, brief
 from mitt.map.batting import BattingMap, easiest
 from mitt.map.demand import Tolerance, shares_of
 from mitt.map.mapping import DirectMap
-from mitt.map.prediction import HORIZON, STRIDE, flown, spread, state_of
+from mitt.map.prediction import HORIZON, STRIDE, flown, spread
 from mitt.map.striking import Impact, Strike
 from mitt.signals import Array, BallState, JointReference
 from mitt.verdict.feasibility import Outcome, Verdict
@@ -84,30 +84,22 @@ class _Plan(NamedTuple):
 
 
 @final
-class _Memory:
+class _Memory(Memory[_Plan]):
     """What was found out last, and is asked for again.
 
-    The plan, of the estimate that it was made for; the verdict that came nearest to a strike, if
-    any; when the ball is where the map strikes usually, ``usual``, and when that was looked at [s].
+    Besides the plan the verdict that came nearest to a strike, if any; when the ball is where the
+    map strikes usually, ``usual``, and when that was looked at [s].
     """
 
     def __init__(self) -> None:
         """Begin without one."""
-        self._ball: BallState | None = None
-        self._plan: _Plan | None = None
+        super().__init__()
         self.nearest: Verdict | None = None
         self.looked, self.usual = -inf, inf
 
-    def of(self, ball: BallState) -> _Plan | None:
-        """Return the plan if it was made for this estimate, or for one that says the same."""
-        mine = self._ball
-        if mine is None or (ball.t, ball.drag) != (mine.t, mine.drag):
-            return None
-        return self._plan if np.array_equal(state_of(ball), state_of(mine)) else None
-
     def refused(self, t: float) -> bool:
         """Say whether no ball could be struck shortly before a time [s]."""
-        ball, plan = self._ball, self._plan
+        ball, plan = self.ball, self.plan
         recent = ball is not None and 0.0 <= t - ball.t < _ANEW
         return recent and plan is not None and plan.verdict.outcome is not Outcome.FEASIBLE
 
@@ -117,8 +109,7 @@ class _Memory:
             plan = plan._replace(verdict=replace(self.nearest, outcome=Outcome.UNSETTLED))
         elif self.nearest is None or plan.verdict.share < self.nearest.share:
             self.nearest = plan.verdict
-        self._ball, self._plan = ball, plan
-        return plan
+        return super().keep(ball, plan)
 
 
 @final

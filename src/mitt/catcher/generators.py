@@ -6,7 +6,7 @@ Those of other packages are held to what a catcher goes on with (:class:`Added`)
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from math import inf
-from typing import Protocol, Self, TypeAlias, final, runtime_checkable
+from typing import Generic, Protocol, Self, TypeAlias, TypeVar, final, runtime_checkable
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from mitt.fields import brief
 from mitt.map.demand import Tolerance
 from mitt.map.learn import Learned
 from mitt.map.mapping import DirectMap
-from mitt.map.prediction import sharpness
+from mitt.map.prediction import sharpness, state_of
 from mitt.signals import Array, BallState, JointReference, MapStatus
 from mitt.verdict.feasibility import (
     Approach,
@@ -38,6 +38,34 @@ _KEPT = 0.95
 _TORQUES = ("peak torques", "stall torques")
 _LIMITS = (*_TORQUES, "continuous torques", "transmission", "joint ranges", "joint speeds",
            "accelerations", "jerks", "torque rates")  # fmt: skip
+#: What a generator planned.
+_P = TypeVar("_P")
+
+
+class Memory(Generic[_P]):
+    """What was planned last: the catcher asks for the verdict, and then to adapt.
+
+    Attributes:
+        ball: The estimate that it was planned for; None before.
+        plan: The plan.
+    """
+
+    def __init__(self) -> None:
+        """Begin without a plan."""
+        self.ball: BallState | None = None
+        self.plan: _P | None = None
+
+    def of(self, ball: BallState) -> _P | None:
+        """Return the plan if it was made for this estimate, or for one that says the same."""
+        mine = self.ball
+        if mine is None or (ball.t, ball.drag) != (mine.t, mine.drag):
+            return None
+        return self.plan if np.array_equal(state_of(ball), state_of(mine)) else None
+
+    def keep(self, ball: BallState, plan: _P) -> _P:
+        """Keep a plan and return it."""
+        self.ball, self.plan = ball, plan
+        return plan
 
 
 @runtime_checkable

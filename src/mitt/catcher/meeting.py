@@ -23,7 +23,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from mitt.arm.arm import Arm, tool_speeds
-from mitt.catcher.generators import Generator
+from mitt.catcher.generators import Generator, Memory
 from mitt.control.envelope import bounds_of
 from mitt.fields import Range, Settings, brief
 from mitt.kernels import kernel
@@ -271,25 +271,6 @@ class _Plan(NamedTuple):
 
 
 @final
-class _Memory:
-    """What was planned last: the catcher asks for the verdict, and then to adapt."""
-
-    def __init__(self) -> None:
-        """Begin without a plan."""
-        self._ball: BallState | None = None
-        self._plan: _Plan | None = None
-
-    def of(self, ball: BallState) -> _Plan | None:
-        """Return the plan if it was made for this very estimate."""
-        return self._plan if ball is self._ball else None
-
-    def keep(self, ball: BallState, plan: _Plan) -> _Plan:
-        """Keep a plan and return it."""
-        self._ball, self._plan = ball, plan
-        return plan
-
-
-@final
 @dataclass(frozen=True, slots=True)
 class Meeting(Generator):
     """The meeting map as a generator.
@@ -315,7 +296,7 @@ class Meeting(Generator):
     after: float = inf
     pull: Array = field(default_factory=lambda: np.zeros(3))
     glide: Glide = field(default_factory=Glide)
-    memory: _Memory = field(default_factory=_Memory, repr=False, compare=False)
+    memory: Memory[_Plan] = field(default_factory=Memory, repr=False, compare=False)
 
     __repr__ = brief
 

@@ -276,7 +276,7 @@ class Positions:
     def _miss(self, newest: float, what: str) -> None:
         """Say that none can be used, and begin anew; for 30 s not: many a tracker sends zeros."""
         if not newest - self._used < 30.0:
-            self.absent = f"the {what} of the ball are no numbers, or all zero"
+            self.absent = f"the {what} are no numbers, or all zero"
         self.note, self._window = "", _Window()
 
     def _judge(self, newest: float) -> None:
@@ -286,23 +286,23 @@ class Positions:
         self.fault, self.note, self._judged = "", "", newest
         if (nearest := min(of.squares)) > FAR**2:
             far = nearest**0.5
-            self.fault = (f"the ball's positions are {far:.3g} m away or more:"
+            self.fault = (f"the positions are {far:.3g} m away or more:"
                           " they are in metres (REP 103); are these millimetres?")  # fmt: skip
         elif (least := min(gaps)) > _FAULT:
-            self.fault = f"the ball's positions are stamped {_long(least)} ahead of {_CLOCKS}"
+            self.fault = f"the positions are stamped {_long(least)} ahead of {_CLOCKS}"
         elif least > _ODD:
-            self.note = f"the ball's positions are stamped {_long(least)} ahead of {_CLOCKS}"
+            self.note = f"the positions are stamped {_long(least)} ahead of {_CLOCKS}"
         elif (most := max(gaps)) < -STRAY:
-            self.fault = f"the ball's positions are stamped {_long(-most)} behind {_CLOCKS}"
+            self.fault = f"the positions are stamped {_long(-most)} behind {_CLOCKS}"
         elif most < -_LATE:
-            self.note = (f"the ball's positions come {-1e3 * most:.0f} ms after their stamps: where"
+            self.note = (f"the positions come {-1e3 * most:.0f} ms after their stamps: where"
                          " that is not how long they take, their clock is behind")  # fmt: skip
         elif same == len(gaps):
-            self.note = "the ball's positions are one and the same: their source is stuck"
+            self.note = "the positions are one and the same: their source is stuck"
         elif 3 * same > WINDOW:
-            self.note = "the ball's positions repeat: their source is slower than its publisher"
+            self.note = "the positions repeat: their source is slower than its publisher"
         elif 2 * none > WINDOW:
-            self.note = f"{none} of {WINDOW} positions of the ball are no numbers, or all zero"
+            self.note = f"{none} of {WINDOW} positions are no numbers, or all zero"
 
 
 def _long(t: float) -> str:

@@ -124,7 +124,7 @@ def _ended(folder: Folder, finished: "FinishedStudy") -> int:
         more = f" and {len(finished.lost) - 1} more" if len(finished.lost) > 1 else ""
         say(f"{finished.lost[0]}{more}; the rest is kept, --resume tries again")
     if finished.interrupt is not None:
-        say(f"{words_of(finished.interrupt)}; {finished.thrown} of {finished.total} throws are "
+        say(f"{words_of(finished.interrupt)}; {finished.thrown} of {finished.total} trials are "
              f"kept in {folder.path}, --resume goes on")  # fmt: skip
     return finished.status
 

@@ -176,8 +176,8 @@ class Journal(AbstractContextManager["Journal"]):
 
 
 def kept_words(done: int, wanted: int, folder: Path) -> str:
-    """Return how many throws of an interrupted run are kept, and where."""
-    return f"{done} of {wanted} throws are kept in {folder / RESULT}"
+    """Return how many trials of an interrupted run are kept, and where."""
+    return f"{done} of {wanted} trials are kept in {folder / RESULT}"
 
 
 def _unwritable(folder: Path, error: OSError) -> FileError:
