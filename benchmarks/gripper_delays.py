@@ -3,7 +3,8 @@
     python benchmarks/gripper_delays.py docs/img/delays.svg --parts 10 --seed 9850
 
 A part counts if it is met and the tool was in step with it for 150 ms before it had closed. The
-bars are Wilson intervals, 95 %. The figures are printed, too: a row for each delay and speed.
+bars are Wilson intervals, 95 %. The figures are printed, too: a row for each delay and speed, and
+before them for how long the joints of an arm could follow a part through its work area at all.
 """
 
 import argparse
@@ -13,6 +14,7 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import matplotlib
+import numpy as np
 from matplotlib.figure import Figure
 
 from mitt.arm.tools import TOOLS
@@ -26,6 +28,29 @@ from mitt.trials.statistics import wilson
 DELAYS = {0.02: BLUE, 0.2: GREEN, 1.0: ORANGE}
 SPEEDS = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0, 1.2, 1.5)
 IN_STEP = 0.15
+#: Arms whose joints are looked at, and the number of places in their work areas.
+ARMS, PLACES = ("ur5e", "franka-panda", "wam"), 100
+
+
+def followed(name: str, speed: float) -> float:
+    """Return for how long an arm's joints can be as fast as a part on its belt asks [s].
+
+    Args:
+        name: Name of the arm.
+        speed: That of the belt [m/s].
+    """
+    at = station(name, TOOLS["suction"], "belt", PARTS_SCENE)
+    step = (at.settings.high[1] - at.settings.low[1]) / PLACES
+    longest = stretch = 0
+    for k in range(PLACES + 1):
+        part = np.array([at.place, [0.0, speed, 0.0], [0.0, 0.0, 0.0]])
+        part[0, 1] = at.settings.low[1] + k * step
+        rows = at.map.motion_along(part[None], np.zeros(1), 1.0)
+        most = at.arm.active(at.arm.limits.dq_max)
+        keeps = rows is not None and bool(np.all(np.abs(rows[0, 1]) <= most))
+        stretch = stretch + 1 if keeps else 0
+        longest = max(longest, stretch)
+    return max(longest - 1, 0) * step / speed
 
 
 def good(job: tuple[float, float, int, int]) -> int:
@@ -66,6 +91,8 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=9850)
     parser.add_argument("--workers", type=int, default=2)
     options = parser.parse_args()
+    for name in ARMS:
+        print(name, *(f"{v} m/s: {followed(name, v):.2f} s" for v in SPEEDS), sep="  ", flush=True)
     jobs = [(d, v, options.parts, options.seed) for d in DELAYS for v in SPEEDS]
     rows = list[tuple[float, float, int]]()
     for (delay, speed, _, _), count in zip(jobs, tried(jobs, options.workers), strict=True):
