@@ -12,9 +12,10 @@ from mitt.arm.tools import TOOLS
 from mitt.catcher.catcher import Catcher, Phase
 from mitt.catcher.meeting import Meeting
 from mitt.signals import TICK, ArmState, Array, Senses, Sighting
-from mitt.trials.station import Station, Target, station
+from mitt.trials.meeting import MeetRunner
+from mitt.trials.station import PARTS_SCENE, Station, Target, station
 from mitt.verdict.feasibility import Outcome
-from mitt.world.scene import named_scene
+from mitt.world.scene import Belt, named_scene
 
 #: Ticks from one sighting to the next, and time for which a hand is looked at [s].
 SEEN_EVERY, LOOKED_AT = 16, 1.0
@@ -34,6 +35,7 @@ def station_of(arm: str, tool: str, target: Target) -> Station:
         ("franka-fr3", "jaw", "hand"),
         ("franka-panda", "jaw", "hand"),
         ("franka-panda", "suction", "belt"),
+        ("kinova-gen3", "suction", "belt"),
         ("kuka-iiwa7", "jaw", "hand"),
     ],
 )
@@ -55,6 +57,25 @@ def test_wherever_a_thing_is_met_the_arm_is_clear_and_not_singular(
         assert np.all((q > a.q_min) & (q < a.q_max))
         assert np.abs(dq).max() < 12.0
         assert clearance(a.bodies, q, shapes.table, shapes.pairs, shapes.ends) > MARGIN
+
+
+@pytest.mark.parametrize("direction", [0.0, 0.75 * np.pi])
+def test_the_work_area_goes_along_the_belt_wherever_it_leads(direction: float) -> None:
+    """For at least 0.3 m, all of it in reach; a part that comes along is met and put away."""
+    belt = Belt(middle=(0.55, 0.0), direction=direction)
+    scene = PARTS_SCENE.model_copy(update={"belt": belt})
+    at = station("ur5e", TOOLS["suction"], "belt", scene)
+    low, high = np.array(at.settings.low), np.array(at.settings.high)
+    steps = np.linspace(-0.4, 0.4, 81)
+    on = [x for x in (at.place + step * belt.along for step in steps)
+          if np.all((x >= low) & (x <= high))]  # fmt: skip
+    assert len(on) > 30
+    for place in on:
+        inside, (q, _, _) = at.map.virtual(np.array([place, 0.3 * belt.along, np.zeros(3)]))
+        assert inside
+        assert np.all((q > at.arm.q_min) & (q < at.arm.q_max))
+    trial = MeetRunner(at, seed=1, speed=0.3).trial(0)
+    assert (trial.status, trial.placed, trial.limit_violations) == ("met", True, 0)
 
 
 def offered(at: Station, r_o: Array, zones: tuple[Capsule, ...] = ()) -> Catcher:

@@ -69,9 +69,11 @@ _HALF = Tolerance(torque=0.8, speed=0.5, acceleration=0.4)
 #: forearm points as the tool to a person does, its wrist is singular.
 _SHARES = (0.5, 0.6, 0.7)
 _HIGHER = {"belt": (-0.12,), "hand": (0.05, 0.2, 0.35)}
-#: Half-widths of the work area that are tried, in lengths of the arm: fast belts want long areas;
-#: and how far it goes along a belt at most: beyond, the tool lifts the part and comes to rest.
-_WIDE, _ALONG = {"belt": (0.42, 0.32), "hand": (0.2,)}, 0.32
+#: Half-widths of the work area that are tried, along a belt, in lengths of the arm: fast belts want
+#: long areas; and how far it goes along it at most: beyond, the tool lifts the part and rests.
+_WIDE, _ALONG = {"belt": (0.42, 0.32, 0.22), "hand": (0.2,)}, 0.32
+#: The least half-widths [m].
+_LEAST_ROOM = {"belt": np.array([0.06, 0.06, 0.05]), "hand": np.array([0.06, 0.06, 0.1])}
 #: How far inside the work area a person offers a thing [m].
 _INSIDE = 0.02
 #: Gap between told and true joint angles at which an arm whose tool has a largest speed gives up
@@ -210,8 +212,9 @@ def station(
     if scene.belt is not None:
         places = [np.array([*scene.belt.middle, scene.belt.height + half])]
     inverse, best = reach_of(raw, free, coupling), None
+    across = np.abs((scene.belt if scene.belt and target == "belt" else Belt()).along)
     for wide, place in product(_WIDE[target], places):
-        room = np.array([0.06, wide * reach, 0.05 if target == "belt" else 0.1])
+        room = np.maximum(wide * reach * across, _LEAST_ROOM[target])
         found = waiting_pose(raw, inverse, _FRAMES[target], place, room, scene.floor)
         if found is not None and (best is None or found.merits > best[0].merits):
             best = found, wide, place, room
