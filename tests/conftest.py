@@ -1,7 +1,11 @@
 """What tests share: the arm, a few flights, a learned map, and a fixed Hypothesis profile."""
 
+import os
 import signal
 from pathlib import Path
+
+# As in the command line, and before NumPy is loaded: matrices are small, and cores are busy.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 import pytest
