@@ -4,8 +4,6 @@ import ast
 import os
 import re
 import shutil
-import subprocess
-import sys
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -13,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from fresh import fresh
 from numba import njit
 from numba.core.errors import TypingError
 from numpy.typing import NDArray
@@ -51,15 +50,13 @@ def package(tmp_path: Path) -> Path:
 
 def call(package: Path, **env: str) -> str:
     """Return what a new process prints of ``outer(1.0)``."""
-    code = "from mitt.caller import outer; print(outer(1.0), sum(outer.stats.cache_hits.values()))"
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        env=os.environ | {"PYTHONPATH": str(package.parent)} | env,
-        capture_output=True,
-        text=True,
-        check=True,
+    script = package.parent / "call.py"
+    script.write_text(
+        "from mitt.caller import outer; print(outer(1.0), sum(outer.stats.cache_hits.values()))"
     )
-    return done.stdout.strip()
+    done = fresh(script, PYTHONPATH=str(package.parent), **env)
+    assert done.status == 0, done.err
+    return done.out.strip()
 
 
 def test_a_cached_kernel_follows_the_kernels_that_it_calls(package: Path, tmp_path: Path) -> None:
@@ -136,11 +133,9 @@ def test_a_kernel_that_python_and_kernels_call_is_kept_for_both(tmp_path: Path) 
     script, said = tmp_path / "both_ways.py", []
     script.write_text(BOTH_WAYS)
     for _ in range(2):
-        run = subprocess.run(
-            [sys.executable, str(script)], capture_output=True, text=True, check=True,
-            env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")},
-        )  # fmt: skip
-        said.append(run.stdout.splitlines())
+        done = fresh(script, NUMBA_CACHE_DIR=str(tmp_path / "cache"))
+        assert done.status == 0, done.err
+        said.append(done.out.splitlines())
     assert said[0] == ["22.0 2.0 1.0", "0"]
     assert said[1][0] == said[0][0]
     assert int(said[1][1]) >= 2
@@ -190,11 +185,9 @@ def test_a_big_kernel_is_compiled_once_and_found_by_its_callers(tmp_path: Path) 
     script, said = tmp_path / "tower.py", []
     script.write_text(TOWER)
     for asked in (["storey", "top"], ["top"], ["over"], ["over"]):
-        run = subprocess.run(
-            [sys.executable, str(script), *asked], capture_output=True, text=True, check=True,
-            env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")},
-        )  # fmt: skip
-        said.append(run.stdout.strip())
+        done = fresh(script, *asked, NUMBA_CACHE_DIR=str(tmp_path / "cache"))
+        assert done.status == 0, done.err
+        said.append(done.out.strip())
     assert said == ["1.0 1 3.0 1 negative", "3.0 0 negative", "3.0 1 negative", "3.0 0 negative"]
     assert len(list((tmp_path / "cache").rglob("*storey_inner*.nbc"))) == 2
 
@@ -235,11 +228,9 @@ def test_an_array_is_returned_whoever_loaded_the_kernel_first(tmp_path: Path) ->
     script, said = tmp_path / "arrays.py", []
     script.write_text(ARRAYS)
     for asked in (["total"], ["made"], ["total", "made"]):
-        run = subprocess.run(
-            [sys.executable, str(script), *asked], capture_output=True, text=True, check=True,
-            env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")},
-        )  # fmt: skip
-        said.append(run.stdout.strip())
+        done = fresh(script, *asked, NUMBA_CACHE_DIR=str(tmp_path / "cache"))
+        assert done.status == 0, done.err
+        said.append(done.out.strip())
     assert said == ["22.0", "[6. 6. 6.]", "22.0 [6. 6. 6.]"]
 
 
@@ -291,11 +282,8 @@ def test_kernels_give_back_the_arrays_that_they_are_given(tmp_path: Path) -> Non
     script = tmp_path / "counted.py"
     script.write_text(COUNTED)
     for _ in ("compiled", "from the cache"):
-        run = subprocess.run(
-            [sys.executable, str(script)], capture_output=True, text=True, check=True,
-            env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")},
-        )  # fmt: skip
-        assert run.stdout == 10 * "6.0 1.0 2.0 1.0 2.0 9.0 True\n" + "False\n"
+        done = fresh(script, NUMBA_CACHE_DIR=str(tmp_path / "cache"))
+        assert done.out == 10 * "6.0 1.0 2.0 1.0 2.0 9.0 True\n" + "False\n"
 
 
 def test_a_big_kernel_that_returns_an_array_is_refused() -> None:
@@ -323,15 +311,12 @@ def test_code_that_checks_bounds_is_kept_apart(package: Path, tmp_path: Path, fi
     """Whichever is compiled first: what runs does what its own process asked for."""
     (package / "beyond.py").write_text(BEYOND)
     second = "1" if first == "0" else "0"
-    code = "from mitt.beyond import third, np; third(np.ones(3)); third(np.ones(3)[:2])"
+    script = tmp_path / "beyond.py"
+    script.write_text("from mitt.beyond import third, np; third(np.ones(3)); third(np.ones(3)[:2])")
     for checked in (first, second, first):
-        done = subprocess.run(
-            [sys.executable, "-c", code],
-            env=os.environ | {"PYTHONPATH": str(package.parent), "NUMBA_BOUNDSCHECK": checked,
-                              "NUMBA_CACHE_DIR": "", "XDG_CACHE_HOME": str(tmp_path / "cache")},
-            capture_output=True, text=True, check=False,
-        )  # fmt: skip
-        assert ("IndexError" in done.stderr) == (checked == "1")
+        done = fresh(script, PYTHONPATH=str(package.parent), NUMBA_BOUNDSCHECK=checked,
+                     NUMBA_CACHE_DIR="", XDG_CACHE_HOME=str(tmp_path / "cache"))  # fmt: skip
+        assert ("IndexError" in done.err) == (done.status != 0) == (checked == "1"), done.err
 
 
 @njit
@@ -440,19 +425,19 @@ def test_views_show_arguments_only() -> None:
         ("copy(v, np.zeros(6)); return 4.0", "a copy into an array of another shape"),
     ],
 )
-def test_what_is_beyond_an_array_is_found_where_bounds_are_checked(act: str, fault: str) -> None:
+def test_what_is_beyond_an_array_is_found_where_bounds_are_checked(
+    act: str, fault: str, tmp_path: Path
+) -> None:
     """By numba's own switch."""
-    code = (
+    script = tmp_path / "beyond.py"
+    script.write_text(
         "import numpy as np; from numba import njit; from mitt.kernels import copy, view\n"
         f"@njit\ndef f(v): {act}\n"
         "print(f(np.ones(6)))\nf(np.ones(5))"
     )
-    run = subprocess.run(
-        [sys.executable, "-c", code], env=os.environ | {"NUMBA_BOUNDSCHECK": "1"},
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert run.stdout == "4.0\n"
-    assert fault in run.stderr
+    done = fresh(script, NUMBA_BOUNDSCHECK="1")
+    assert done.out == "4.0\n"
+    assert fault in done.err
 
 
 @njit
