@@ -3,14 +3,10 @@
 import ast
 import re
 import subprocess
-import sys
-import tomllib
-from importlib.metadata import PackageNotFoundError, packages_distributions, requires
+from functools import cache
 from pathlib import Path
 
 import pytest
-from packaging.requirements import Requirement
-from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "src" / "mitt"
@@ -45,15 +41,22 @@ def modules() -> list[Path]:
     return sorted(SOURCE.rglob("*.py"))
 
 
-def calls(tree: ast.AST) -> list[str]:
+@cache
+def nodes(path: Path) -> tuple[ast.AST, ...]:
+    """Return all that a module says, read once."""
+    return tuple(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+
+
+@cache
+def calls(path: Path) -> tuple[str, ...]:
     """Return the dotted names of all calls."""
-    return [ast.unparse(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)]
+    return tuple(ast.unparse(node.func) for node in nodes(path) if isinstance(node, ast.Call))
 
 
-def imported(tree: ast.AST) -> set[str]:
+def imported(path: Path) -> set[str]:
     """Return the top packages that a module imports, at its head or within."""
     found: set[str] = set()
-    for node in ast.walk(tree):
+    for node in nodes(path):
         if isinstance(node, ast.Import):
             found.update(alias.name.split(".")[0] for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module:
@@ -81,12 +84,10 @@ def test_no_committed_file_names_a_package_host_or_this_machine() -> None:
 @pytest.mark.parametrize("path", modules(), ids=lambda path: str(path.relative_to(SOURCE)))
 def test_no_module_runs_what_a_file_says(path: Path) -> None:
     """No pickle, eval, unsafe YAML, pickled arrays or shell in the package."""
-    text = path.read_text(encoding="utf-8")
-    tree = ast.parse(text)
-    assert not imported(tree) & MODULES
-    assert not set(calls(tree)) & FORBIDDEN
-    assert not [name for name in calls(tree) if name in ("yaml.load", "os.system", "os.popen")]
-    for node in ast.walk(tree):
+    assert not imported(path) & MODULES
+    assert not set(calls(path)) & FORBIDDEN
+    assert not [name for name in calls(path) if name in ("yaml.load", "os.system", "os.popen")]
+    for node in nodes(path):
         if isinstance(node, ast.keyword) and node.arg in ("allow_pickle", "shell"):
             assert isinstance(node.value, ast.Constant)
             assert node.value.value is False
@@ -95,7 +96,7 @@ def test_no_module_runs_what_a_file_says(path: Path) -> None:
 @pytest.mark.parametrize("path", modules(), ids=lambda path: str(path.relative_to(SOURCE)))
 def test_no_module_keeps_mutable_state_or_hides_arguments(path: Path) -> None:
     """No ``global``, no mutable default, no bare except, no star import."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in nodes(path):
         assert not isinstance(node, ast.Global)
         assert not (isinstance(node, ast.ExceptHandler) and node.type is None)
         assert not (isinstance(node, ast.ImportFrom) and node.names[0].name == "*")
@@ -108,7 +109,7 @@ def test_only_the_clock_reads_the_clock() -> None:
     """``time`` and ``datetime`` are imported by the link's clock and nowhere else."""
     found = {
         str(path.relative_to(SOURCE)) for path in modules()
-        if imported(ast.parse(path.read_text(encoding="utf-8"))) & {"time", "datetime"}
+        if imported(path) & {"time", "datetime"}
     }  # fmt: skip
     assert found <= {"clock.py"}
 
@@ -116,52 +117,8 @@ def test_only_the_clock_reads_the_clock() -> None:
 def test_no_module_draws_from_global_randomness() -> None:
     """Randomness is a parameter: neither ``random`` nor ``numpy.random`` functions are called."""
     for path in modules():
-        tree = ast.parse(path.read_text(encoding="utf-8"))
-        assert "random" not in imported(tree), path
-        for name in calls(tree):
+        assert "random" not in imported(path), path
+        for name in calls(path):
             if name.startswith("np.random."):
                 allowed = ("np.random.default_rng", "np.random.SeedSequence")
                 assert name.startswith(allowed), (path, name)
-
-
-def core() -> set[str]:
-    """Return the distributions that an installation without extras has."""
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    todo, found = list(map(Requirement, project["dependencies"])), {"mitt"}
-    while todo:
-        needed = todo.pop()
-        wanted = [{"extra": extra} for extra in ("", *needed.extras)]
-        name = canonicalize_name(needed.name)
-        if name in found or not (needed.marker is None or needed.marker.evaluate({"extra": ""})):
-            continue
-        found.add(name)
-        try:
-            further = map(Requirement, requires(needed.name) or ())
-        except PackageNotFoundError:
-            continue
-        todo.extend(
-            Requirement(str(x).split(";")[0])
-            for x in further
-            if x.marker is None or any(map(x.marker.evaluate, wanted))
-        )
-    return found
-
-
-def test_catching_and_its_page_need_no_extra(tmp_path: Path) -> None:
-    """``mitt catch`` works where only the core is installed: nothing else can be imported."""
-    inside = core()
-    others = sorted(
-        module
-        for module, names in packages_distributions().items()
-        if not inside & {canonicalize_name(name) for name in names}
-    )
-    assert {"pytest", "cv2"} <= set(others)
-    code = (
-        "import sys; sys.modules.update(dict.fromkeys(sys.argv.pop(1).split(',')))\n"
-        "from mitt.cli.main import main; raise SystemExit(main())"
-    )
-    command = [sys.executable, "-c", code, ",".join(others), "catch", "--throws", "1", "--out"]
-    done = subprocess.run([*command, str(tmp_path / "run")], capture_output=True, text=True,
-                          check=False)  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    assert (tmp_path / "run" / "report.html").stat().st_size > 100_000

@@ -1,6 +1,7 @@
 """The command line from outside: exit status, one line on stderr, JSON alone on stdout."""
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -14,6 +15,9 @@ import mitt
 from mitt.cli.main import main
 from mitt.files.maps import save_map
 from mitt.map.learn import Learned
+from mitt.trials.batting import BatRunner
+from mitt.trials.meeting import MeetRunner
+from mitt.trials.runner import TrialRunner
 
 TOP = {
     "schema", "version", "arm", "limits", "generator", "vision", "seed", "scene", "trials",
@@ -45,23 +49,6 @@ STATUSES = {"caught", "dropped", "missed", "unreachable", "stopped", "aborted"}
 THROWS = "x,y,z,vx,vy,vz\n"
 FLIGHTS = "flight,t_s,x_m,y_m,z_m\n"
 GOOD_THROW = "3.5,0.1,0.2,-6,0,1.5\n"
-
-#: Runs the command line and sends its own process a signal before the second trial.
-SIGNALLED = """
-import os, signal, sys
-import mitt.report.outputs as outputs
-from mitt.cli.main import main
-from mitt.trials.{module} import {runner}
-signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job starts without
-inner = {runner}.{method}
-def trial(runner, *words, **how):
-    if words[-1] == 1:
-        os.kill(os.getpid(), signal.SIGINT)
-    return inner(runner, *words, **how)
-{runner}.{method} = trial
-outputs.write_report = lambda path, content: None
-sys.exit(main(sys.argv[1:]))
-"""
 
 Call = Callable[..., tuple[int, str, str]]
 
@@ -106,13 +93,6 @@ def one_line(err: str) -> str:
     return lines[0]
 
 
-def timeless(result: dict[str, Any]) -> dict[str, Any]:
-    """Return a result without its wall-clock figures."""
-    summary = {k: v for k, v in result["summary"].items() if k not in ("tick_us",
-               "deadline_misses")}  # fmt: skip
-    return result | {"summary": summary}
-
-
 def check_contract(result: dict[str, Any], throws: int, *, incomplete: bool = False) -> None:
     """Hold a result to the contract ``mitt.catch/1``, key by key and type by type."""
     assert set(result) == TOP | ({"incomplete"} if incomplete else set())
@@ -138,23 +118,16 @@ def check_contract(result: dict[str, Any], throws: int, *, incomplete: bool = Fa
         assert trial["binding_limit"] is None or isinstance(trial["binding_limit"], str)
 
 
-@pytest.mark.slow
-def test_catch_prints_and_writes_the_contract_alike_in_any_process(
-    call: Call, a_map: Path, tmp_path: Path
-) -> None:
-    """--json is the file, holds the contract, and another process gives the same but for times."""
-    common: list[str | Path] = ["catch", "--throws", "2", "--seed", "3", "--vision", "points"]
-    common += ["--map", a_map, "--json"]
-    status, out, _ = call(*common, "--out", tmp_path / "a")
+def test_catch_prints_and_writes_the_contract(call: Call, a_map: Path, tmp_path: Path) -> None:
+    """--json is the file, and holds the contract; alike in any process: tests/test_bare.py."""
+    status, out, _ = call(
+        "catch", "--throws", "2", "--seed", "3", "--vision", "points", "--map", a_map, "--json",
+        "--out", tmp_path / "a",
+    )  # fmt: skip
     first = json.loads(out)
     assert status == 0
     check_contract(first, 2)
     assert json.loads((tmp_path / "a" / "result.json").read_text()) == first
-    other = process(["-m", "mitt", *common, "--out", "b"], tmp_path)
-    assert other.returncode == 0, other.stderr
-    assert timeless(json.loads(other.stdout)) == timeless(first)
-    assert (tmp_path / "b" / "report.html").read_text().startswith("<!")
-    assert "Traceback" not in other.stderr
 
 
 def test_an_unreachable_throw_is_a_result_not_a_failure(
@@ -395,36 +368,43 @@ def test_a_map_that_cannot_be_written_is_bad_input(call: Call, tmp_path: Path, p
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("runs", "words"),
+    ("runner", "method", "words"),
     [
-        (("runner", "TrialRunner", "throw"), ["catch", "--throws", "6", "--vision", "points"]),
-        (("batting", "BatRunner", "trial"), ["bat", "--throws", "6", "--vision", "points"]),
-        (("meeting", "MeetRunner", "trial"), ["meet", "--trials", "6"]),
+        (TrialRunner, "throw", ["catch", "--throws", "6", "--vision", "points"]),
+        (BatRunner, "trial", ["bat", "--throws", "6", "--vision", "points"]),
+        (MeetRunner, "trial", ["meet", "--trials", "6"]),
     ],
     ids=["catch", "bat", "meet"],
 )
 def test_a_signal_keeps_what_is_finished(
-    runs: tuple[str, str, str], words: list[str], a_map: Path, tmp_path: Path
-) -> None:
+    call: Call, runner: type, method: str, words: list[str], a_map: Path, tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
     """One of six done: it is printed and written, the last line says where, and the status."""
-    script = SIGNALLED.format(**dict(zip(("module", "runner", "method"), runs, strict=True)))
-    own = ["--map", str(a_map)] if words[0] == "catch" else []
-    done = process(
-        ["-c", script, *words, *own, "--record", "none", "--json", "--out", "out"], tmp_path
-    )
-    assert done.returncode == 130, done.stderr
+    inner = vars(runner)[method]
+
+    def signalled(*given: object, **how: object) -> object:
+        if given[-1] == 1:
+            os.kill(os.getpid(), signal.SIGINT)
+        return inner(*given, **how)
+
+    monkeypatch.setattr(runner, method, signalled)
+    monkeypatch.chdir(tmp_path)
+    own = ["--map", a_map] if words[0] == "catch" else []
+    status, out, err = call(*words, *own, "--record", "none", "--json", "--out", "out")
+    assert status == 130, err
     result = json.loads((tmp_path / "out" / "result.json").read_text())
     assert result["schema"] == f"mitt.{words[0]}/1"
     assert [trial["index"] for trial in result["trials"]] == [0]
     if words[0] == "catch":
         check_contract(result, 1, incomplete=True)
-    assert json.loads(done.stdout) == result
+    assert json.loads(out) == result
     kept = Path("out", "result.json")
-    assert done.stderr.splitlines()[-1] == (
+    assert err.splitlines()[-1] == (
         f"mitt: interrupted by SIGINT; 1 of 6 trials are kept in {kept}"
     )
     assert not (tmp_path / "out" / "report.html").exists()
-    assert "Traceback" not in done.stderr
+    assert "Traceback" not in err
 
 
 def test_a_fault_of_ours_is_one_line_with_status_1(
