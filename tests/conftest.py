@@ -44,6 +44,12 @@ def pytest_sessionstart(session: pytest.Session) -> None:
             learn_from(arm, design, [parabola(arm, rng) for _ in range(40)])
 
 
+@pytest.fixture
+def watched_shortly(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Watch for 20 ms instead of two seconds how late ticks come here."""
+    monkeypatch.setattr("mitt.clock._WATCHED", 20)
+
+
 @pytest.fixture(scope="session")
 def arm() -> Arm:
     """The WAM with the limits that the paper's experiment needs."""

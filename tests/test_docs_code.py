@@ -116,7 +116,7 @@ def planner(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.Monkey
     return PLANNER
 
 
-@pytest.mark.usefixtures("planner")
+@pytest.mark.usefixtures("planner", "watched_shortly")
 @pytest.mark.parametrize("line", checkable())
 def test_a_command_without_files_passes_its_check(
     line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

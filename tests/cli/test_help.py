@@ -88,6 +88,7 @@ def files(tmp_path_factory: pytest.TempPathFactory, learned: Learned) -> Path:
     return folder
 
 
+@pytest.mark.usefixtures("watched_shortly")
 @pytest.mark.parametrize("line", [x for kind in COMMANDS.values() for x in kind.examples])
 def test_every_example_parses_and_passes_its_check(
     files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, line: str

@@ -264,6 +264,7 @@ def test_a_plain_command_works_twice(
     assert made == ["0-direct", "0-direct-2", "0-direct-3"]
 
 
+@pytest.mark.usefixtures("watched_shortly")
 def test_check_refuses_no_folder_and_writes_nothing(
     tmp_path: Path, quick: Quick, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -26,6 +26,7 @@ from mitt.errors import FileError, InputError
 from mitt.signals import Command
 
 
+@pytest.mark.usefixtures("watched_shortly")
 def test_checking_says_what_the_cell_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """And how late ticks come here; it neither joins a network nor moves anything."""
     pytest.importorskip("cyclonedds")
@@ -199,12 +200,12 @@ def test_the_live_table_shows_each_number() -> None:
     assert {"12 [stray] positions", "parts", "met", "placed"} <= set(cells)
 
 
+@pytest.mark.usefixtures("watched_shortly")
 def test_checking_says_which_controllers_are_wanted(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """For each kind of drive and of message, with the settings that are not their defaults."""
     pytest.importorskip("cyclonedds")
-    monkeypatch.setattr("mitt.cli.cells.timekeeping", lambda _: "in time")
     for takes, topic, says in (
         ("torque", "commands", "forward_command_controller with joints [j1, j2, j4]"),
         ("position", "commands", "joints [j1, j2, j3, j4] in this order, interface_name position"),

@@ -77,18 +77,10 @@ def test_ids_differ_between_figures_and_every_reference_is_kept(plots: list[Plot
         assert set(used) <= set(ids)
 
 
-def test_the_same_data_give_the_same_text(
+def test_the_same_data_give_the_same_text_and_are_left_alone(
     arm: Arm, learned: Learned, direct: LoggedTrial, unoptimised: LoggedTrial, plots: list[Plot]
 ) -> None:
-    """A figure drawn twice is the same, byte for byte."""
-    again = _all(arm, learned, direct, unoptimised)
-    assert [p.svg for p in again] == [p.svg for p in plots]
-
-
-def test_figures_leave_their_inputs_alone(
-    arm: Arm, learned: Learned, direct: LoggedTrial, unoptimised: LoggedTrial
-) -> None:
-    """Drawing changes no array of a log: they may be read-only."""
+    """Drawn twice, a figure is the same, byte for byte; arrays of a log may be read-only."""
     frozen = []
     for outcome in (direct, unoptimised):
         log = _log(outcome)
@@ -96,11 +88,12 @@ def test_figures_leave_their_inputs_alone(
         for array in parts.values():
             array.setflags(write=False)
         frozen.append(LoggedTrial(outcome.trial, replace(log, **parts)))
-    _all(arm, learned, frozen[0], frozen[1])
-    for name in ("qpos", "position", "t"):
-        before = getattr(_log(direct).truth, name).copy()
-        catching_trajectory(arm, _log(direct), None)
-        np.testing.assert_array_equal(before, getattr(_log(direct).truth, name))
+    names = ("qpos", "position", "t")
+    before = [getattr(_log(direct).truth, name).copy() for name in names]
+    again = _all(arm, learned, frozen[0], frozen[1])
+    assert [p.svg for p in again] == [p.svg for p in plots]
+    for name, value in zip(names, before, strict=True):
+        np.testing.assert_array_equal(value, getattr(_log(direct).truth, name))
 
 
 def test_every_axis_names_its_unit(plots: list[Plot]) -> None:
