@@ -212,9 +212,10 @@ def station(
     if scene.belt is not None:
         places = [np.array([*scene.belt.middle, scene.belt.height + half])]
     inverse, best = reach_of(raw, free, coupling), None
-    across = np.abs((scene.belt if scene.belt and target == "belt" else Belt()).along)
+    sideways = Belt().along  # where nothing says how things come
+    along = scene.belt.along if scene.belt and target == "belt" else sideways
     for wide, place in product(_WIDE[target], places):
-        room = np.maximum(wide * reach * across, _LEAST_ROOM[target])
+        room = np.maximum(wide * reach * np.abs(along), _LEAST_ROOM[target])
         found = waiting_pose(raw, inverse, _FRAMES[target], place, room, scene.floor)
         if found is not None and (best is None or found.merits > best[0].merits):
             best = found, wide, place, room
