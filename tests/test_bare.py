@@ -114,6 +114,7 @@ def test_catching_and_its_page_need_no_extra_and_are_alike_in_any_process(
     assert (folder / "run" / "report.html").stat().st_size > 100_000
     monkeypatch.chdir(folder)
     monkeypatch.setattr("mitt.report.outputs.write_report", lambda path, _: path.write_text("page"))
+    monkeypatch.setattr("mitt.report.outputs._content", lambda *_: None)
     assert main([*CATCH.split(), "here"]) == 0
     here, there = (json.loads(text) for text in (capsys.readouterr().out, ran[-1][2]))
     assert len(here["trials"]) == 2

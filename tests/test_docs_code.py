@@ -107,6 +107,7 @@ def checkable() -> list[str]:
 def no_pages(monkeypatch: pytest.MonkeyPatch) -> None:
     """Draw no page of a run: others do."""
     monkeypatch.setattr("mitt.report.outputs.write_report", lambda path, _: path.write_text("page"))
+    monkeypatch.setattr("mitt.report.outputs._content", lambda *_: None)
 
 
 @pytest.fixture
@@ -166,13 +167,14 @@ def test_the_tutorial_on_planners_is_its_files() -> None:
 @pytest.mark.slow
 @pytest.mark.usefixtures("no_pages")
 def test_the_planner_of_the_tutorial_catches(
-    planner: Path, tmp_path: Path, learned: Learned
+    planner: Path, tmp_path: Path, learned: Learned, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It is found by its name, catches, and is compared by the study, here of one throw."""
     run, study = tmp_path / "run", tmp_path / "study.toml"
     save_map(tmp_path / "map.json", learned, version="0")
     words = ["--throws", "3", "--seed", "300", "--vision", "points", "--out", str(run)]
-    words = ["--map", str(tmp_path / "map.json"), *words]
+    words = ["--map", str(tmp_path / "map.json"), "--record", "none", *words]
+    monkeypatch.setattr("mitt.trials.study_run.learn", lambda *_, **__: learned)
     assert main(["catch", "--generator", "cubic", *words]) == 0
     assert json.loads((run / "result.json").read_text())["summary"]["caught"] == 3
     assert main(["catch", "--generator", "careful", *words[:-1], str(tmp_path / "careful")]) == 0

@@ -57,6 +57,7 @@ Call = Callable[..., tuple[int, str, str]]
 def call(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Iterator[Call]:
     """Run a command in this process; return exit status, stdout and stderr."""
     monkeypatch.setattr("mitt.report.outputs.write_report", lambda path, _: path.write_text("page"))
+    monkeypatch.setattr("mitt.report.outputs._content", lambda *_: None)
     before = signal.getsignal(signal.SIGTERM)
 
     def run(*words: str | Path) -> tuple[int, str, str]:

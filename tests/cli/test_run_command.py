@@ -3,14 +3,11 @@
 import fcntl
 import json
 import os
-import pty
 import re
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
-from importlib.resources import files
 from pathlib import Path
 
 import pytest
@@ -241,18 +238,6 @@ def test_what_a_simulated_cell_did_is_a_line_of_words() -> None:
         assert not set(said) & set("{}[]'_")
 
 
-def cell_that_takes(tmp_path: Path, takes: str) -> str:
-    """Return the shipped cell, or one whose drives take an array of torques, speeds or angles."""
-    if takes == "trajectory":
-        return "wam-sim"
-    text = (files("mitt") / "data" / "cells" / "wam-sim.toml").read_text()
-    text = text.replace('takes = "torque"', f'takes = "{takes}"')
-    text = text.replace("/wam_controller/joint_trajectory", "/wam_controller/commands")
-    path = tmp_path / "cell.toml"
-    path.write_text(text)
-    return str(path)
-
-
 @pytest.fixture
 def alone(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, str]]:
     """Let one test at a time run in real time, in a domain of its own; the environment for it."""
@@ -294,16 +279,14 @@ STALLED = re.compile(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("takes", ["trajectory", "position"])
-def test_two_processes_catch_over_dds(tmp_path: Path, alone: dict[str, str], takes: str) -> None:
+def test_two_processes_catch_over_dds(tmp_path: Path, alone: dict[str, str]) -> None:
     """They find each other on the loopback; two balls, none dropped for the network's sake.
 
-    With a message of each kind: what the drives take is in tests/cell/test_over_dds.py.
+    Messages of each kind, and all that drives take, are in tests/cell/test_over_dds.py.
     """
     pytest.importorskip("cyclonedds")
-    name = cell_that_takes(tmp_path, takes)
     # A machine that stalls stops the arm, as it should: then both begin anew.
-    said = next((x for k in range(3) if (x := both(name, tmp_path / f"{k}", alone))), None)
+    said = next((x for k in range(3) if (x := both("wam-sim", tmp_path / f"{k}", alone))), None)
     if said is None:
         told = "".join(path.read_text() for path in sorted(tmp_path.glob("*/*.txt")))
         stops = [line for line in told.splitlines() if "stopped: " in line]
@@ -316,44 +299,24 @@ def test_two_processes_catch_over_dds(tmp_path: Path, alone: dict[str, str], tak
     assert found["caught"] + found["dropped"] + found["missed"] + found["stopped"] >= 1
     assert found["caught"] >= 1
     assert theirs["schema"] == "mitt.sim/1"
-    # The difference of angles that come late is no speed: the drives may touch a limit.
-    least = 50 if takes == "position" else 0
-    assert found["limit_violations"] <= least
-    assert theirs["limit_violations"] <= least
-    assert (theirs["command_age_us"] is None) == (takes != "trajectory")
+    assert found["limit_violations"] == theirs["limit_violations"] == 0
+    assert theirs["command_age_us"] is not None
 
 
-@pytest.mark.slow
-def test_a_second_run_at_one_arm_moves_nothing(tmp_path: Path, alone: dict[str, str]) -> None:
-    """It says who is there, and waits; the first goes on to its end."""
-    pytest.importorskip("cyclonedds")
-    words = [sys.executable, "-m", "mitt"]
-    many = ["--throws", "1000", "--json"]  # the first must be there when the second looks
-    run = [*words, "run", "wam-sim", "--yes", *many]
-    outs = [(tmp_path / name).open("w+") for name in ("sim", "first", "second")]
-    sim = subprocess.Popen([*words, "sim", "wam-sim", *many], stdout=outs[0],
-                           stderr=subprocess.DEVNULL, env=alone)  # fmt: skip
-    keyboard, keys = pty.openpty()  # with one it stays there, also after a stop
-    first = subprocess.Popen(run, stdin=keys, stdout=subprocess.DEVNULL, stderr=outs[1],
-                             env=alone)  # fmt: skip
-    second = None
-    try:
-        heard(tmp_path / "first", "the arm moves\n")
-        second = subprocess.Popen(run, stdout=subprocess.DEVNULL, stderr=outs[2], env=alone)
-        heard(tmp_path / "second", "another program commands the arm on /wam_controller/")
-        assert "the arm moves\n" not in (tmp_path / "second").read_text()
-    finally:
-        for process in (second, first, sim):
-            if process is not None:
-                process.kill()
-                process.wait()
-        os.close(keyboard)
-        os.close(keys)
+def test_a_second_run_at_one_arm_moves_nothing() -> None:
+    """It says who is there, and waits; that DDS tells it: tests/cell/test_ros2.py."""
+    cell, said = LocalCell(throws=1), list[str]()
+    cell.robot.kept = "another program commands the arm on /x: end it"
+    s = session(cell, said, yes=True, throws=1)
 
+    def heard(text: str) -> None:
+        said.append(text)
+        if cell.robot.kept in text:
+            s.signal = signal.SIGINT
 
-def heard(path: Path, text: str) -> None:
-    """Wait until a process has said something."""
-    end = time.monotonic() + 120.0
-    while text not in path.read_text():
-        assert time.monotonic() < end, path.read_text()
-        time.sleep(0.1)
+    s._teller = heard
+    assert not s.run()
+    assert any(cell.robot.kept in line for line in said)
+    assert "the arm moves" not in said
+    assert cell.robot.braked == []
+    assert cell.loop.counts.ticks == 0

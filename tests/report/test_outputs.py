@@ -1,6 +1,7 @@
 """What a run leaves in its folder: the result as the contract says, and no strangers touched."""
 
 import json
+import shutil
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
@@ -29,18 +30,24 @@ def quiet(_name: str, _done: int, _of: int) -> None:
     """Report nothing."""
 
 
+@pytest.fixture(scope="module")
+def thrown(tmp_path_factory: pytest.TempPathFactory, learned: Learned) -> FinishedRun:
+    """A finished run of two throws."""
+    place = tmp_path_factory.mktemp("thrown")
+    save_map(place / "map.json", learned, version="0.1.0")
+    job = CatchOptions(throws=2, seed=5, map=place / "map.json", vision="points", out=place / "out")
+    prepared = prepare(job)
+    return run(prepared, progress=quiet, keeping=partial(keeping, prepared))
+
+
 @pytest.fixture
-def finished(tmp_path: Path, learned: Learned, monkeypatch: pytest.MonkeyPatch) -> FinishedRun:
-    """A finished run of two throws whose report is not drawn."""
+def finished(thrown: FinishedRun, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> FinishedRun:
+    """That run in a folder of the test's own; its report is not drawn."""
     monkeypatch.setattr(
         "mitt.report.outputs.write_report", lambda path, _: path.write_text(PAGE_TEXT)
     )
-    save_map(tmp_path / "map.json", learned, version="0.1.0")
-    job = CatchOptions(
-        throws=2, seed=5, map=tmp_path / "map.json", vision="points", out=tmp_path / "out"
-    )
-    prepared = prepare(job)
-    return run(prepared, progress=quiet, keeping=partial(keeping, prepared))
+    out = shutil.copytree(thrown.prepared.out, tmp_path / "out")
+    return replace(thrown, prepared=replace(thrown.prepared, out=out))
 
 
 def trial(index: int, status: str) -> Trial:

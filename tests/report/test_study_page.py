@@ -22,7 +22,7 @@ from mitt.trials.study_run import run_study
 def folder(tmp_path_factory: pytest.TempPathFactory, learned: Learned) -> Folder:
     """A finished study with its page."""
     place = tmp_path_factory.mktemp("report")
-    text = TEXT.replace("values = [1.0]", "values = [0.5, 1.0]")
+    text = TEXT.replace("values = [1.0]", "values = [0.5, 1.0]").replace("throws = 2", "throws = 1")
     study = write_study(place, text)
     out = ready(place / "out", study, learned)
     run_study(study, out, Here(), progress=quiet)
