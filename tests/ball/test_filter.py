@@ -151,11 +151,10 @@ def test_a_dropout_is_bridged(gap: float) -> None:
     assert after.t_first == before.t_first
 
 
-@pytest.mark.parametrize(("share", "ratio"), [(0.01, 1.3), (0.1, 2.0)])
-def test_wild_sightings_do_no_harm(share: float, ratio: float) -> None:
+def test_wild_sightings_do_no_harm() -> None:
     """One percent of sightings anywhere costs less than 1.3 times the error, ten less than 2."""
     rms = []
-    for wild in (0.0, share):
+    for wild in (0.0, 0.01, 0.1):
         rng, errors = np.random.default_rng(6), []
         for _ in range(60):
             track, f = throw(rng), BallFilter(THROWN_BALL)
@@ -165,7 +164,8 @@ def test_wild_sightings_do_no_harm(share: float, ratio: float) -> None:
                 f.update(sight(t, rng.uniform(-1.0, 4.0, size=3) if false else r))
             errors.append(error(f.state(float(track[0][-1])), track)[:3])
         rms.append(np.sqrt(np.mean(np.square(errors))))
-    assert rms[1] < ratio * rms[0]
+    assert rms[1] < 1.3 * rms[0]
+    assert rms[2] < 2.0 * rms[0]
 
 
 def test_another_ball_elsewhere_begins_a_new_track() -> None:

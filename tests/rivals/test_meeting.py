@@ -61,9 +61,9 @@ def test_the_tool_moves_as_the_target_at_the_end(name: str, meeting: Meeting) ->
     assert np.linalg.norm(arm.jacobian(answer.q_d) @ answer.dq_d - dr) < SLOW
 
 
-@pytest.mark.parametrize("name", MEETERS)
+@pytest.mark.parametrize("name", [x for x in MEETERS if x not in ("direct", "line")])
 def test_each_takes_a_part_from_a_belt_that_is_seen_exactly(name: str, exact: Station) -> None:
-    """Within all limits."""
+    """Within all limits; the map and a straight line do so in ``trials/test_meet_study.py``."""
     generator = exact.generator(name, rate=20.0)
     trial = MeetRunner(exact, seed=3, speed=0.3, generator=generator).trial(0)
     assert trial.status == "met"

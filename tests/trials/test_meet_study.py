@@ -20,7 +20,7 @@ task = "meet"
 name = "small"
 trials = 1
 generators = ["direct", "line"]
-scene = { sensing = { point_noise = 0.0, frame_rate = 100.0 } }
+scene = { sensing = { latency = 0, point_noise = 0.0, frame_rate = 100.0 } }
 
 [[conditions]]
 name = "belt"
@@ -30,7 +30,10 @@ speed = 0.3
 
 
 def test_a_study_writes_its_table_summary_and_page(tmp_path: Path) -> None:
-    """A row a trial, a row a cell, and once more nothing is left to do."""
+    """A row a trial, a row a cell, and once more nothing is left to do.
+
+    Each takes a part from a belt that is seen exactly, within all limits.
+    """
     study = read_meet_study(written(tmp_path, TEXT))
     folder, engine = Folder(tmp_path / "out"), Here()
     folder.claim(study, resume=False, overwrite=False)
@@ -38,7 +41,9 @@ def test_a_study_writes_its_table_summary_and_page(tmp_path: Path) -> None:
     assert task_of_folder(folder.path) == "meet"
     table = pq.read_table(folder.trials).to_pylist()
     assert [row["generator"] for row in table] == ["direct", "line"]
-    assert all(row["status"] == "met" for row in table)
+    for row in table:
+        assert (row["status"], row["limit_violations"]) == ("met", 0)
+        assert row["position_error_mm"] < 5.0
     summary = json.loads(folder.summary.read_text())
     assert [row["met"] for row in summary["rows"]] == [1, 1]
     assert summary["answer"][0].startswith("belt, targets met: the map (1 of 1) is not told apart")

