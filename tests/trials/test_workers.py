@@ -27,28 +27,19 @@ def _files(folder: Path) -> list[bytes]:
     return [(folder / name).read_bytes() for name in COMPARED]
 
 
-def _thrown(place: Path, learned: Learned, engine: Processes | Cluster) -> list[bytes]:
-    """Throw the small study somewhere and return what came out."""
-    place.mkdir()
-    study = write_study(place, TEXT)
-    folder = ready(place / "out", study, learned)
-    assert run_study(study, folder, engine, progress=quiet).status == 0
-    return _files(folder.path)
-
-
 @pytest.mark.slow
-def test_one_worker_two_workers_and_a_cluster_come_to_the_same_byte_by_byte(
+def test_a_cluster_comes_to_what_one_process_does_byte_by_byte(
     tmp_path: Path, learned: Learned, thrown_study: Path
 ) -> None:
-    distributed = pytest.importorskip("distributed")
-    one = _files(thrown_study)
-    assert _thrown(tmp_path / "two", learned, Processes(2)) == one
+    distributed, study = pytest.importorskip("distributed"), write_study(tmp_path, TEXT)
+    folder = ready(tmp_path / "out", study, learned)
     with distributed.LocalCluster(
         n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None,
         host="127.0.0.1", protocol="tcp",
     ) as cluster:  # fmt: skip
-        address = cluster.scheduler_address.replace("tcp://", "dask://")
-        assert _thrown(tmp_path / "dask", learned, Cluster(address)) == one
+        engine = Cluster(cluster.scheduler_address.replace("tcp://", "dask://"))
+        assert run_study(study, folder, engine, progress=quiet).status == 0
+    assert _files(folder.path) == _files(thrown_study)
 
 
 @pytest.mark.slow
@@ -104,9 +95,9 @@ def test_what_a_chunk_cannot_be_thrown_for_is_one_line_and_bad_input(
     assert not any("died" in line for line in finished.lost)
 
 
-def _start(study: Path, out: Path, workers: int = 2) -> "subprocess.Popen[bytes]":
-    """Start ``mitt study --resume`` as a process."""
-    words = ["study", str(study), "--out", str(out), "--workers", str(workers), "--resume"]
+def _start(study: Path, out: Path) -> "subprocess.Popen[bytes]":
+    """Start ``mitt study --resume`` as a process, with two workers."""
+    words = ["study", str(study), "--out", str(out), "--workers", "2", "--resume"]
     return subprocess.Popen(
         [sys.executable, "-m", "mitt", *words], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE
     )
@@ -125,14 +116,14 @@ def _until_thrown(folder: Folder, count: int) -> None:
 def test_kill_9_loses_no_throw_and_doubles_none(
     tmp_path: Path, learned: Learned, thrown_study: Path
 ) -> None:
-    """After a kill a last run finishes, and all is as if there had been no kill."""
+    """After a kill two workers finish; all is byte by byte as of one process without a kill."""
     study = write_study(tmp_path, TEXT)
     folder = ready(tmp_path / "out", study, learned)
     process = _start(tmp_path / "study.toml", folder.path)
     _until_thrown(folder, 3)
     process.kill()
     process.communicate()
-    last = _start(tmp_path / "study.toml", folder.path, workers=1)
+    last = _start(tmp_path / "study.toml", folder.path)
     assert last.wait(120) == 0
     assert _files(folder.path) == _files(thrown_study)
 
