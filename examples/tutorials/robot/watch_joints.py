@@ -14,8 +14,9 @@ from mitt.clock import monotonic
 from mitt.files.cell import read_cell
 
 prepared = prepare(read_cell(sys.argv[1]))
-arm, end = prepared.arm, monotonic() + float(sys.argv[2] if sys.argv[2:] else 60.0)
+arm = prepared.arm
 with closing(driver_named(prepared.cell.robot.driver)(prepared.cell, arm)) as robot:
+    end = monotonic() + float(sys.argv[2] if sys.argv[2:] else 60.0)
     count, last = 0, -1.0
     while monotonic() < end:
         for reading in robot.read(0.1):
