@@ -15,7 +15,7 @@ from mitt.signals import TICK, ArmState, Array, Senses, Sighting
 from mitt.trials.meeting import MeetRunner
 from mitt.trials.station import PARTS_SCENE, Station, Target, station
 from mitt.verdict.feasibility import Outcome
-from mitt.world.scene import Belt, named_scene
+from mitt.world.scene import Belt, Scene, named_scene
 
 #: Ticks from one sighting to the next, and time for which a hand is looked at [s].
 SEEN_EVERY, LOOKED_AT = 16, 1.0
@@ -76,6 +76,18 @@ def test_the_work_area_goes_along_the_belt_wherever_it_leads(direction: float) -
         assert np.all((q > at.arm.q_min) & (q < at.arm.q_max))
     trial = MeetRunner(at, seed=1, speed=0.3).trial(0)
     assert (trial.status, trial.placed, trial.limit_violations) == ("met", True, 0)
+
+
+def test_a_part_that_stops_before_it_is_in_reach_leads_no_arm_out_of_it() -> None:
+    """On a belt that comes straight at the arm; the way began because the part was coming."""
+    stops = Scene.model_validate({"faults": [{"kind": "belt", "magnitude": 0.0, "start": 0.6}]})
+    belt = Belt(middle=(0.6, 0.0), direction=np.pi)
+    scene = PARTS_SCENE.model_copy(update={"belt": belt, "faults": stops.faults})
+    at = station("ur5e", TOOLS["suction"], "belt", scene)
+    trial = MeetRunner(at, seed=0, speed=0.3).trial(0)
+    assert (trial.status, trial.binding_limit) == ("missed", "domain")
+    assert trial.limit_violations == 0
+    assert trial.at_rest
 
 
 def offered(at: Station, r_o: Array, zones: tuple[Capsule, ...] = ()) -> Catcher:

@@ -35,9 +35,11 @@ from mitt.verdict.feasibility import Approach, Outcome, Verdict
 
 #: Times that are tried, and instants at which a motion is held against its limits.
 _TIMES, _INSTANTS = 24, 24
-#: A target out of reach at the start is met where its way to the meeting is shorter [m], and where
-#: it would be in the work area then even at this share of its speed.
-_COMES, _SLOWER = 0.8, 0.8
+#: A target out of reach at the start is met where its way to the meeting is shorter [m], where it
+#: would be in the work area then even at the first share of its speed, and where the tool would
+#: reach it until then even at the second; instants at which that is looked at. It is given up where
+#: the tool would be led out of reach within so long [s].
+_COMES, _SLOWER, _SLOWEST, _LOOKS, _LED = 0.8, 0.8, 0.6, 8, 0.2
 #: Halvings of the times between the longest and the shortest.
 _HALVINGS = 3
 #: Ticks from one verdict to the next while there is nothing to meet.
@@ -408,7 +410,7 @@ class Meeting(Generator):
         targets = self._placed(path, T - times, T)
         f = self.map.adapt(targets[0], np.array([q, 0.0 * q, 0.0 * q]), self.approach(T))
         rows = None if f is None else f.motion_along(targets, *self._clock(times, T))
-        if f is None or rows is None:
+        if f is None or rows is None or not self._reaches_slower(f, ball, T):
             return _Plan(self._refused(ball, "domain"), None)
         motion = rows[:, :3].copy()
         shares = self.shares(motion, step)
@@ -424,6 +426,15 @@ class Meeting(Generator):
             approach=Approach(motion=motion, step=step, dr_o=path[-1, 1]),
         )  # fmt: skip
         return _Plan(verdict, replace(self, map=f, start=ball.t, after=T))
+
+    def _reaches_slower(self, f: MeetingMap, ball: BallState, T: float) -> bool:
+        """Say whether a way that begins within reach stays there if its target slows down."""
+        if not np.any(self.pull):
+            return True
+        times = np.linspace(0.0, T, _LOOKS)
+        path = flown(replace(ball, dr_o=_SLOWEST * ball.dr_o), times)
+        placed = self._placed(path, T - times, T)
+        return f.motion_along(placed, *self._clock(times, T)) is not None
 
     def shares(self, motion: Array, step: float) -> dict[str, float]:
         """Return the shares of all limits of the arm that a motion asks for, in tolerances.
@@ -554,7 +565,7 @@ class Meeting(Generator):
         known = glide.onwards()
         start = None if known is None else known[3]
         found = self.map.motion_along(target[None], clock, whole, start)
-        glide.ended = glide.ended or self._lost(ball, followed)
+        glide.ended = glide.ended or self._lost(ball, followed) or self._led_out(target, since)
         if found is not None and not glide.ended and self._too_fast(found, _OVER):
             glide.ended = "tool"
         inside = found is not None or known is not None
@@ -595,6 +606,19 @@ class Meeting(Generator):
         far = float(np.linalg.norm(out))
         leaves = float(out @ v) > (_OUTWARDS if due else _OUTWARDS + spare) * far
         return "area" if far > _OUTSIDE and leaves else ""
+
+    def _led_out(self, target: Array, since: float) -> str:
+        """Return ``domain`` where a way that began within reach leads out of it: its part is late.
+
+        It is given up while joints are slow enough to stop: at the end of its reach an arm is
+        straight, and its joints race.
+        """
+        if not np.any(self.pull) or since > self.approach(self.after):
+            return ""
+        ahead = np.array([target[0] + _LED * target[1], *target[1:]])
+        known = self.glide.rows
+        start = None if known is None else known[3]
+        return "" if self.map.virtual(ahead, start)[0] else "domain"
 
     def leaving(self, motion: Array) -> Array | None:
         """Return how the tool leaves while it comes to rest, with what it holds, (k, 3, n).
