@@ -73,23 +73,21 @@ class WaitsForCommands(FaultyRobot):
 def cell_that_takes(takes: str) -> Cell:
     """Return the shipped cell with topics of its own, and drives that take torques or else."""
     cell = read_cell("wam-sim")
-    command = f"/{takes}/joint_trajectory" if takes == "trajectory" else f"/{takes}/commands"
-    options = {**cell.robot.options, "command": command, "state": f"/{takes}/states",
+    options = {**cell.robot.options, "command": f"/{takes}/commands", "state": f"/{takes}/states",
                "hand_command": f"/{takes}/hand", "brake": f"/{takes}/brake",
                "diagnostics": f"/{takes}/diagnostics"}  # fmt: skip
-    drives = "torque" if takes == "trajectory" else takes
-    robot = cell.robot.model_copy(update={"options": options, "takes": drives})
+    robot = cell.robot.model_copy(update={"options": options, "takes": takes})
     source = cell.source.model_copy(update={"topic": f"/{takes}/ball"})
     return cell.model_copy(update={"robot": robot, "source": source})
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("takes", ["trajectory", "velocity"])
+@pytest.mark.parametrize("takes", ["torque", "velocity", "position"])
 def test_a_ball_is_caught_over_dds(takes: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """No limit exceeded; what came of it is told over DDS too.
 
-    What an array of each kind carries is in ``test_ros2.py``; two balls, and positions, are caught
-    by two processes in ``cli/test_run_command.py``.
+    What an array of each kind carries is in ``test_ros2.py``; trajectories are taken by two
+    processes in ``cli/test_run_command.py``.
     """
     monkeypatch.setenv("ROS_DOMAIN_ID", str(100 + os.getpid() % 60))
     monkeypatch.setattr("mitt.cell.ros2._LOOK", 0.0)
