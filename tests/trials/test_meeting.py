@@ -66,9 +66,9 @@ def test_what_is_met_is_put_away(arm: str, tool: str, target: Target, tmp_path: 
 MIDDLE, HEIGHT, FROM, TO = (0.5527, 0.0), 0.0225, 0.4843, 0.3737
 
 
-@pytest.mark.parametrize("direction", [None, 0.0, 0.785, 1.57, 3.14, -1.57])
-def test_a_belt_in_any_direction_leads_through_a_work_area(direction: float | None) -> None:
-    """It is cut where the belt leads alone, by what leaves the tool no way to lift the part."""
+@pytest.mark.parametrize("direction", [None, 1.57, -1.57])
+def test_a_work_area_is_cut_where_the_belt_leads(direction: float | None) -> None:
+    """Alone there, by what leaves the tool no way to lift the part."""
     belt = {"middle": MIDDLE, "height": HEIGHT, "direction": direction}
     scene = scene_of({**SCENE, **({} if direction is None else {"belt": belt})}, place="scene")
     at = station("ur5e", TOOLS["suction"], "belt", scene)

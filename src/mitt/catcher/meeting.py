@@ -39,7 +39,7 @@ _TIMES, _INSTANTS = 24, 24
 #: would be in the work area then even at the first share of its speed, and where the tool would
 #: reach it until then even at the second; instants at which that is looked at. It is given up where
 #: the tool would be led out of reach within so long [s].
-_COMES, _SLOWER, _SLOWEST, _LOOKS, _LED = 0.8, 0.8, 0.6, 8, 0.2
+_COMES, _SLOWER, _SLOWEST, _LOOKS, _LED = 0.8, 0.8, 0.6, 8, 0.15
 #: Halvings of the times between the longest and the shortest.
 _HALVINGS = 3
 #: Ticks from one verdict to the next while there is nothing to meet.
