@@ -110,9 +110,9 @@ def test_the_covariance_is_true_with_and_without_a_kick(kick: float) -> None:
 
 
 def test_outliers_cost_little_and_never_the_track() -> None:
-    """0.3 m off, ten percent: the error at the end is within 1.3 of the clean one."""
+    """0.3 m off, one or ten percent: the error at the end is within 1.3 of the clean one."""
     rms = []
-    for share in (0.0, 0.1):
+    for share in (0.0, 0.01, 0.1):
         rng, errors = np.random.default_rng(2), []
         for _ in range(100):
             states, f = throw(rng), BallFilter(KNOWN)
@@ -120,7 +120,7 @@ def test_outliers_cost_little_and_never_the_track() -> None:
                 f.update(s)
             errors.append(f.state(249 * H).r_o - states[-1, :3])
         rms.append(np.sqrt(np.mean(np.square(errors))))
-    assert rms[1] < 1.3 * rms[0]
+    assert max(rms[1:]) < 1.3 * rms[0]
 
 
 def test_a_ball_elsewhere_is_believed_after_eight_rejections() -> None:

@@ -565,7 +565,9 @@ class Meeting(Generator):
         known = glide.onwards()
         start = None if known is None else known[3]
         found = self.map.motion_along(target[None], clock, whole, start)
-        glide.ended = glide.ended or self._lost(ball, followed) or self._led_out(target, since)
+        glide.ended = glide.ended or self._lost(ball, followed)
+        if not glide.ended and self._led_out(target, since, start):
+            glide.ended = "domain"
         if found is not None and not glide.ended and self._too_fast(found, _OVER):
             glide.ended = "tool"
         inside = found is not None or known is not None
@@ -607,18 +609,16 @@ class Meeting(Generator):
         leaves = float(out @ v) > (_OUTWARDS if due else _OUTWARDS + spare) * far
         return "area" if far > _OUTSIDE and leaves else ""
 
-    def _led_out(self, target: Array, since: float) -> str:
-        """Return ``domain`` where a way that began within reach leads out of it: its part is late.
+    def _led_out(self, target: Array, since: float, start: Array | None) -> bool:
+        """Say whether a way that began within reach will soon lead out of it: its part is late.
 
         It is given up while joints are slow enough to stop: at the end of its reach an arm is
         straight, and its joints race.
         """
         if not np.any(self.pull) or since > self.approach(self.after):
-            return ""
+            return False
         ahead = np.array([target[0] + _LED * target[1], *target[1:]])
-        known = self.glide.rows
-        start = None if known is None else known[3]
-        return "" if self.map.virtual(ahead, start)[0] else "domain"
+        return not self.map.virtual(ahead, start)[0]
 
     def leaving(self, motion: Array) -> Array | None:
         """Return how the tool leaves while it comes to rest, with what it holds, (k, 3, n).
