@@ -103,7 +103,7 @@ def test_no_broken_file_gets_more_than_one_line(tmp_path: Path) -> None:
     def keep(name: str, data: bytes) -> None:
         (tmp_path / f"harmful-{name}").write_bytes(data)
 
-    found = files.soak(160, seed=3, folder=tmp_path, keep=keep)
+    found = files.soak(240, seed=3, folder=tmp_path, keep=keep)
     assert found.faults == []
     assert 0.3 < found.refused / found.files < 1.0
 
