@@ -222,6 +222,31 @@ def test_what_ends_a_search_by_an_error_keeps_it_as_well(
     assert load_arm(out)
 
 
+def test_an_earlier_design_outlives_a_search_without_one(
+    found: Design, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    """With --overwrite as well: one that finds nothing, and one that is broken off."""
+    out, none = tmp_path / "d.toml", replace(found, found=False, best=None, reason="none")
+    words = ["design", "wam", "--limits", "wam-80v", "--out", str(out), "--workers", "1"]
+    monkeypatch.setattr(command, "search_design", lambda *_, **__: found)
+    assert main(words) == 0
+    kept = out.read_bytes()
+    monkeypatch.setattr(command, "search_design", lambda *_, **__: none)
+    assert main([*words, "--overwrite"]) == 0
+    assert f"the earlier design in {out} stays" in capsys.readouterr().out.replace("\n", "")
+
+    def broken(_: Arm, task: Task, *__: object, answers: Answers, **___: object) -> Design:
+        assert found.best is not None
+        answers.ended(task, [found.best])
+        raise Interrupted(signal.SIGINT)
+
+    monkeypatch.setattr(command, "search_design", broken)
+    assert main([*words, "--overwrite"]) == 130
+    assert f"the earlier design in {out} stays; --resume" in capsys.readouterr().err
+    assert out.read_bytes() == kept
+
+
 def test_the_best_so_far_is_of_the_last_stage_that_caught_enough(
     found: Design, whole: Arm, task: Task
 ) -> None:

@@ -107,14 +107,13 @@ class FrameWriter:
         """Remove a ring of that name whose writer is dead; refuse anything else."""
         try:
             with self._file.open("rb") as left:
-                head = left.read(8)  # nothing where its writer was killed as it began
-                if head and int.from_bytes(head, sys.byteorder) != _MAGIC:
+                if int.from_bytes(left.read(8), sys.byteorder) != _MAGIC:
                     raise InputError("source.memory", "a name of its own",
                                      f"a memory called {self._file.name} of another program",
                                      do="choose another name")  # fmt: skip
                 flock(left, LOCK_EX | LOCK_NB)
                 # Another may have replaced it since it was opened; its own ring is locked.
-                if os.path.samestat(self._file.stat(), os.fstat(left.fileno())):
+                if os.path.samestat(self._file.lstat(), os.fstat(left.fileno())):
                     self._file.unlink()
         except FileNotFoundError:
             return
@@ -140,7 +139,7 @@ class FrameWriter:
         """Take the memory away; who reads it may finish."""
         del self._head, self._memory
         with suppress(OSError):  # nobody's but its own
-            if os.path.samestat(self._file.stat(), os.fstat(self._fd)):
+            if os.path.samestat(self._file.lstat(), os.fstat(self._fd)):
                 self._file.unlink()
         os.close(self._fd)
 

@@ -1,5 +1,6 @@
 """``mitt design``: find what an arm can catch and the map that does it."""
 
+import os
 import shlex
 from collections.abc import Sequence
 from dataclasses import fields, replace
@@ -33,8 +34,9 @@ from mitt.design.search_jobs import Answers
 from mitt.design.task import AROUND_FLIGHTS, Task, box_of, of_flights, of_throws, seen
 from mitt.errors import InputError, MittError, UnknownNameError
 from mitt.files.arm_file import ArmFile, design_of, hand_of, is_arm_file, write_arm_file
-from mitt.files.writing import wrote
+from mitt.files.writing import check_own
 from mitt.interrupts import finally_do, notice, status_of, tell, words_of
+from mitt.reading import MAX_TOML_BYTES, read_text
 from mitt.trials.workers import engine_of
 from mitt.world.flights import read_flights
 from mitt.world.scene import DEFAULT_SCENE, Scene, read_scene
@@ -42,6 +44,8 @@ from mitt.world.throws import read_throws
 
 #: Options that say nothing of the design.
 _ELSEWHERE = ("arm", "out", "workers", "resume", "overwrite", "json", "check")
+#: How the file of a search begins that was broken off.
+_BROKEN_OFF = "mitt design: broken off"
 
 
 def design(options: DesignOptions) -> int:
@@ -103,8 +107,6 @@ def _finish(found: Design, origin: ArmFile, scene: Scene, options: DesignOptions
             found.arm_file(origin),
             comment=_comment(found, options.scene or DEFAULT_SCENE),
         )
-    elif wrote(options.out):
-        options.out.unlink(missing_ok=True)
     written = [options.out, page] if found.usable else [page]
     _write_page(page, found, scene, _words(options))
     warn(found.left_out, json=options.json)
@@ -112,21 +114,28 @@ def _finish(found: Design, origin: ArmFile, scene: Scene, options: DesignOptions
         say(f"written: {', '.join(str(path) for path in written)}")
         print_json(found.as_json())
     else:
-        _show(found, written)
+        _show(found, options.out, written)
         if found.usable:
             seen = [] if options.scene is None else ["--scene", str(options.scene)]
             show(f"next: {shlex.join(['mitt', 'catch', '--arm', str(options.out), *seen])}")
 
 
 def _keep(best: Design | None, origin: ArmFile, options: DesignOptions) -> str:
-    """Write the best design of a search that is broken off; return in words what is kept."""
+    """Write the best design of a search that is broken off; return in words what is kept.
+
+    An earlier design stays: only what another search wrote that was broken off is replaced.
+    """
     go_on = "--resume goes on with the search"
     if best is None:
         return f"no design catches enough yet; {go_on}"
     assert best.best is not None
+    if options.out.exists() and not read_text(options.out, max_bytes=MAX_TOML_BYTES).startswith(
+        f"# {_BROKEN_OFF}"
+    ):
+        return f"the earlier design in {options.out} stays; {go_on}"
     caught = f"{best.best.clean} of {best.best.thrown}"
     write_arm_file(options.out, best.arm_file(origin), comment=(
-        f"mitt design: broken off, the best so far. Within every limit it caught {caught} of the\n"
+        f"{_BROKEN_OFF}, the best so far. Within every limit it caught {caught} of the\n"
         "throws of the search."
     ))  # fmt: skip
     return f"the best so far, {caught} caught, is in {options.out}; {go_on}"
@@ -170,7 +179,8 @@ def _check_outputs(options: DesignOptions) -> None:
     if options.resume and options.overwrite:
         raise InputError("--resume and --overwrite", "one of them", "both")
     answers = _search(options)
-    if answers.exists() and not (options.resume or options.overwrite or options.check):
+    check_own("answers beside --out", answers)
+    if os.path.lexists(answers) and not (options.resume or options.overwrite or options.check):
         raise InputError("--out", "a design that is not begun",
                          f"{answers}, of a search that was broken off or still runs",
                          do="say --resume to go on with it, or --overwrite")  # fmt: skip
@@ -314,7 +324,7 @@ def _taken(found: Design) -> str:
     return f", of {force:.0f} N that hand and arm take" if np.isfinite(force) else ""
 
 
-def _show(found: Design, written: Sequence[Path]) -> None:
+def _show(found: Design, out: Path, written: Sequence[Path]) -> None:
     """Print what was found."""
     if found.rows:
         rows = table("caught within every limit, by the speed of the throws",
@@ -335,4 +345,6 @@ def _show(found: Design, written: Sequence[Path]) -> None:
         )
     if not found.found:
         show(f"{name}: no design for the throws asked for; {found.reason}; {found.seconds:.0f} s")
+    if not found.usable and out.exists():
+        show(f"the earlier design in {out} stays")
     show(f"written: {', '.join(str(path) for path in written)}")

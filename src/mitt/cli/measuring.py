@@ -20,7 +20,7 @@ from mitt.cli.screen import (
 )
 from mitt.clock import Stopwatch
 from mitt.errors import FileError, InputError
-from mitt.files.writing import check_folder, locked, write_json, wrote
+from mitt.files.writing import check_folder, check_own, locked, write_json
 from mitt.interrupts import tell, words_of
 from mitt.map.map_design import warnings_of
 from mitt.reading import read_json
@@ -201,11 +201,10 @@ def _page_of_study(options: ReportOptions) -> int:
         if task is None
         else _page_of_task(folder, task.kind)
     )
+    page = folder.path / PAGE
+    check_own("page of the study", page)
     if options.check:
         return checked(said)
-    page = folder.path / PAGE
-    if page.exists() and not wrote(page):
-        raise FileError(str(page), "a page of mitt, or none", "another file", do="move it away")
     with locked(folder.path), progress() as report:
         write(progress=report)
     return _written(options, page, "")

@@ -249,7 +249,7 @@ class LearnOptions(ArmOptions):
         out: File to write.
         flights_count: Number of flights in the neighbourhood to learn from.
         seed: Seed of that neighbourhood; the one that mitt catch uses if left out.
-        overwrite: Replace an existing file.
+        overwrite: Replace an existing file of mitt.
     """
 
     module: ClassVar = "catching"
@@ -284,7 +284,7 @@ class DesignOptions(Options):
         seed: Seed of the search.
         workers: Processes; one a core if left out.
         resume: Go on with a search that was broken off; it comes to the same design.
-        overwrite: Replace an existing file, and begin a search anew.
+        overwrite: Replace an existing design, once one is found, and begin a search anew.
     """
 
     module: ClassVar = "designing"
@@ -483,7 +483,7 @@ class TrackOptions(Options):
         out: File to write: the rows of the input, with what the filter knew by then.
         ahead: Time to look ahead [s]; adds x_ahead_m,y_ahead_m,z_ahead_m. 0 is the filtered place.
         sigma: Standard deviation of each coordinate [m]; learned from the positions if left out.
-        overwrite: Replace an existing file.
+        overwrite: Replace an existing file of mitt.
     """
 
     module: ClassVar = "seeing"
@@ -514,7 +514,7 @@ class SeeOptions(Options):
         ball: What is believed of the flight: any ball, the thrown one of mitt catch, or a
             table-tennis ball.
         ball_radius: Radius of the ball [m].
-        overwrite: Replace existing files.
+        overwrite: Replace existing files of mitt.
     """
 
     module: ClassVar = "seeing"
@@ -569,7 +569,7 @@ class CalibrateOptions(Options):
             ball that rides on the braking hand tells the clock.
         search: Largest clock offset looked for, either way [s].
         picture: Picture of the coverage to write; beside --out if left out.
-        overwrite: Replace existing files.
+        overwrite: Replace existing files of mitt.
     """
 
     module: ClassVar = "seeing"

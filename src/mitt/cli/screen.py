@@ -1,6 +1,7 @@
 """What the commands share: checks of output files, progress on stderr, tables on stdout."""
 
 import json
+import os
 import sys
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -21,7 +22,7 @@ from rich.text import Text
 from mitt.cli.options import BatOptions, CatchOptions, MeetOptions
 from mitt.clock import Pace, Progress
 from mitt.errors import InputError, printable
-from mitt.files.writing import check_folder, file_name, new_folder, overlaps, wrote
+from mitt.files.writing import check_folder, check_own, file_name, new_folder, overlaps
 from mitt.interrupts import end_with_parent, tell
 
 
@@ -56,7 +57,8 @@ def check_new_files(
 ) -> None:
     """Refuse output files that exist, that are read, or whose folder cannot be written.
 
-    With ``--check`` an output may exist: nothing is written.
+    With ``--check`` an output may exist: nothing is written. What is replaced is a file of mitt,
+    as far as its kind tells, and no link.
 
     Args:
         options: Options of a command: their other paths are what is read.
@@ -75,12 +77,12 @@ def check_new_files(
         if any(overlaps(path, other) for other in (*read, *(x for _, x in files[:k]))):
             raise InputError(name, "a file of its own", f"{path}, which is read or written too",
                              do="choose another")  # fmt: skip
-        if path.exists() and not overwrite and not options.check:
+        there, named = os.path.lexists(path), path in _named(options)
+        if there and not overwrite and not options.check:
             raise InputError(name, "a new file", f"{path}, which exists",
                              do="choose another or say --overwrite")  # fmt: skip
-        if path.exists() and path not in _named(options) and not wrote(path):
-            raise InputError(name, "a place beside --out that is free, or a file of mitt", path,
-                             do="choose another name for --out, or move that away")  # fmt: skip
+        if overwrite or not named:
+            check_own(name, path)
         check_folder(path.parent, overwrite=True)
 
 

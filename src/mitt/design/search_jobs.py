@@ -7,7 +7,6 @@ system as soon as it is whole: a process that is killed loses what is under way.
 """
 
 import errno
-import fcntl
 import hashlib
 import json
 import os
@@ -26,6 +25,7 @@ from mitt.design.evaluation import Evaluation, How, able_to_hold, judged, learne
 from mitt.design.task import Task
 from mitt.errors import FileError, InputError, MittError
 from mitt.files.schema import to_plain
+from mitt.files.writing import open_own, remove_own
 from mitt.reading import read_text
 from mitt.trials.workers import Engine, run_tasks
 
@@ -119,22 +119,17 @@ class Answers:
             resume: Whether the answers of a search that was broken off count.
 
         Raises:
-            InputError: It was another search, or it is still going on.
+            InputError: It was another search, it is still going on, or mitt did not write the file.
             FileError: The file cannot be read or written.
         """
         self = cls()
         self._path = path
         head = json.dumps({"schema": _SCHEMA, "version": mitt.__version__, "search": search})
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            self._file = open_own(path, _SCHEMA)
         except BlockingIOError:
-            os.close(self._file or 0)
             raise InputError("--out", "a design that no other search is looking for",
                              f"{path}, where one is looking") from None  # fmt: skip
-        except OSError as error:
-            raise self._unwritable(error) from None
         try:
             size = self._take(head) if resume else 0
             self._begun = bool(self._answers)
@@ -189,7 +184,7 @@ class Answers:
         """
         if self._file is not None:
             if done or self._begun is False:
-                self._path.unlink(missing_ok=True)
+                remove_own(self._path, self._file)
             os.close(self._file)
         self._file = None
 

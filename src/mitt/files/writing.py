@@ -13,9 +13,10 @@ import json
 import os
 import re
 import secrets
+import stat
 import tempfile
 from collections.abc import Callable, Collection, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from itertools import count
 from math import isfinite
@@ -39,7 +40,7 @@ _BEGINNINGS = {
     ".jsonl": re.compile(rb'\{\s*"schema":\s*"mitt\.'),
     ".html": re.compile(rb"<!doctype html>.*<title>mitt: ", re.DOTALL),
     ".mcap": re.compile(rb"\x89MCAP0\r\n\x01.{12}ros2.{4}mitt", re.DOTALL),
-    ".toml": re.compile(rb"# mitt design: "),
+    ".toml": re.compile(rb"# (mitt design: |Cameras as mitt calibrate found them)"),
     ".png": re.compile(rb"\x89PNG.*tEXtSoftware\x00mitt", re.DOTALL),
     ".mkv": re.compile(rb"\x1aE\xdf\xa3.*mitt", re.DOTALL),
 }  # fmt: skip
@@ -81,6 +82,68 @@ def temporary_beside(path: Path) -> Path:
     temporary = path.parent / f".{path.name}.{secrets.token_hex(4)}"
     os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY | os.O_CLOEXEC, 0o666))
     return temporary
+
+
+def check_own(name: str, path: Path) -> None:
+    """Refuse to replace a link, or what mitt did not write as far as its kind tells.
+
+    Args:
+        name: What an error calls the file, as the option that names it.
+        path: The file; where nothing is, nothing is replaced.
+
+    Raises:
+        InputError: Something else is in the way.
+    """
+    if not os.path.lexists(path) or (path.is_file() and not path.is_symlink() and wrote(path)):
+        return
+    raise _in_the_way(name, path)
+
+
+def _in_the_way(name: str, path: Path) -> InputError:
+    """Return the error of a file that is not replaced."""
+    what = "a link" if path.is_symlink() else "which mitt did not write"
+    return InputError(name, "a place that is free, or a file of mitt", f"{path}, {what}",
+                      do="move that away, or choose another name for the output")  # fmt: skip
+
+
+def open_own(path: Path, schema: str) -> int:
+    """Open a file of ours to go on with, or make it; return its descriptor, to append to.
+
+    It is locked as long as the descriptor is open.
+
+    Args:
+        path: The file: regular, empty or beginning with the schema; never reached by a link.
+        schema: What JSON on its first line says that it is.
+
+    Raises:
+        BlockingIOError: Another process has it open so.
+        InputError: It is another file.
+        FileError: It cannot be made or written.
+    """
+    flags = os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
+    stated = re.compile(rb'\{"schema": "%b"' % re.escape(schema).encode())
+    if path.is_symlink():
+        raise _in_the_way("--out", path)
+    with _reported(path, _FILE):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle = os.open(path, flags, 0o644)
+    try:
+        whole = os.fstat(handle)
+        ours = whole.st_size == 0 or stated.match(os.pread(handle, 200, 0))
+        if not stat.S_ISREG(whole.st_mode) or not ours:
+            raise _in_the_way("--out", path)
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BaseException:
+        os.close(handle)
+        raise
+    return handle
+
+
+def remove_own(path: Path, handle: int) -> None:
+    """Remove a file that :func:`open_own` opened, unless another file has taken its name since."""
+    with suppress(OSError):
+        if os.path.samestat(os.lstat(path), os.fstat(handle)):
+            path.unlink()
 
 
 def file_name(text: str) -> str:
