@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 
 from mitt.arm.arm import Arm
+from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
 from mitt.catcher.meeting import Glide, Meeting, MeetingSettings
 from mitt.files.arm_file import load_arm
 from mitt.map.demand import Tolerance
 from mitt.map.meeting import unlearned_meeting
-from mitt.signals import TICK, Array, BallState
+from mitt.signals import TICK, ArmState, Array, BallState, Senses, Sighting
+from mitt.trials.station import CARRIED
 from mitt.verdict.feasibility import Outcome
 
 Q = np.array([0.2, -1.3, 1.8, -2.1, -1.5, 0.3])
@@ -118,6 +120,48 @@ def test_what_a_verdict_has_planned_is_not_planned_again(monkeypatch: pytest.Mon
     later = replace(ball, t=0.1)
     assert g.adapt(later, Q, np.zeros(6)).start == 0.1
     assert len(tried) > asked
+
+
+def begins(period: float, first: float, drift: float, pause: float | None = None) -> float:
+    """Return when an arm begins to meet a part that comes along, after the first tick [s].
+
+    Args:
+        period: Of the loop [s].
+        first: Time of its first tick [s].
+        drift: By how much its clock is fast.
+        pause: Between two verdicts [s]; as the generator says if None.
+    """
+    of = CatcherSettings(flight=CARRIED, sigma_ready=0.05)
+    with pytest.MonkeyPatch.context() as patch:
+        if pause is not None:
+            patch.setattr(Meeting, "pause", lambda _: pause)
+        catcher, still = Catcher(bare(), meeting(), settings=of), np.zeros(6)
+        for k in range(round(2.0 / period)):
+            since = k * period
+            t = first + since * (1.0 + drift)
+            r_o = part(ahead=1.0).r_o + since * part().dr_o
+            seen = Sighting(t=t, found=True, r_o=r_o, covariance=1e-6 * np.eye(3))
+            catcher.step(Senses(t=t, arm=ArmState(t=t, q=Q, dq=still), points=(seen,)))
+            catcher.think()
+            if catcher.phase is not Phase.WATCH:
+                return since
+    return inf
+
+
+@pytest.mark.parametrize(
+    "period", [0.0005, 0.002, 0.004, 0.007]
+)
+def test_a_meeting_begins_in_time_in_any_loop(period: float) -> None:
+    """Whatever its period, the number of its first millisecond, and the drift of its clock.
+
+    As if it thought about it in each tick, but for 10 ms.
+    """
+    rng = np.random.default_rng(round(1e6 * period))
+    for first in (0.001 * rng.integers(1, 8), 1.7e9 + rng.uniform(0.0, 0.008)):
+        drift = rng.uniform(-2e-4, 2e-4)
+        best = begins(period, first, drift, pause=0.0)
+        assert 0.3 < best < inf
+        assert begins(period, first, drift) < best + 0.01
 
 
 def test_the_way_to_a_part_begins_before_the_part_is_in_reach() -> None:

@@ -97,12 +97,6 @@ class _Memory(Memory[_Plan]):
         self.nearest: Verdict | None = None
         self.looked, self.usual = -inf, inf
 
-    def refused(self, t: float) -> bool:
-        """Say whether no ball could be struck shortly before a time [s]."""
-        ball, plan = self.ball, self.plan
-        recent = ball is not None and 0.0 <= t - ball.t < _ANEW
-        return recent and plan is not None and plan.verdict.outcome is not Outcome.FEASIBLE
-
     def keep(self, ball: BallState, plan: _Plan) -> _Plan:
         """Keep a plan and return it; one without a strike says what was lacking when it had one."""
         if plan.found is None and self.nearest is not None:
@@ -166,9 +160,9 @@ class Batting(Generator):
                            t_catch=self.t_contact, sigma=self.sharpness(ball))  # fmt: skip
         return self._planned(ball, q, np.zeros(len(q)) if dq is None else dq).verdict
 
-    def unsettled(self, ball: BallState, q: Array) -> bool:  # noqa: ARG002
-        """Say whether it was not to be struck a moment ago."""
-        return self.strike is None and self.memory.refused(ball.t)
+    def pause(self) -> float:
+        """Return the time after which a ball that could not be struck is judged anew [s]."""
+        return _ANEW
 
     def _planned(self, ball: BallState, q: Array, dq: Array) -> _Plan:
         """Return the verdict for an arm in ``q`` that moves at ``dq``, the strike and its map."""

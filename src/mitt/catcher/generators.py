@@ -152,6 +152,15 @@ class Farsighted(Generator, Protocol):
 
 
 @runtime_checkable
+class Paced(Generator, Protocol):
+    """A generator whose verdict takes long: it is asked again only after a while."""
+
+    def pause(self) -> float:
+        """Return the least time from one verdict to the next before the arm moves [s]."""
+        ...
+
+
+@runtime_checkable
 class Leaving(Generator, Protocol):
     """A generator that says how the arm goes away with what it has grasped.
 

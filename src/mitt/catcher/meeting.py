@@ -42,8 +42,9 @@ _TIMES, _INSTANTS = 24, 24
 _COMES, _SLOWER, _SLOWEST, _LOOKS, _LED = 0.8, 0.8, 0.6, 8, 0.15
 #: Halvings of the times between the longest and the shortest.
 _HALVINGS = 3
-#: Ticks from one verdict to the next while there is nothing to meet.
-_EVERY = 8
+#: Least time from one verdict to the next while there is nothing to meet [s]: a verdict takes a
+#: millisecond or two, and a start may come up to a tick later than that.
+_PAUSE = 0.0075
 #: Times in which the tool lifts what it has grasped and comes to rest [s].
 _LEAVES = (0.2, 0.3, 0.4, 0.6, 0.9, 1.4, 2.0)
 #: Times in which it comes to rest straight on [s], and the shares of the limits that this may take.
@@ -311,9 +312,9 @@ class Meeting(Generator):
         """Return the 1-sigma of the target's position now: nothing rests on a forecast [m]."""
         return spread(ball, 0.0)
 
-    def unsettled(self, ball: BallState, q: Array) -> bool:  # noqa: ARG002
-        """Say that it is not the time for a verdict: one is given every few ticks."""
-        return self.start == inf and round(ball.t / TICK) % _EVERY != 0
+    def pause(self) -> float:
+        """Return the time from one verdict to the next [s]."""
+        return _PAUSE
 
     def verdict(self, ball: BallState, q: Array) -> Verdict:
         """Return the verdict: the shortest time within the work area and all limits.

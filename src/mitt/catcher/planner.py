@@ -8,7 +8,14 @@ import numpy as np
 
 from mitt.arm.arm import Arm
 from mitt.arm.shapes import MARGIN, clearance
-from mitt.catcher.generators import Farsighted, Generator, Leaving, Underway, Unoptimised
+from mitt.catcher.generators import (
+    Farsighted,
+    Generator,
+    Leaving,
+    Paced,
+    Underway,
+    Unoptimised,
+)
 from mitt.catcher.settings import (
     BRAKE,
     DECIDE,
@@ -243,6 +250,8 @@ class Planner:
             self._take(verdict, ball)
             return
         self._verdict, self._deferred = verdict, None
+        if isinstance(self.generator, Paced):
+            self._scalars["t_look"] = ball.t + self.generator.pause()
         if verdict.outcome is Outcome.UNREACHABLE and ball.t - ball.t_first >= of.watch:
             self._enter(REFUSED)
 

@@ -70,9 +70,9 @@ class BatRival(Generator):
         """Return what the batting map says."""
         return self.batting.verdict(self._known(ball), q)
 
-    def unsettled(self, ball: BallState, q: Array) -> bool:
+    def pause(self) -> float:
         """Return what the batting map says."""
-        return self.batting.unsettled(ball, q)
+        return self.batting.pause()
 
     def adapt(self, ball: BallState, q: Array, dq: Array) -> "BatRival":
         """Take the contact of the batting map, and set out for it from where the arm is."""

@@ -18,6 +18,7 @@ camera's answer came, and of now; ``line-compensated`` that of the exposure, and
 which the command acts.
 """
 
+from bisect import bisect_left
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -37,7 +38,7 @@ from mitt.rivals.mpc import MpcPlanner
 from mitt.rivals.planned import Plan, Planner, RuckigPlanner, plan_quintic
 from mitt.rivals.pursuit import coasting
 from mitt.rivals.servo import Bounds, bounds_of, follow, rate_of
-from mitt.signals import TICK, Array, BallState, JointReference, MapStatus
+from mitt.signals import Array, BallState, JointReference, MapStatus
 from mitt.verdict.feasibility import Verdict
 
 AHEAD: Final = 0.1
@@ -47,9 +48,10 @@ AHEAD: Final = 0.1
 _SLOWEST, _RATE = 6.0, 30.0
 #: Largest acceleration with which ``ruckig`` plans [rad/s^2]: it goes as hard as it may.
 _MOST = 20.0
-#: Time over which an encoder's speeds are compared for its acceleration, in ticks, and how long
-#: its values are kept [s].
-_COMPARED, _KEPT = 10, 1.0
+#: Time over which an encoder's speeds are compared for its acceleration [s].
+_COMPARED = 0.01
+#: How long its values are kept [s].
+_KEPT = 1.0
 
 
 class Way(Protocol):
@@ -118,9 +120,9 @@ class MeetingRival(Generator):
         begun = self.way.begin(np.array([q, 0.0 * q, 0.0 * q]), ball)
         return replace(self, meeting=self.meeting.adapt(ball, q, dq), way=begun, q_hold=q.copy())
 
-    def unsettled(self, ball: BallState, q: Array) -> bool:
+    def pause(self) -> float:
         """Return what the meeting map says."""
-        return self.meeting.unsettled(ball, q)
+        return self.meeting.pause()
 
     def leaving(self, motion: Array) -> Array | None:
         """Return what the meeting map says."""
@@ -259,7 +261,7 @@ class BeltEncoder:
     def __init__(self, along: Array) -> None:
         """Begin without a reading."""
         self.along = along
-        self._read: deque[tuple[float, float]] = deque(maxlen=round(_KEPT / TICK))
+        self._read: deque[tuple[float, float]] = deque()
 
     @property
     def now(self) -> float:
@@ -271,25 +273,33 @@ class BeltEncoder:
         if t <= self.now:
             self._read.clear()
         self._read.append((t, travel))
+        while t - self._read[0][0] > _KEPT:
+            self._read.popleft()
 
     def at(self, t: float) -> Array:
         """Return travel, speed, acceleration [m ...] at a time, (3,); later than now as foreseen.
 
         The nearest reading for a time before now.
         """
-        back = min(max(round((self.now - t) / TICK), 0), len(self._read) - 1)
-        known, travel = self._read[-1 - back]
-        speed, before = self._speed(back), self._speed(back + _COMPARED)
-        ddr = (speed - before) / (_COMPARED * TICK)
+        near = self._nearest(t)
+        known, travel = self._read[near]
+        speed, before = self._speed(near), self._speed(self._nearest(known - _COMPARED))
+        ddr = (speed - before) / _COMPARED
         ahead = t - known
         return np.array([travel + ahead * speed + 0.5 * ahead**2 * ddr, speed + ahead * ddr, ddr])
 
-    def _speed(self, back: int) -> float:
-        """Return the speed so many readings ago [m/s]; the oldest known of times before."""
-        k = len(self._read) - 1 - min(back, max(len(self._read) - 2, 0))
-        if k < 1:
+    def _nearest(self, t: float) -> int:
+        """Return which reading is nearest to a time [s]; the oldest or newest of times beyond."""
+        k = bisect_left(self._read, (t,))
+        if k == len(self._read) or (k > 0 and t - self._read[k - 1][0] <= self._read[k][0] - t):
+            return k - 1
+        return k
+
+    def _speed(self, k: int) -> float:
+        """Return the speed in one of the readings [m/s]; the oldest known of the first."""
+        if len(self._read) < 2:
             return 0.0
-        (t, travel), (t_1, travel_1) = self._read[k - 1], self._read[k]
+        (t, travel), (t_1, travel_1) = self._read[max(k, 1) - 1], self._read[max(k, 1)]
         return (travel_1 - travel) / (t_1 - t)
 
 
