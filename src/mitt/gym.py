@@ -19,7 +19,7 @@ with keywords of their own: :class:`Meet`, :class:`Bat`.
 docs/gym.md says what is observed and rewarded.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal, TypeAlias, final
@@ -453,6 +453,8 @@ class Meet(Driven):
         *,
         render_mode: str | None = None,
         arm: str | Path = "ur5e",
+        tip: str | None = None,
+        joints: Sequence[str] | None = None,
         limits: str | None = None,
         tool: Literal["suction", "jaw"] = "suction",
         target: Literal["belt", "hand"] = "belt",
@@ -467,6 +469,8 @@ class Meet(Driven):
         Args:
             render_mode: As of Gymnasium.
             arm: Name or file of an arm.
+            tip: Frame of a description file at which the tool is mounted.
+            joints: Joints of the file that move.
             limits: Its limit set; its own if left out.
             tool: What takes the part.
             target: What moves it.
@@ -483,8 +487,8 @@ class Meet(Driven):
         limits = None if limits is None else checks.text("limits", limits)
         scene = PARTS_SCENE if scene is None else scene_from(scene)
         self._set_up(render_mode, scene, action, ticks)
-        at = station(str(checks.path("arm", arm)), replace(TOOLS[tool], delay=delay), target, scene,
-                     limits=limits)  # fmt: skip
+        at = station(checks.path("arm", arm), replace(TOOLS[tool], delay=delay), target, scene,
+                     tip=tip, joints=joints, limits=limits)  # fmt: skip
         self._at, self.scene = at, at.scene
         self._take(at.arm, World(at.scene, at.arm.model, limits=at.arm.limits), TOOLS[tool].closed)
         self._catcher, self._parts = self.fresh_catcher(), self._drawn_parts(0)
@@ -550,7 +554,7 @@ class Bat(Driven):
         self,
         *,
         render_mode: str | None = None,
-        arm: str = "wam",
+        arm: str | Path = "wam",
         limits: str | None = None,
         target: tuple[float, float, float] = TARGET,
         action: Literal["torque", "residual"] = "torque",
@@ -561,7 +565,7 @@ class Bat(Driven):
 
         Args:
             render_mode: As of Gymnasium.
-            arm: Name of an arm that has a stance.
+            arm: Name of an arm that has a stance, or an arm file of one.
             limits: Its limit set; its own if left out.
             target: Where balls are to go [m].
             action: As of :mod:`mitt.gym`.
@@ -569,7 +573,7 @@ class Bat(Driven):
             scene: The world; ``lab`` if left out.
         """
         self._set_up(render_mode, scene_from(scene), action, ticks)
-        self._name, self._learned = checks.text("arm", arm), action == "residual"
+        self._name, self._learned = checks.path("arm", arm), action == "residual"
         self._limits = None if limits is None else checks.text("limits", limits)
         self._target = checks.vector("target", target, 3, finite=True)
         self._at = self._station()

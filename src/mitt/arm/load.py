@@ -115,6 +115,13 @@ def with_encoders(arm: Arm, step: float | Sequence[float]) -> Arm:
     return Arm(_with_encoders(arm.model, step), arm.limits)
 
 
+def with_hand(arm: Arm, hand: Hand) -> Arm:
+    """Return an arm that carries another hand, mounted on the same plate."""
+    model = arm.model
+    plate = model.tool @ np.linalg.inv(mounting(model.hand)[1])
+    return Arm(replace(model, hand=hand, tool=plate @ mounting(hand)[1]), arm.limits)
+
+
 def arm_names() -> tuple[str, ...]:
     """Return the names of all arms that come with mitt, the WAM first."""
     return ("wam", *shipped("arms"))

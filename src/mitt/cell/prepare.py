@@ -121,8 +121,9 @@ def _meeting(cell: Cell, task: MeetTask) -> PreparedCell:
     """Return a cell where parts are met."""
     tool = replace(TOOLS[task.tool], delay=task.gripper_delay)
     at = station(
-        cell.arm.file, tool, task.target, scene_of_cell(cell, None), limits=cell.arm.limits,
-        speed=task.tool_speed, speed_scale=cell.motion.speed_scale,
+        cell.arm.file, tool, task.target, scene_of_cell(cell, None), tip=cell.arm.tip,
+        joints=cell.arm.joints, limits=cell.arm.limits, speed=task.tool_speed,
+        speed_scale=cell.motion.speed_scale,
     )  # fmt: skip
     check_names(cell, at.arm)
     if task.area is not None:

@@ -28,6 +28,7 @@ from mitt.cli.screen import (
 )
 from mitt.clock import Progress
 from mitt.errors import InputError
+from mitt.files.arm_file import arm_of_task
 from mitt.files.writing import locked, write_json
 from mitt.interrupts import notice, status_of, words_of
 from mitt.signals import Array
@@ -47,7 +48,7 @@ from mitt.world.flights import Recording, builtin_flights, read_flights
 from mitt.world.scene import DEFAULT_SCENE, Scene, read_scene
 
 #: Options that may name a file.
-_FILES = ("scene", "limits", "flights")
+_FILES = ("arm", "scene", "limits", "flights")
 #: Name of the recorded flights that ship.
 _SHIPPED = "tennicam"
 #: Limits of the WAM's motors: those of the idealised arm would flatter.
@@ -129,10 +130,17 @@ def _asked(options: BatOptions) -> _Asked:
         target=target,
         speed=None if speed is None else (speed[0], speed[1]),
         recordings=_recordings(options.flights),
-        limits=_LIMITS.get(options.arm) if options.limits is None else options.limits,
+        limits=_limits(options),
         scene=read_scene(name, flights=flights),
         out=out,
     )
+
+
+def _limits(options: BatOptions) -> str | None:
+    """Return the limit set that is said, or that of the arm's motors where it has none."""
+    arm = arm_of_task(options.arm)
+    own = None if arm.limits is not None else _LIMITS.get(str(arm.arm))
+    return own if options.limits is None else options.limits
 
 
 def _recordings(name: str | None) -> tuple[Recording, ...]:

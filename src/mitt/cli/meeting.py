@@ -27,6 +27,7 @@ from mitt.cli.screen import (
 )
 from mitt.clock import Progress
 from mitt.errors import FileError, InputError, meant
+from mitt.files.arm_file import joint_names
 from mitt.files.writing import locked, write_json
 from mitt.interrupts import notice, status_of, words_of
 from mitt.rivals.meeting import PLANNERS
@@ -53,8 +54,10 @@ def meet(options: MeetOptions) -> int:
     out = run_folder(options, f"meet-{options.seed}-{Path(options.target).stem}")
     scene = PARTS_SCENE if options.scene is None else read_scene(options.scene)
     tool = replace(TOOLS[options.tool], delay=options.gripper_delay)
-    at = station(options.arm, tool, "belt" if options.target == "belt" else "hand", scene,
-                 limits=options.limits, speed=_tool_speed(options))  # fmt: skip
+    at = station(
+        options.arm, tool, "belt" if options.target == "belt" else "hand", scene, tip=options.tip,
+        joints=joint_names(options.joints), limits=options.limits, speed=_tool_speed(options),
+    )  # fmt: skip
     generator = at.generator(options.generator, rate=options.plan_rate)
     runner = MeetRunner(at, seed=options.seed, speed=_speed(options), generator=generator,
                         recordings=recordings)  # fmt: skip

@@ -148,7 +148,10 @@ class MeetOptions(Options):
     """Meet what moves on a belt or in a hand, and take it; print a table and write DIR.
 
     Attributes:
-        arm: The arm: a name, as ur5e, or a file.
+        arm: The arm: a name, as ur5e (mitt arms), an arm file (.toml), whose hand the tool
+            replaces, or a URDF or MJCF file (with --tip and --joints).
+        tip: Frame of the file at which the tool is mounted, as its flange, z out of it.
+        joints: Joints of the file that move, as A,B,C: 5, 6 or 7.
         limits: Limit set, as of mitt catch.
         tool: What the arm takes it with.
         target: What moves it: belt, hand (of a person), or a file of recorded motions, columns
@@ -177,6 +180,8 @@ class MeetOptions(Options):
     )
 
     arm: ArmName = "ur5e"
+    tip: Tip = None
+    joints: Joints = None
     limits: Limits = None
     tool: Literal["suction", "jaw"] = "suction"
     target: Annotated[str, Arg("belt|hand|CSV")] = "belt"
@@ -200,7 +205,8 @@ class BatOptions(Options):
     """Hit balls back to a target, or put the paddle in their way; print a table and write DIR.
 
     Attributes:
-        arm: The arm, one that has a stance for batting.
+        arm: The arm, one that has a stance for batting: wam, ur5e or franka-panda, or an arm file
+            (.toml) of one of these.
         limits: Limit set, as of mitt catch; wam-48v for the wam if left out.
         target: Where balls are sent [m], as X,Y,Z; 3,0,0.3 if left out.
         shield: Put the paddle in the way, at rest, instead of hitting to a target.
@@ -225,7 +231,7 @@ class BatOptions(Options):
         "mitt bat --limits wam-80v --target 3,0.3,0.4 --vision points",
     )
 
-    arm: Literal["wam", "ur5e", "franka-panda"] = "wam"
+    arm: ArmName = "wam"
     limits: Limits = None
     target: Annotated[str | None, Arg("X,Y,Z")] = None
     shield: bool = False

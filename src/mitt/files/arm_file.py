@@ -22,7 +22,7 @@ from mitt.arm.description import Hand
 from mitt.arm.description_files import MAX_BYTES
 from mitt.arm.hands import HandModel
 from mitt.arm.limits import KINDS, LimitSet
-from mitt.arm.load import Mount, build_arm, is_shipped, with_encoders
+from mitt.arm.load import Mount, build_arm, is_shipped, with_encoders, with_hand
 from mitt.arm.wam import LIMIT_SETS
 from mitt.errors import FileError, InputError, MittError, UnknownNameError, printable
 from mitt.files.schema import Finite, Part, Settings, from_plain, parsed
@@ -235,12 +235,7 @@ class ArmFile:
         Raises:
             MittError: The arm cannot be; the message says why.
         """
-        if isinstance(self.arm, Path) and self.sha256 is not None:
-            given = digest_of(self.arm)
-            if given != self.sha256:
-                raise FileError(str(self.arm), f"the file of SHA-256 {self.sha256[:16]}...",
-                                f"{given[:16]}...", do="take that file, or sha256 out of the arm"
-                                " file and try whether the arm still catches")  # fmt: skip
+        self._check_digest()
         arm = build_arm(
             self.arm,
             tip=self.tip,
@@ -261,6 +256,44 @@ class ArmFile:
         if self.map is not None:
             tangent_of(arm, self.map)  # refuses a map that this arm cannot have
         return arm
+
+    def carrying(
+        self, tool: Hand, *, joints: Sequence[str] = (), limits: str | Path | None = None
+    ) -> Arm:
+        """Return the arm with the tool of a task on the plate where its hand is.
+
+        What is said of a catch is left out: hand, ready pose, map, throws; and of an arm by name
+        which of its joints move.
+
+        Args:
+            tool: The tool.
+            joints: Joints that move; if left out, all of an arm by name, of a description those
+                that the arm file names.
+            limits: Limits in the place of its own.
+
+        Raises:
+            MittError: The arm cannot be; the message says why.
+        """
+        own = hand_of(self.hand, self.hand_tilt, self.hand_force, self.hand_depth)
+        described = isinstance(self.arm, Path)
+        names = tuple(joints) or (self.joints if described else ())
+        self._check_digest()
+        arm = build_arm(
+            self.arm, tip=self.tip, joints=names or None,
+            held={x: angle for x, angle in self.held.items() if names and x not in names},
+            limits=limits_of(self.limits if limits is None else limits, self.arm),
+            hand=own or tool, hand_mount="plate" if own is None else self.hand_mount,
+        )  # fmt: skip
+        return arm if own is None else with_hand(arm, tool)
+
+    def _check_digest(self) -> None:
+        """Refuse a description file that is not the one that the arm file was made for."""
+        if isinstance(self.arm, Path) and self.sha256 is not None:
+            given = digest_of(self.arm)
+            if given != self.sha256:
+                raise FileError(str(self.arm), f"the file of SHA-256 {self.sha256[:16]}...",
+                                f"{given[:16]}...", do="take that file, or sha256 out of the arm"
+                                " file and try whether the arm still catches")  # fmt: skip
 
 
 class _Arm(Part):
@@ -329,6 +362,35 @@ def design_of(name_or_path: str | Path) -> ArmFile | None:
         raise InputError(f"arm {name}", "one with a design that ships", "one without",
                          do=f"mitt design {name} --out {name}.toml looks for one")  # fmt: skip
     return None
+
+
+def arm_of_task(
+    name_or_path: str | Path, *, tip: str | None = None, joints: Sequence[str] | None = None
+) -> ArmFile:
+    """Return what a user calls an arm, as an arm file says it, for :meth:`ArmFile.carrying`.
+
+    Args:
+        name_or_path: A name, an arm file, or a description file.
+        tip: Frame of a description, or of an arm by name, at which the tool is mounted, its z axis
+            out of it.
+        joints: Joints that move.
+
+    Raises:
+        InputError: Something is said beside an arm file.
+        FileError: The arm file is missing, or says what cannot be.
+    """
+    path = checks.path("arm", name_or_path)
+    if is_arm_file(path):
+        _refuse_beside(path, {"tip": tip, "joints": joints})
+        return read_arm_file(path)
+    named = str(name_or_path) == "wam" or is_shipped(name_or_path)
+    return ArmFile(arm=str(name_or_path) if named else path, tip=tip, joints=tuple(joints or ()),
+                   hand="none")  # fmt: skip
+
+
+def joint_names(text: str | None) -> list[str] | None:
+    """Return names of joints that a user wrote as ``A,B,C``; None where nothing was written."""
+    return None if text is None else [name.strip() for name in text.split(",")]
 
 
 def read_arm_file(path: Path) -> ArmFile:
@@ -500,7 +562,7 @@ def load_arm(
             limits=limits_of(limits, name_or_path), hand=hand, hand_turn=hand_turn,
             hand_mount=hand_mount, encoder_step=encoder_step,
         )  # fmt: skip
-    return _with_notes_logged(arm, name_or_path)
+    return with_notes_logged(arm, name_or_path)
 
 
 def arm_with_hand(
@@ -521,19 +583,26 @@ def arm_with_hand(
     if file is None:
         arm = load_arm(name_or_path, tip=tip, joints=joints, limits=limits, hand=HandModel())
         return arm, None
-    return _with_notes_logged(file.load(limits=limits_of(limits)), name_or_path), file
+    return with_notes_logged(file.load(limits=limits_of(limits)), name_or_path), file
 
 
 def _design_beside(name_or_path: str | Path, **said: object) -> ArmFile | None:
     """Return what an arm stands for; nothing where something is said beside a name."""
+    path = checks.path("arm", name_or_path)
+    _refuse_beside(path, said)
+    beside = any(value is not None for value in said.values())
+    return None if beside else design_of(path)
+
+
+def _refuse_beside(path: Path, said: Mapping[str, object]) -> None:
+    """Refuse what is said beside an arm file."""
     beside = [name for name, value in said.items() if value is not None]
-    if beside and is_arm_file(checks.path("arm", name_or_path)):
+    if beside and is_arm_file(path):
         raise InputError(beside[0], "nothing beside an arm file, which says it", "a value",
                          do="change the arm file")  # fmt: skip
-    return None if beside else design_of(checks.path("arm", name_or_path))
 
 
-def _with_notes_logged(arm: Arm, name: str | Path) -> Arm:
+def with_notes_logged(arm: Arm, name: str | Path) -> Arm:
     """Return an arm, its notes logged as warnings."""
     for note in arm.model.notes:
         logging.getLogger("mitt").warning("%s: %s", name, note)
@@ -571,9 +640,9 @@ class ArmSpec(Settings):
             FileError: A file holds something else than it did.
             MittError: The arm cannot be.
         """
-        names = None if self.joints is None else [x.strip() for x in self.joints.split(",")]
         with noted() as read:
-            arm, file = arm_with_hand(self.arm, tip=self.tip, joints=names, limits=self.limits)
+            arm, file = arm_with_hand(self.arm, tip=self.tip, joints=joint_names(self.joints),
+                                      limits=self.limits)  # fmt: skip
         if was is not None and (name := difference(was, read)):
             raise FileError(name, "the file that the study was made with", "another content",
                             do="put it back, or begin the study anew")  # fmt: skip

@@ -39,7 +39,7 @@ class ArmPart(Part):
 
     Attributes:
         file: Its name, or its file.
-        tip: Frame at which the hand is mounted.
+        tip: Frame at which the hand, or the tool of a task, is mounted.
         joints: The active joints.
         limits: Limit set, by name or file.
     """
@@ -293,9 +293,8 @@ def _check_task(cell: Cell, place: str) -> None:
         return
     if cell.task.target == "belt" and cell.task.belt is None:
         raise FileError(f"{place} key 'task.belt'", "the belt that brings the parts", "none")
-    given = {"map": cell.map, "arm.tip": cell.arm.tip, "arm.joints": cell.arm.joints}
     images = "images" if cell.source.kind == "images" else None
-    for key, value in (given | {"source.kind": images}).items():
+    for key, value in {"map": cell.map, "source.kind": images}.items():
         if value is not None:
             raise FileError(f"{place} key {key!r}", "none where parts are met", str(value)[:60],
                             do="leave it out")  # fmt: skip

@@ -6,6 +6,7 @@ thrower.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -14,9 +15,9 @@ from mitt.arm.arm import Arm
 from mitt.arm.tools import Paddle
 from mitt.catcher.batting import Batting, BattingSettings
 from mitt.catcher.settings import CatcherSettings
-from mitt.errors import ModelError
+from mitt.errors import ModelError, meant
 from mitt.eyes.camera import Rig, fixed_rig, look_at
-from mitt.files.arm_file import load_arm
+from mitt.files.arm_file import arm_of_task, with_notes_logged
 from mitt.map.batting import unlearned_batting
 from mitt.map.demand import Tolerance
 from mitt.map.map_design import MapDesign
@@ -126,13 +127,13 @@ _STANCES: Final = {
 
 
 def bat_station(
-    name: str, *, scene: Scene, target: Array | None, limits: str | None = None,
+    name: str | Path, *, scene: Scene, target: Array | None, limits: str | None = None,
     around: Neighbourhood = STRUCK, learns: bool = True,
 ) -> BatStation:  # fmt: skip
     """Return the station of an arm.
 
     Args:
-        name: Name of an arm whose stance is known.
+        name: Name of an arm whose stance is known, or an arm file of one.
         scene: The world.
         target: Where balls are sent [m], shape (3,); None for a shield.
         limits: Limit set; that of the arm if left out.
@@ -146,8 +147,7 @@ def bat_station(
     ball = scene.ball
     touch = Paddle().touch if ball.material is None else TOUCH[ball.material]
     paddle = Paddle(half=ball.radius, touch=touch)
-    stance = stance_of(name)
-    raw = load_arm(name, hand=paddle, joints=stance.joints, limits=limits)
+    raw, stance = arm_with_paddle(name, paddle, limits=limits)
     middle = np.array(stance.middle)
     place = raw.position(middle)
     model = replace(raw.model, q_ready=np.array(stance.ready), aim=np.array([place, _BOX]))
@@ -232,12 +232,21 @@ def strike_share(recording: Recording) -> float:
     return min(CATCH_FRACTION, (ends - _BEFORE_BOUNCE) / lasts)
 
 
-def stance_of(name: str) -> Stance:
-    """Return how an arm stands to bat.
+def arm_with_paddle(
+    name: str | Path, paddle: Paddle, *, limits: str | None = None
+) -> tuple[Arm, Stance]:
+    """Return an arm with a paddle on the plate where its hand is, and how it stands to bat.
 
     Raises:
         ModelError: Its stance is not known.
+        MittError: The arm cannot be.
     """
-    if name not in _STANCES:
-        raise ModelError("arm", f"one whose stance is known: {', '.join(_STANCES)}", name)
-    return _STANCES[name]
+    file = arm_of_task(name)
+    stance = _STANCES.get(str(file.arm))
+    if stance is None:
+        raise ModelError(f"arm {name}", f"one whose stance for batting is known: "
+                         f"{', '.join(_STANCES)}, or an arm file of one", file.arm,
+                         do=meant(str(name), _STANCES) or "choose one of these; mitt meet and mitt"
+                         " catch take any arm")  # fmt: skip
+    arm = file.carrying(paddle, joints=stance.joints, limits=limits)
+    return with_notes_logged(arm, name), stance

@@ -13,13 +13,21 @@ from typing import Annotated, ClassVar, Final, Literal
 import numpy as np
 from pydantic import Field, field_validator
 
+from mitt.arm.tools import Paddle
 from mitt.clock import Stopwatch
 from mitt.errors import InputError
-from mitt.files.arm_file import Coordinate, load_arm
+from mitt.files.arm_file import Coordinate
 from mitt.files.schema import Settings
 from mitt.reading import noted
 from mitt.rivals.batting import BATTERS
-from mitt.trials.bat_station import TARGET, BatStation, bat_station, coming, throw_ranges
+from mitt.trials.bat_station import (
+    TARGET,
+    BatStation,
+    arm_with_paddle,
+    bat_station,
+    coming,
+    throw_ranges,
+)
 from mitt.trials.batting import STATUSES, BatRunner, BatTrial
 from mitt.trials.source import source_of
 from mitt.trials.study_file import REFERENCE
@@ -127,7 +135,7 @@ class BatStudySettings(TaskStudySettings):
     Attributes:
         task: Says that it is one.
         generators: Names of the generators.
-        arm: The arm, one with a stance.
+        arm: The arm, one with a stance, or an arm file of one.
         vision: What the catcher sees.
         chunk: Trials that follow one another.
         conditions: What comes by.
@@ -242,5 +250,10 @@ def read_bat_study(path: Path) -> BatStudy:
     conditions = [*settings.conditions, *(_mapped(settings.map) if settings.map else ())]
     if not conditions:
         raise InputError(f"{path} key conditions", "a condition, or a map", "neither")
-    return study_of(BatStudy, path, settings, conditions,
-                    lambda: load_arm(settings.arm, limits=settings.limits))  # fmt: skip
+    return study_of(
+        BatStudy,
+        path,
+        settings,
+        conditions,
+        lambda: arm_with_paddle(settings.arm, Paddle(), limits=settings.limits),
+    )

@@ -15,11 +15,11 @@ from pydantic import Field
 
 from mitt.arm.tools import TOOLS, Jaw, Suction
 from mitt.clock import Stopwatch
-from mitt.files.arm_file import load_arm
+from mitt.files.arm_file import joint_names
 from mitt.reading import noted
 from mitt.rivals.meeting import LINES, MEETERS, PLANNERS
 from mitt.trials.meeting import STATUSES, MeetRunner, MeetTrial
-from mitt.trials.station import Station, station
+from mitt.trials.station import Station, arm_with_tool, station
 from mitt.trials.task_study import (
     Measure,
     Player,
@@ -69,7 +69,9 @@ class MeetStudySettings(TaskStudySettings):
         task: Says that it is one.
         generators: Names of the generators.
         rates: Plans a second, of those that plan [Hz].
-        arm: The arm: a name or a file.
+        arm: The arm: a name, an arm file, or a URDF or MJCF file.
+        tip: Frame of the file at which the tool is mounted.
+        joints: Joints of the file that move, as A,B,C.
         tool: What it takes parts with.
         gripper_delay: Time from the command until the tool acts [s].
         conditions: What comes by.
@@ -81,6 +83,8 @@ class MeetStudySettings(TaskStudySettings):
         tuple[Annotated[float, Field(ge=1.0, le=1000.0)], ...], Field(strict=False, min_length=1)
     ] = (100.0,)
     arm: str = "ur5e"
+    tip: str | None = None
+    joints: str | None = None
     tool: Literal["suction", "jaw"] = "suction"
     gripper_delay: Annotated[float, Field(ge=0.0, le=2.0)] = 0.05
     conditions: Annotated[tuple[MeetCondition, ...], Field(strict=False, min_length=1)]
@@ -127,8 +131,10 @@ def _station_of(text: str, condition: MeetCondition, thread: int) -> Station:  #
     study = MeetStudy.model_validate_json(text)
     speed = np.inf if condition.tool_speed is None else condition.tool_speed
     with noted() as files:
-        at = station(study.arm, study.gripper, condition.target, study.world,
-                     limits=study.limits, speed=speed)  # fmt: skip
+        at = station(
+            study.arm, study.gripper, condition.target, study.world, tip=study.tip,
+            joints=joint_names(study.joints), limits=study.limits, speed=speed,
+        )  # fmt: skip
     check_files(study, files)
     return at
 
@@ -143,5 +149,8 @@ def read_meet_study(path: Path) -> MeetStudy:
     path, settings = read_settings(path, MeetStudySettings, MEETERS)
     once(f"{path} key rates", settings.rates)
     tool = TOOLS[settings.tool]
-    return study_of(MeetStudy, path, settings, settings.conditions,
-                    lambda: load_arm(settings.arm, hand=tool, limits=settings.limits))  # fmt: skip
+    return study_of(
+        MeetStudy, path, settings, settings.conditions,
+        lambda: arm_with_tool(settings.arm, tool, tip=settings.tip,
+                              joints=joint_names(settings.joints), limits=settings.limits),
+    )  # fmt: skip

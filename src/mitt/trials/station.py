@@ -5,8 +5,10 @@ The pose in which it waits is looked for: the tool above the place, its axis as 
 it comes down on all of the work area clear of itself, of the floor and of singular poses.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
+from pathlib import Path
 from typing import Final, Literal, NamedTuple
 
 import numpy as np
@@ -23,7 +25,7 @@ from mitt.catcher.generators import Generator
 from mitt.catcher.meeting import Meeting, MeetingSettings
 from mitt.catcher.settings import CatcherSettings
 from mitt.errors import ModelError
-from mitt.files.arm_file import load_arm
+from mitt.files.arm_file import arm_of_task, with_notes_logged
 from mitt.map.demand import Tolerance
 from mitt.map.meeting import MeetingMap, unlearned_meeting
 from mitt.map.reach import Reach, ReachScratch, reach_of, reach_scratch, reach_target
@@ -54,6 +56,9 @@ PARTS_SCENE: Final = scene_of(
 """The world where parts are met and nothing is said: a camera of 60 Hz, 30 ms late, 2 mm of noise.
 """
 
+#: Numbers of joints that bring a tool to a target: its place, also its axis, also its turn; of
+#: seven one is held.
+_COUNTS = (3, 5, 6, 7)
 #: How far above its place the tool waits, and where its way down begins [m].
 _WAITS, _ABOVE = 0.15, 0.06
 #: Time from the meeting until the tool begins to close [s].
@@ -183,16 +188,19 @@ class Station:
 
 
 def station(
-    name: str, tool: Suction | Jaw, target: Target, scene: Scene, *, limits: str | None = None,
+    name: str | Path, tool: Suction | Jaw, target: Target, scene: Scene, *,
+    tip: str | None = None, joints: Sequence[str] | None = None, limits: str | None = None,
     speed: float = np.inf, speed_scale: float = 1.0,
 ) -> Station:  # fmt: skip
     """Return the station of an arm.
 
     Args:
-        name: Name or file of an arm.
+        name: The arm, as of :func:`mitt.files.arm_file.arm_of_task`, and ``tip``, ``joints``.
         tool: What it carries.
         target: What moves the part.
         scene: The world; what it does not say of part and belt is filled in.
+        tip: See ``name``.
+        joints: See ``name``.
         limits: Limit set; that of the arm if left out.
         speed: Largest speed of the tool [m/s].
         speed_scale: Share of the joints' speed limits that is used at all.
@@ -204,7 +212,7 @@ def station(
         scene = scene.model_copy(update={"ball": PART})
     half = 0.5 * (scene.ball.sides or (0.04,) * 3)[2]
     tool = replace(tool, half=half) if isinstance(tool, Suction) else tool
-    raw, free, coupling = _raw(name, tool, limits, target)
+    raw, free, coupling = _raw(name, tool, target, tip=tip, joints=joints, limits=limits)
     raw = Arm(raw.model, slowed(raw.limits, speed_scale))
     shoulder, reach = _shoulder(raw)
     tried = product(_HIGHER[target], _SHARES)
@@ -280,29 +288,47 @@ def _takes(tool: Suction | Jaw, scene: Scene) -> float:
     return float(tool.closing_on(0.5 * sides[0], 0.0, np.zeros(1)).takes[0])
 
 
+def arm_with_tool(
+    name: str | Path, tool: Suction | Jaw, *, tip: str | None = None,
+    joints: Sequence[str] | None = None, limits: str | None = None,
+) -> Arm:  # fmt: skip
+    """Return an arm with a tool, as of :func:`station`, with the joints that move at any target.
+
+    Raises:
+        MittError: The arm cannot be, or so many joints bring no tool to a target.
+    """
+    file, told = arm_of_task(name, tip=tip, joints=joints), tuple(joints or ())
+    arm = file.carrying(tool, joints=told, limits=limits)
+    if arm.n not in _COUNTS and file.held and not told:  # held for a catch alone
+        arm = file.carrying(tool, joints=(*file.joints, *file.held), limits=limits)
+    if arm.n not in _COUNTS:
+        given = f"{arm.n}: {', '.join(arm.names)}"
+        raise ModelError(f"arm {name}", "3, 5, 6 or 7 joints that move", given,
+                         do="name others (--joints)")  # fmt: skip
+    return with_notes_logged(arm, name)
+
+
 def _raw(
-    name: str, tool: Suction | Jaw, limits: str | None, target: Target
-) -> tuple[Arm, tuple[int, ...], Array | None]:
+    name: str | Path, tool: Suction | Jaw, target: Target, *, tip: str | None,
+    joints: Sequence[str] | None, limits: str | None,
+) -> tuple[Arm, tuple[int, ...], Array | None]:  # fmt: skip
     """Return an arm with a tool, the joints that bring it to a target, and how others follow.
 
     Of seven joints the third is held, where it is straight. The WAM carries the tool on its wrist,
     whose pitch follows two joints, so that three reach the target and the tool's direction stays.
     """
-    if name == "wam" and limits in (None, "paper"):
+    file = arm_of_task(name, tip=tip, joints=joints)
+    if file.arm == "wam" and (limits or file.limits) in (None, "paper"):
         arm = wrist_wam(tool)
         pitch = float(np.arccos(_FRAMES[target][2, 2])) - arm.q_ready[1]
         ready = np.array([0.0, arm.q_ready[1], 0.5 * pitch, 0.5 * pitch])
         bent = Arm(replace(arm.model, q_ready=ready), arm.limits)
         return bent, (0, 1, 2), np.array([[0.0, -1.0, -1.0]])
-    whole = load_arm(name, hand=tool, limits=limits)
-    names = whole.names
-    if len(names) == 7:
-        names = (*names[:2], *names[3:])
-        whole = load_arm(name, hand=tool, limits=limits, joints=names)
-    free = tuple(range(len(names)))
-    if len(free) not in (3, 5, 6):
-        raise ModelError(f"arm {name}", "3, 5, 6 or 7 joints", f"{len(free)}")
-    return whole, free, None
+    whole = arm_with_tool(name, tool, tip=tip, joints=joints, limits=limits)
+    if whole.n == 7:
+        names = (*whole.names[:2], *whole.names[3:])
+        whole = file.carrying(tool, joints=names, limits=limits)
+    return whole, tuple(range(whole.n)), None
 
 
 def _shoulder(arm: Arm) -> tuple[Array, float]:
