@@ -98,17 +98,24 @@ def test_a_folder_is_read_in_the_order_of_its_numbers(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("names", "times"),
     [(["l_0.0010.png", "l_0.0035.png"], [0.001, 0.0035]),
-     (["1700000000000000000.png", "1700000000004000000.png"], [1.7e9, 1.7e9 + 0.004])],
+     (["1700000000000000000.png", "1700000000004000000.png"], [1.7e9, 1.7e9 + 0.004]),
+     (["a-1700000000000000.png", "a-1700000000004000.png"], [1.7e9, 1.7e9 + 0.004]),
+     (["1700000000000.png", "1700000000004.png"], [1.7e9, 1.7e9 + 0.004])],
 )  # fmt: skip
 def test_names_tell_the_time(tmp_path: Path, names: list[str], times: list[float]) -> None:
-    """Seconds with a point, or nanoseconds as ROS writes them."""
+    """Seconds with a point, nanoseconds as ROS writes them, micro- and milliseconds since 1970."""
     write_images(tmp_path / "a", names)
     assert [f.t for f in all_of(tmp_path / "a")] == pytest.approx(times, abs=1e-6)
 
 
-def test_names_without_a_time_need_a_rate(tmp_path: Path) -> None:
-    """The message says --fps."""
-    write_images(tmp_path / "a", ["one.png"])
+@pytest.mark.parametrize(
+    "name",
+    ["one", "7", "1700000000", "170000000000", "20231011162034500", "9700000000000000",
+     "0000000000001234", "170000000000000000", "20231011162034"],
+)  # fmt: skip
+def test_names_without_a_time_need_a_rate(tmp_path: Path, name: str) -> None:
+    """No unit is guessed of a counter, a written date, or digits of no unit."""
+    write_images(tmp_path / "a", [f"{name}.png"])
     with pytest.raises(FileError, match="say --fps"):
         all_of(str(tmp_path / "a"))
 
@@ -281,3 +288,53 @@ def test_a_picture_has_one_grey_as_file_video_and_live(
     plain = np.arange(256, dtype=np.uint8).reshape(16, 16)
     assert cv2.imwrite(str(path), plain)
     assert np.array_equal(read_image(path), plain)
+
+
+@pytest.mark.parametrize("bits", [8, 10, 12, 14, 16])
+@pytest.mark.parametrize("suffix", ["png", "tiff", "pgm", "mkv"])
+def test_pixels_of_any_depth_are_read_by_the_bits_that_they_use(
+    tmp_path: Path, bits: int, suffix: str
+) -> None:
+    """Of 10, 12 or 14 bits in 16 the upper 8 count, also in the dark frames of a film."""
+    bright = images(5)
+    taken: list[Image] = [np.asarray(bright[0] // 8, dtype=np.uint8), *bright[1:]]
+    deep = [np.left_shift(image, bits - 8, dtype=np.uint16) for image in taken]
+    if suffix == "mkv":
+        deep, taken = deep[1:], taken[1:]
+        with av.open(str(tmp_path / "a.mkv"), "w") as container:
+            stream = container.add_stream("ffv1", 100)
+            stream.width, stream.height, stream.pix_fmt = *deep[0].shape[::-1], "gray16le"
+            for image in deep:
+                container.mux(stream.encode(av.VideoFrame.from_ndarray(image, format="gray16le")))
+            container.mux(stream.encode())
+        path = tmp_path / "a.mkv"
+    else:
+        path = tmp_path
+        for k, image in enumerate(deep):
+            assert cv2.imwrite(str(path / f"{k}.{suffix}"), image)
+    for frame, image in zip(all_of(path, fps=100.0), taken, strict=True):
+        assert np.array_equal(frame.pixels, image)
+
+
+def test_other_numbers_than_those_of_pixels_are_refused(tmp_path: Path) -> None:
+    """An image of floating point numbers has no known scale."""
+    assert cv2.imwrite(str(tmp_path / "a.tiff"), np.ones((16, 16), dtype=np.float32))
+    with pytest.raises(FileError, match="8 or 16 bits"):
+        read_image(tmp_path / "a.tiff")
+
+
+def test_frames_behind_a_lost_one_keep_the_rate_of_the_container(tmp_path: Path) -> None:
+    """Times that Matroska rounds to 1 ms are those of the rate, also behind a gap."""
+    path, rate = tmp_path / "gap.mkv", 120
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("ffv1", rate)
+        stream.width, stream.height, stream.pix_fmt = 96, 64, "gray"
+        for k, image in enumerate(images(40)):
+            if k in (11, 25, 26):
+                continue
+            frame = av.VideoFrame.from_ndarray(image, format="gray")
+            frame.pts, frame.time_base = k, Fraction(1, rate)
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode())
+    numbers = rate * np.array([f.t for f in all_of(path)])
+    assert numbers == pytest.approx([k for k in range(40) if k not in (11, 25, 26)], abs=1e-6)

@@ -158,9 +158,9 @@ def test_a_rig_that_is_anothers_is_noticed(see: See, folder: Path, tmp_path: Pat
     assert len(err.strip().splitlines()) == 1
 
 
-def video_of(path: Path, images: list[Image]) -> Path:
+def video_of(path: Path, images: list[Image], *, rate: float = RATE) -> Path:
     """Write images as a video and return its path."""
-    with VideoWriter(path, rate=RATE, lossless=True) as writer:
+    with VideoWriter(path, rate=rate, lossless=True) as writer:
         for image in images:
             writer.write(image)
     return path
@@ -175,6 +175,20 @@ def test_a_camera_that_ends_early_is_told(
     assert (status, result["status"]) == (0, "ok")
     assert result["frames"] == {"left": FRAMES, "right": 150, "paired": 150}
     assert "70 without a partner" in result["warnings"][0]
+
+
+def test_films_a_frame_apart_are_out_of_step(see: See, taken: Film, tmp_path: Path) -> None:
+    """At 125 Hz the ball is 2 cm off: said, and in the standard deviation; equal counts or not."""
+    left = video_of(tmp_path / "l.mkv", taken.left[:-8:8], rate=RATE / 8)
+    right = video_of(tmp_path / "r.mkv", taken.right[8::8], rate=RATE / 8)
+    status, result, _ = see(left, right)
+    assert (status, result["status"]) == (0, "out_of_step")
+    assert "the cameras are not in step" in result["warnings"][0]
+    assert result["offset_s"] == pytest.approx(8.0 / RATE, abs=1e-3)
+    rows = table(tmp_path / "T.csv")
+    off = np.linalg.norm(rows[:, 1:4] - taken.r_o[np.rint(rows[:, 0] * RATE).astype(int)], axis=1)
+    assert np.median(off) > 0.01
+    assert np.all(np.linalg.norm(rows[:, 10:13], axis=1) > 0.6 * off)
 
 
 def test_a_black_camera_is_named(see: See, folder: Path, taken: Film, tmp_path: Path) -> None:

@@ -26,11 +26,19 @@ _MAX_BYTES = 100_000_000
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".webp")
 
-_SECONDS, _NANOSECONDS = re.compile(r"(\d+\.\d+)\D*$"), re.compile(r"(\d{16,19})\D*$")
+_SECONDS = re.compile(r"(\d+\.\d+)\D*$")
+_DIGITS = re.compile(r"(?<!\d)(\d+)\D*$")
+#: Units of whole numbers since 1970 [s], by their digits, and the times that are believed [s]: from
+#: 2001 to 2096, so that a date written out, or a counter, is none. Nanoseconds may count from
+#: anywhere.
+_UNITS = {13: 1e-3, 16: 1e-6, 19: 1e-9}
+_BELIEVED = (1e9, 4e9)
 _PARTS = re.compile(r"(\d+)")
 #: Channels of the formats of GenICam that are read, and longest wait for a live frame [s].
 _CHANNELS = {"Mono8": 1, "RGB8": 3, "BGR8": 3, "RGBa8": 4, "BGRa8": 4}
 _TIMEOUT = 2.0
+#: Images of a folder that are looked at for the bits that they use.
+_LOOKS = 20
 
 
 @dataclass(slots=True)
@@ -113,12 +121,38 @@ def grey(pixels: Image) -> Image:
     """Return an image of one channel, shape (height, width): the mean of red, green, blue.
 
     Args:
-        pixels: Image, shape (height, width) or (height, width, channels); a fourth is left out.
+        pixels: Image of 8 or 16 bits, shape (height, width) or (height, width, channels); a fourth
+            is left out.
     """
     if pixels.ndim == 2:
-        return np.ascontiguousarray(pixels, dtype=np.uint8)
-    colour = pixels[:, :, : min(3, pixels.shape[2])].astype(np.uint16)
-    return np.asarray(np.rint(colour.mean(axis=2)), dtype=np.uint8)
+        return np.ascontiguousarray(pixels)
+    colour = pixels[:, :, : min(3, pixels.shape[2])].astype(np.uint32)
+    return np.asarray(np.rint(colour.mean(axis=2)), dtype=pixels.dtype)
+
+
+@final
+class Depth:
+    """How many bits the pixels of a source use: cameras of 10, 12 or 14 bits write them in 16.
+
+    Attributes:
+        bits: The most so far, an even number; 8 at least.
+    """
+
+    def __init__(self) -> None:
+        """Begin with 8."""
+        self.bits = 8
+
+    def look(self, pixels: Image) -> None:
+        """Learn from an image."""
+        used = int(pixels.max(initial=0)).bit_length()
+        self.bits = max(self.bits, used + used % 2)
+
+    def eight(self, pixels: Image) -> Image:
+        """Return an image in 8 bits, the upper ones of those that are used."""
+        if pixels.dtype == np.uint8:
+            return pixels
+        self.look(pixels)
+        return np.asarray(pixels >> (self.bits - 8), dtype=np.uint8)
 
 
 @final
@@ -126,7 +160,7 @@ class Folder(Camera):
     """A folder of images.
 
     The stamp of a frame is what its name ends with: seconds with a decimal point
-    (``left_12.0345.png``) or nanoseconds in 16 to 19 digits.
+    (``left_12.0345.png``), or 13, 16 or 19 digits of milli-, micro- or nanoseconds.
     """
 
     def __init__(self, path: Path, camera: int, *, fps: float | None) -> None:
@@ -137,14 +171,17 @@ class Folder(Camera):
         if fps is None:
             for first in paths[:2]:
                 stamp(first)
-        self._left = iter(paths)
+        self._left, self._depth = iter(paths), Depth()
+        if _decoded(paths[0]).dtype != np.uint8:  # else a dark frame would come out brighter
+            for one in paths[:: -(-len(paths) // _LOOKS)]:
+                self._depth.look(_decoded(one))
 
     def _grab(self) -> tuple[float, Image] | None:
         """Read the next image."""
         path = next(self._left, None)
         if path is None:
             return None
-        pixels = read_image(path)
+        pixels = self._depth.eight(_decoded(path))
         return (stamp(path) if self._fps is None else 0.0), pixels
 
     def close(self) -> None:
@@ -155,8 +192,8 @@ class Folder(Camera):
 class Video(Camera):
     """A video file: anything that PyAV reads.
 
-    Containers round time stamps (Matroska to 1 ms): where all lie within one such step of a
-    constant rate, the time follows from that rate.
+    Containers round time stamps (Matroska to 1 ms): where they lie within one such step of a
+    constant rate, the time follows from that rate, also behind frames that were lost.
     """
 
     def __init__(self, path: Path, camera: int, *, fps: float | None) -> None:
@@ -164,6 +201,7 @@ class Video(Camera):
         super().__init__(str(path), camera, fps)
         self._av = optional("av")
         self._start: float | None = None
+        self._lost, self._depth = 0, Depth()
         if not path.is_file():
             raise FileError(str(path), "a video, a folder of images or a camera", "no such file")
         try:
@@ -184,8 +222,10 @@ class Video(Camera):
             raise FileError(place, "a frame that decodes", _reason(error)) from error
         if picture is None:
             return None
-        is_grey = picture.format.name.startswith("gray")
-        pixels = grey(picture.to_ndarray(format="gray" if is_grey else "rgb24"))
+        deep = max(x.bits for x in picture.format.components) > 8
+        kinds = ("gray16le", "rgb48le") if deep else ("gray", "rgb24")
+        kind = kinds[not picture.format.name.startswith("gray")]
+        pixels = self._depth.eight(grey(picture.to_ndarray(format=kind)))
         return (self._time(picture.time) if self._fps is None else 0.0), pixels
 
     def close(self) -> None:
@@ -198,9 +238,11 @@ class Video(Camera):
             raise FileError(self.name, "a video with time stamps", "none", do="say --fps")
         self._start = stamp if self._start is None else self._start
         if self._rate > 0.0:
-            even = self._start + self._number / self._rate
-            if abs(even - stamp) <= 1.01 * self._tick:
-                return even
+            even = self._start + (self._number + self._lost) / self._rate
+            lost = round((stamp - even) * self._rate) if stamp - even > 1.01 * self._tick else 0
+            if abs(even + lost / self._rate - stamp) <= 1.01 * self._tick:
+                self._lost += lost
+                return even + lost / self._rate
         return float(stamp)
 
 
@@ -210,15 +252,21 @@ def _reason(error: Exception) -> str:
 
 
 def read_image(path: Path) -> Image:
-    """Return an image in grey, shape (height, width)."""
+    """Return an image in grey, shape (height, width), in 8 of the bits that it uses."""
+    return Depth().eight(_decoded(path))
+
+
+def _decoded(path: Path) -> Image:
+    """Return an image in grey, shape (height, width), in 8 or 16 bits as its file has them."""
     cv2 = optional("cv2")
     content = read_bytes(path, max_bytes=_MAX_BYTES, wanted="a readable image")
     data = np.frombuffer(content, dtype=np.uint8)
     pixels: Image | None = None
     with heard(), suppress(cv2.error):  # its decoders complain on the error stream
-        pixels = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
-    if pixels is None:
-        raise FileError(str(path), "an image", "a file that does not decode")
+        kind = cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH
+        pixels = cv2.imdecode(data, kind) if data.size else None
+    if pixels is None or pixels.dtype not in (np.uint8, np.uint16):
+        raise FileError(str(path), "an image of 8 or 16 bits", "a file that does not decode")
     return grey(pixels)
 
 
@@ -239,10 +287,13 @@ def stamp(path: Path) -> float:
     seconds = _SECONDS.search(path.stem)
     if seconds:
         return float(seconds.group(1))
-    nanoseconds = _NANOSECONDS.search(path.stem)
-    if nanoseconds:
-        return 1e-9 * int(nanoseconds.group(1))
-    raise FileError(str(path), "a name that ends with its time (1.25.png) [s]", path.name,
+    digits = _DIGITS.search(path.stem)
+    if digits:
+        t = int(digits.group(1)) * _UNITS.get(len(digits.group(1)), 0.0)
+        if len(digits.group(1)) == 19 or _BELIEVED[0] <= t < _BELIEVED[1]:
+            return t
+    raise FileError(str(path), "a name that ends with its time: seconds with a point (1.25.png),"
+                    " or 13, 16 or 19 digits of ms, us or ns since 1970", path.name,
                     do="say --fps")  # fmt: skip
 
 

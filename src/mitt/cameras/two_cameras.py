@@ -9,6 +9,7 @@ import numpy as np
 
 from mitt.ball.filter import TABLE_TENNIS_BALL, THROWN_BALL, BallFilter, FilterConfig
 from mitt.cameras.cameras import Camera, open_cameras, optional
+from mitt.cameras.synchrony import Synchrony, synchrony
 from mitt.cameras.video_writer import VideoWriter
 from mitt.clock import Progress
 from mitt.errors import InputError
@@ -22,6 +23,10 @@ BALLS = {"any": FilterConfig(), "thrown": THROWN_BALL, "table-tennis": TABLE_TEN
 WATCHED = 30.0
 #: Share of the instants with two targets below which the cameras disagree.
 _AGREE = 0.5
+#: What an unknown offset may move the ball by, one sigma, before it is said [m].
+_UNKNOWN = 5e-3
+#: Brightest pixel below which a camera sees nothing.
+_DARK = 50
 #: Error of the acceleration beyond which it is no fall [m/s^2]; drag makes 2 at 7 m/s.
 _FALL = 5.0
 #: Colours (red, green, blue): both cameras agree, one sees something alone, text, ground.
@@ -106,18 +111,28 @@ class Seen:
         states: Time, position, velocity, acceleration, standard deviation, shape (13,) each.
         points: Time and position of each sighting, shape (4,).
         targets: Frames of each camera with a target in them.
+        brightest: Largest value of a pixel of each camera.
         both: Instants at which both cameras had one.
         agreed: Instants at which they agreed on a ball.
         exchanged: Time and position of the sightings with left and right exchanged.
+        pairs: Time, left and right image point without distortion, of instants with both,
+            shape (5,) each.
+        synchrony: What these say of the time between the cameras; None before the end, or where
+            they are too few.
+        out_of_step: Whether the cameras are not in step, by more than the track knows.
         counts: What became of the frames.
     """
 
     states: list[Array] = field(default_factory=list)
     points: list[Array] = field(default_factory=list)
     targets: list[int] = field(default_factory=lambda: [0, 0])
+    brightest: list[int] = field(default_factory=lambda: [0, 0])
     both: int = 0
     agreed: int = 0
     exchanged: list[Array] = field(default_factory=list)
+    pairs: list[Array] = field(default_factory=list)
+    synchrony: Synchrony | None = None
+    out_of_step: bool = False
     counts: PairCounts = field(default_factory=PairCounts)
 
 
@@ -136,14 +151,22 @@ class Watcher:
             sigma_floor=float(np.hypot(0.05, worst)), max_skew=max_skew,
             max_residual=max(2.0, 6.0 * worst),
         )  # fmt: skip
-        self._cameras = rig.cameras
+        self._cameras, self._rig, self._radius = rig.cameras, rig.rig(), radius
+        self._noise = config.sigma_floor
         self._segmenters = [Segmenter() for _ in rig.cameras]
         self._triangulator = Triangulator(rig.rig(), radius, config)
 
     def step(self, frames: tuple[Frame, ...], seen: Seen) -> tuple[tuple[Moments, ...], Sighting]:
         """Return what each camera sees [px] and the ball in the world; count it in ``seen``."""
         moments = tuple(self._moments(frame) for frame in frames)
-        sighting = self._triangulator.step(tuple(self._straight(m) for m in moments))
+        for frame in frames:
+            largest = int(frame.pixels.max(initial=0))
+            seen.brightest[frame.camera] = max(seen.brightest[frame.camera], largest)
+        straight = tuple(self._straight(m) for m in moments)
+        sighting = self._triangulator.step(straight)
+        if len(straight) == 2 and all(m.found and not (m.clipped or m.merged) for m in straight):
+            a, b = straight
+            seen.pairs.append(np.array((a.t, a.u, a.v, b.u, b.v)))
         other = tuple(self._straight(replace(m, camera=1 - m.camera)) for m in moments)
         exchanged = self._triangulator.step(other)
         for m in moments:
@@ -154,6 +177,19 @@ class Watcher:
             if found.found:
                 rows.append(np.array((found.t, *found.r_o)))
         return moments, sighting
+
+    def judge_time(self, seen: Seen) -> None:
+        """Judge the time between the cameras, and add what it leaves unknown to the track."""
+        if not seen.pairs:
+            return
+        found = synchrony(np.array(seen.pairs), self._rig, radius=self._radius, noise=self._noise)
+        seen.synchrony = found
+        if found is None:
+            return
+        own = float(np.median([row[10:13] for row in seen.states])) if seen.states else 0.0
+        seen.out_of_step = found.shifted and found.moved(found.worst) > own
+        for row in seen.states:
+            row[10:13] = np.hypot(row[10:13], found.error(float(row[0])))
 
     def _moments(self, frame: Frame) -> Moments:
         """Return what a camera sees in one image."""
@@ -192,26 +228,30 @@ def see(
     with open_cameras((left, right), fps=fps) as (a, b):
         most = frames or (1000 if a.live or b.live else None)
         instants = pairs((a, b), seen.counts, max_skew=max_skew, most=most)
-        for n, images in enumerate(instants):
-            moments, sighting = watcher.step(images, seen)
-            if sighting.found:
-                track.update(sighting)
-            state = track.state(images[0].t)
-            if sighting.found and state.tracked:
-                sigma = np.sqrt(np.diag(state.covariance)[:3])
-                row = ((state.t,), state.r_o, state.dr_o, state.ddr_o, sigma)
-                seen.states.append(np.concatenate(row))
-            if writer is not None and overlay is not None:
-                writer.write(overlay.draw(images[0].t, images, moments, sighting, state))
-            progress("frames", n + 1, n + 2)
+        try:
+            for n, images in enumerate(instants):
+                moments, sighting = watcher.step(images, seen)
+                if sighting.found:
+                    track.update(sighting)
+                state = track.state(images[0].t)
+                if sighting.found and state.tracked:
+                    sigma = np.sqrt(np.diag(state.covariance)[:3])
+                    row = ((state.t,), state.r_o, state.dr_o, state.ddr_o, sigma)
+                    seen.states.append(np.concatenate(row))
+                if writer is not None and overlay is not None:
+                    writer.write(overlay.draw(images[0].t, images, moments, sighting, state))
+                progress("frames", n + 1, n + 2)
+        finally:  # what is kept of an interrupted run is judged as well
+            watcher.judge_time(seen)
 
 
 def complaints(seen: Seen, names: tuple[str, ...]) -> tuple[str, ...]:
     """Return what went wrong, each with its likely cause."""
-    said, counts = [], seen.counts
+    counts, exchanged = seen.counts, _exchanged(seen)
+    said = [] if exchanged else list(_out_of_step(seen))
     a, b = counts.frames
     if counts.ended:
-        said.append(f"{counts.ended} ended early: {a} frames left, {b} right; "
+        said.append(f"{counts.ended} ended first: {a} frames left, {b} right; "
                     f"{counts.left_over} without a partner are left out")  # fmt: skip
     alone = min(a, b) - counts.paired
     if alone > 0.05 * max(min(a, b), 1):
@@ -221,21 +261,44 @@ def complaints(seen: Seen, names: tuple[str, ...]) -> tuple[str, ...]:
                     " their clocks alike, say --fps, or a larger --max-skew")  # fmt: skip
     if counts.backward:
         said.append(f"{counts.backward} frames dropped, as their time did not rise")
-    for name, count in zip(names, seen.targets, strict=True):
+    for name, count, most in zip(names, seen.targets, seen.brightest, strict=True):
         if count == 0:
-            said.append(f"camera {name} saw no ball in any frame: is it dark or covered?")
-    if _exchanged(seen):
+            why = "is it dark or covered?" if most < _DARK else "is something else as bright?"
+            said.append(f"camera {name} saw no ball (brightest pixel {most} of 255): {why}")
+    if exchanged:
         said.append(f"left and right seem exchanged: {len(seen.exchanged)} sightings the other way "
                     f"round, {seen.agreed} as given, which do not fall as a ball does")  # fmt: skip
     elif seen.agreed < _AGREE * seen.both:
         said.append(f"the cameras agree on a ball in {seen.agreed} of {seen.both} instants only: "
                     "the rig is another's, a camera was moved, or something else is "
                     "bright")  # fmt: skip
-    elif (error := fall_error(seen.points)) is not None and error > _FALL:
+    elif not seen.out_of_step and (error := fall_error(seen.points) or 0.0) > _FALL:
         said.append(f"what was seen does not fly: its acceleration is {error:.0f} m/s^2 off "
                     "gravity; a hand that carries the ball, or a rig that is "
                     "another's")  # fmt: skip
     return tuple(said)
+
+
+def _out_of_step(seen: Seen) -> Iterator[str]:
+    """Yield what the images say of the time between the cameras, where it is worth a word."""
+    found = seen.synchrony
+    if found is None:
+        if seen.states:
+            yield ("too few instants in a row to tell whether the cameras are in step: the"
+                   " standard deviations hold only if they are")  # fmt: skip
+        return
+    if seen.out_of_step:
+        w = found.worst
+        mine, offset = found.t[found.window == w], float(found.offset[w])
+        frames = abs(offset) / float(np.median(np.diff(found.t)))
+        side = "late" if offset > 0.0 else "early"
+        yield (f"the cameras are not in step: about {mine[0]:.2f} s the right images are"
+               f" {1e3 * abs(offset):.1f} ms ({frames:.1f} frames) {side}, which moves the ball by"
+               f" {1e3 * found.moved(w):.0f} mm: a lost frame, or starts, rates or clocks that"
+               " differ; take one trigger, and images named by their own times")  # fmt: skip
+    elif found.mean_sigma * found.speed > _UNKNOWN:
+        yield (f"whether the cameras are in step shows to +-{2e3 * found.mean_sigma:.1f} ms only,"
+               f" {2e3 * found.mean_sigma * found.speed:.0f} mm of the ball")  # fmt: skip
 
 
 def _exchanged(seen: Seen) -> bool:
@@ -270,7 +333,7 @@ def fall_error(points: Sequence[Array]) -> float | None:
 
 
 def status_of(seen: Seen) -> str:
-    """Return ok, or what is wrong: no_frames, no_ball, exchanged, disagree, short."""
+    """Return ok, or what is wrong: no_frames, no_ball, exchanged, disagree, out_of_step, short."""
     if seen.counts.paired == 0:
         return "no_frames"
     if seen.both == 0:
@@ -279,6 +342,8 @@ def status_of(seen: Seen) -> str:
         return "exchanged"
     if seen.agreed < _AGREE * seen.both:
         return "disagree"
+    if seen.out_of_step:
+        return "out_of_step"
     return "ok" if seen.states else "short"
 
 

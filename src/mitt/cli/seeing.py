@@ -130,7 +130,8 @@ def see(options: SeeOptions) -> int:
                 write_table(options.points, POINTS, seen.points)
     said = complaints(seen, tuple(c.name for c in rig.cameras))
     if not seen.points:
-        raise InputError("cameras", "a ball that both see", "; ".join(said) or "none")
+        raise InputError("cameras", "a ball that both see", said[0] if said else "none",
+                         do="; ".join(said[1:]))  # fmt: skip
     _show_seen(options, rig, seen, said, video)
     return 0
 
@@ -181,6 +182,8 @@ def _show_seen(
             "sightings": seen.agreed,
             "rows": len(seen.states),
             "rate_hz": rate_of(seen.points),
+            "offset_s": None if seen.synchrony is None else seen.synchrony.mean,
+            "offset_sigma_s": None if seen.synchrony is None else seen.synchrony.mean_sigma,
             "warnings": list(said),
         })  # fmt: skip
         return
