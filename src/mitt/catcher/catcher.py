@@ -21,7 +21,6 @@ import numpy as np
 from mitt import checks
 from mitt.arm.arm import Arm
 from mitt.ball.motion_models import LOOSE
-from mitt.catcher.batting import Batting
 from mitt.catcher.generators import (
     Direct,
     Generator,
@@ -41,7 +40,6 @@ from mitt.catcher.settings import (
     CatcherSettings,
     Phase,
 )
-from mitt.catcher.several import Several
 from mitt.catcher.state import (
     CatcherState,
     Memory,
@@ -107,7 +105,7 @@ class Catcher:
         # Other generators predict sigma at another catch than the map's: evaluated at each tick.
         plain = isinstance(generator, Direct | Unoptimised)
         self._blank = fresh_state(
-            arm, eyes, settings, self._map, several=isinstance(generator, Several | Batting),
+            arm, eyes, settings, self._map,
             sigma_ready=settings.sigma_ready if plain else np.inf,
         )  # fmt: skip
         self._begin(generator, copy(eyes))

@@ -23,8 +23,10 @@ from mitt.catcher.settings import (
     GRASPS,
     LAGS,
     PASSES,
+    PATIENCE,
     REFUSED,
     REVIEWS,
+    SOON,
     STOPPED,
     WATCH,
     CatcherSettings,
@@ -36,8 +38,8 @@ from mitt.control.stop import plan_brake
 from mitt.control.viability import Safety, safety_of
 from mitt.errors import MittError
 from mitt.kernels import kernel
-from mitt.map.prediction import lay_state, sigma_at_catch
-from mitt.signals import TICK, Array, BallState, MapStatus
+from mitt.map.prediction import HORIZON, lay_state, sigma_at_catch
+from mitt.signals import PASSED, TICK, Array, BallState, MapStatus
 from mitt.verdict.feasibility import Approach, Outcome, Verdict, is_far, waiting_height
 from mitt.verdict.holding import force_of
 from mitt.verdict.impact import examined, gap_at_catch, harms, speed_caps, speed_jumps
@@ -93,6 +95,25 @@ def undecided(todo: int, state: CatcherState, result: Result) -> bool:
     return bool(too_early(out.t_ball, out.t_first, sigma, s.t_look, s.watch, s.sigma_ready))
 
 
+def comes(ball: BallState, hand: Array, floor: float) -> bool:
+    """Say whether a ball comes to a hand, by where it is and how it moves now.
+
+    It is above the floor, and going on as it does it would be at the hand in a while; one that is
+    above the hand and still rises, and falls again, comes where it nears the hand over the ground.
+
+    Args:
+        ball: Estimate of the ball.
+        hand: Where the hand is [m], shape (3,).
+        floor: Height of the floor [m].
+    """
+    away, dr = ball.r_o - hand, ball.dr_o
+    if ball.r_o[2] < floor:
+        return False
+    if away[2] > 0.0 and dr[2] > 0.0:
+        away, dr = away[:2], dr[:2]
+    return bool(-(away @ dr) * HORIZON > away @ away)
+
+
 @final
 class Planner:
     """Decides for a catcher, whose state it writes; one object a throw.
@@ -120,6 +141,7 @@ class Planner:
         self.brake = np.zeros((1, 3, self._arm.n))
         self._verdict: Verdict | None = None
         self._deferred: tuple[BallState, Array] | None = None
+        self._doubt: tuple[float, Verdict] | None = None  # first against a ball followed, when [s]
         self.certificate: Verdict | None = None
 
     @property
@@ -176,7 +198,7 @@ class Planner:
         if self.phase == WATCH:
             self._watch(ball)
             return
-        if todo & PASSES:
+        if todo & PASSES and self._has_passed(ball):
             self._let_pass(ball)
             return
         if todo & DECIDE:
@@ -191,7 +213,7 @@ class Planner:
             # catch instead of by feedback at once.
             self._renew(ball)
         elif todo & REVIEWS:
-            self._review(ball)
+            self._review(ball, lost=bool(todo & PASSES))
         if todo & GRASPS:
             self._grasp()
 
@@ -211,8 +233,10 @@ class Planner:
             return
         out = self._out
         out["inside"] = answer.status is MapStatus.INSIDE
-        out["time_to_catch"] = answer.time_to_catch if out["inside"] else np.inf
-        if out["inside"] and answer.time_to_catch == np.inf and isinstance(self.generator, Leaving):
+        leaving, left = isinstance(self.generator, Leaving), answer.time_to_catch
+        ahead = out["inside"] and (left >= -PASSED or leaving)  # what it chose may lie far behind
+        out["time_to_catch"] = left if ahead else np.inf
+        if out["inside"] and left == np.inf and leaving:
             self._scalars["t_ahead"] = -np.inf
         self._answered()
 
@@ -288,7 +312,7 @@ class Planner:
 
     def _take(self, verdict: Verdict, ball: BallState) -> None:
         """Let a verdict that the ball can be caught, or waited for, take effect: follow it."""
-        self._verdict, self._deferred = verdict, None
+        self._verdict, self._deferred, self._doubt = verdict, None, None
         self._scalars["surrogate"] = verdict.outcome is Outcome.OPEN
         self._adapt(ball, waits=verdict.outcome is Outcome.OPEN)
         self._make_room(verdict)
@@ -322,33 +346,42 @@ class Planner:
         verdict = self._judged(ball)
         if verdict.outcome is Outcome.FEASIBLE:
             self._take(verdict, ball)
-        elif verdict.outcome is Outcome.UNREACHABLE and self._is_sharp(ball):
-            self._give_up(verdict)
+        elif said := self._against(verdict, ball, verdict.outcome is Outcome.UNREACHABLE):
+            self._give_up(said)
         else:
             self._scalars["t_look"] = ball.t + _JUDGE_AGAIN
 
-    def _let_pass(self, ball: BallState) -> None:
-        """Brake for a ball that has passed by; wait for one that a bounce may still bring up.
+    def _has_passed(self, ball: BallState) -> bool:
+        """Say whether a ball comes no more, by where it is and how it moves now.
 
-        What was to be caught on the very edge of the reach may turn out to pass below it: then its
-        verdict is open, as it would have been before the start.
+        What a generator foresees is not asked: of a ball that is pushed about it foresees a catch
+        in one moment and none in the next. One that leaves by itself says so for good.
         """
+        hand, floor = self._arm.position(self._state.estimated[0]), self._settings.around.floor
+        return isinstance(self.generator, Leaving) or not comes(ball, hand, floor)
+
+    def _let_pass(self, ball: BallState) -> None:
+        """Brake for a ball that has passed by; wait for one that a bounce may still bring up."""
         verdict = self._said(ball)
         if verdict.outcome is Outcome.OPEN:
-            self._scalars["t_ahead"] = ball.t
-            self._take(verdict, ball)
+            self._await(verdict, ball)
         elif isinstance(self.generator, Leaving) and verdict.outcome is not Outcome.FEASIBLE:
             self._give_up(verdict)  # what was met says why it was given up
         else:
             self._slow_down(self._arm)
 
+    def _await(self, verdict: Verdict, ball: BallState) -> None:
+        """Wait for a ball whose verdict has become open, as it might have been before the start."""
+        self._scalars["t_ahead"] = ball.t
+        self._take(verdict, ball)
+
     def _renew(self, ball: BallState) -> None:
-        """Let the map start again from where the arm is, for a ball that is not where it was.
+        """Let the generator start again from where the arm is, for a ball that is elsewhere.
 
         What asks for too much on the way is tried all the same, within all limits. But the arm
-        brakes where it would not come through the impact, or not hold the ball. A verdict takes
-        long: what lags again soon starts again without another, and so does a generator whose
-        verdicts say nothing of its motion.
+        brakes where for some time it would not come through the impact, or not hold the ball. A
+        verdict takes long: what lags again soon starts again without another, and so does a
+        generator whose verdicts do not depend on its motion.
         """
         blind = self._verdict is None or self._verdict.approach is None
         if blind or ball.t < self._scalars["t_look"]:
@@ -358,12 +391,29 @@ class Planner:
         verdict = self._judged(ball)
         if verdict.outcome in _FOLLOWED:
             self._take(verdict, ball)
-        elif self._is_sharp(ball) and harms(self._arm, verdict, self._caught):
-            self._give_up(verdict)
+        elif said := self._against(verdict, ball, harms(self._arm, verdict, self._caught)):
+            self._give_up(said)
         else:
             self._adapt(ball)
             if verdict.approach is not None:
                 self._make_room(verdict)
+
+    def _against(self, verdict: Verdict, ball: BallState, against: bool) -> Verdict | None:
+        """Return the verdict by which the arm is to brake: one near its catch, or that has lasted.
+
+        Of verdicts that are against a ball for some time that is the first, which says why.
+
+        Args:
+            verdict: On a ball that is followed or waited for.
+            ball: That ball.
+            against: Whether the verdict is that it is not to be caught.
+        """
+        if not (against and self._is_sharp(ball)):
+            self._doubt = None
+            return None
+        t, first = self._doubt = self._doubt or (ball.t, verdict)
+        lasted = ball.t - t >= PATIENCE or verdict.t_catch - ball.t < SOON
+        return first if lasted else None
 
     def _is_sharp(self, ball: BallState) -> bool:
         """Say whether a ball is known well enough at its catch to be refused."""
@@ -388,11 +438,22 @@ class Planner:
             overwrite(self._state.map, f.arrays)
             self._scalars["waiting_height"] = waiting_height(f)
 
-    def _review(self, ball: BallState) -> None:
-        """Follow another map where the present one cannot catch any more what it could at first."""
+    def _review(self, ball: BallState, *, lost: bool) -> None:
+        """Follow another map where the present one cannot catch any more what it could at first.
+
+        A verdict against the ball is given again until it has lasted, or is another. What was to be
+        caught on the very edge of the reach may turn out to pass below it, and is waited for.
+
+        Args:
+            ball: The ball that is followed.
+            lost: Whether no catch was ahead for some time.
+        """
         hoped = self.verdict is not None and self.verdict.outcome is Outcome.FEASIBLE
-        if hoped and isinstance(self.generator, Underway) and self.generator.astray(ball):
+        astray = hoped and isinstance(self.generator, Underway) and self.generator.astray(ball)
+        if astray or self._doubt is not None:
             self._renew(ball)
+        elif lost and (verdict := self._said(ball)).outcome is Outcome.OPEN:
+            self._await(verdict, ball)
 
     def move(self, motion: Array, t: float) -> None:
         """Follow a motion from now on, as if it were that of the brake; see ``Catcher.move``."""

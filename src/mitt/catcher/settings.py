@@ -28,10 +28,11 @@ PHASES = tuple(Phase)
 WATCH, FOLLOW, BRAKE, REFUSED, STOPPED = range(len(PHASES))
 #: What is to be thought about after a tick, as bits of its result: the verdict is open, the ball
 #: has left the arm behind, the fingers have closed as far as there is time for, the catcher has
-#: stopped, the choice of the map is to be reviewed, no catch is ahead any more (the ball has passed
-#: by, unless a bounce may bring it up).
+#: stopped, what is followed is to be reviewed, no catch was foreseen for some time (where the ball
+#: is and goes then says whether it has passed by).
 DECIDE, LAGS, GRASPS, STOPS, REVIEWS, PASSES = 1, 2, 4, 8, 16, 32
-#: Time without a catch ahead after which that is looked into [s]: longer than the estimate needs to
+#: Time without a catch ahead after which that is looked into, and for which verdicts have to be
+#: against a ball that is followed until the arm brakes [s]: longer than the estimate needs to
 #: settle after a bounce or a kick.
 PATIENCE = 0.1
 #: Time to the catch within which the hand may hide the ball, and it is not taken for lost [s].
@@ -50,7 +51,7 @@ class CatcherSettings(Settings):
             in each tick.
         adapt_dq: The same for joint speeds [rad/s].
         adapt_until: Time to the catch below which the map is left as it is [s].
-        review: Time between two reviews of the choice among several maps [s].
+        review: Time between two reviews of what is followed [s].
         ball_mass: Mass of the ball, carried by the model while it is held [kg].
         ball_radius: Radius of the ball [m]; the eyes are given the same.
         ball_restitution: Share of its speed with which the ball springs back from the palm.

@@ -69,7 +69,6 @@ _STATE = {
     "waited": 0.0,  # how long the first of ``waiting`` has acted, in ticks
     "surrogate": False,  # whether the ball's surrogate target is followed
     "begun": False,  # whether each joint was read
-    "several": False,  # whether the choice or the aim of the map is reviewed
     "stop_requested": False,
     "braked": False,  # whether the brakes have engaged
     "t_brake": 0.0,  # when braking began [s]
@@ -79,7 +78,7 @@ _STATE = {
     "clock_fault": 0,  # of :func:`mitt.control.health.pass_time`
     "encoder_fault": 0,  # of the worst encoder, of :mod:`mitt.control.encoders`
     "failures": 0,  # ticks in a row in which the generator failed; enough where a thought did
-    "t_reviewed": -np.inf,  # when the choice among maps was reviewed last [s]
+    "t_reviewed": -np.inf,  # when what is followed was reviewed last [s]
     "t_look": -np.inf,  # before it there is no verdict: one that refuses a far ball waits [s]
     "t_ahead": np.inf,  # when a catch was ahead last, or a wait for one began [s]
     "heads": 0,
@@ -216,7 +215,7 @@ def store(result: Any, ticks: Any, k: int) -> None:  # noqa: ANN401
 
 
 def fresh_state(
-    arm: Arm, eyes: Eyes, settings: CatcherSettings, f: DirectMap | None, *, several: bool = False,
+    arm: Arm, eyes: Eyes, settings: CatcherSettings, f: DirectMap | None, *,
     sigma_ready: float = np.inf,
 ) -> CatcherState:  # fmt: skip
     """Return what a catcher knows and remembers at the start of a throw.
@@ -226,12 +225,11 @@ def fresh_state(
         eyes: Its eyes, whose arrays the state shares; all others are its own.
         settings: Of the catcher.
         f: The map, if the generator is one.
-        several: Whether the generator is to be asked at each review whether it is astray.
         sigma_ready: As of ``_STATE``.
     """
     s, n, of = settings, arm.n, arm_numbers(arm, settings.around)
     scalars = _STATE | {
-        "several": several, "sigma_ready": sigma_ready, "heads": eyes.heads,
+        "sigma_ready": sigma_ready, "heads": eyes.heads,
         "brake_delay": max(brake.delay for brake in arm.brakes),
         "waiting_height": 0.0 if f is None else waiting_height(f),
         "tolerance": s.tolerance, "max_tracking_error": s.max_tracking_error, "review": s.review,

@@ -507,7 +507,7 @@ def _afterwards(state: CatcherState, result: Result) -> int:
     s, out = state.scalars[0], result.scalars[0]
     todo = DECIDE if s.surrogate else 0
     soon = out.inside and out.time_to_catch < s.adapt_until
-    if s.several and not soon and out.t - s.t_reviewed >= s.review:
+    if not soon and out.t - s.t_reviewed >= s.review:
         s.t_reviewed = out.t
         todo |= REVIEWS
     if out.inside and not soon:

@@ -79,15 +79,19 @@ class ChaseMemory:
             self.before = self.after
         return self.before
 
-    def follow(self, before: Chase, now: Chase) -> JointReference:
-        """Go on to what is commanded now; rest where it was if that is not finite."""
+    def follow(self, before: Chase, now: Chase, *, lost: bool = False) -> JointReference:
+        """Go on to what is commanded now; rest where it was if that is not finite.
+
+        No catch is ahead where the ball is ``lost``.
+        """
         catch, motion = now.catch, now.motion
         if not np.isfinite(motion).all():
             return resting(now.t, before.motion[0])
         self.after = now
         return JointReference(
             t=now.t, status=MapStatus.INSIDE, q_d=motion[0], dq_d=motion[1], ddq_d=motion[2],
-            q_o=catch.end[0], dq_o=catch.end[1], time_to_catch=catch.t_c - now.t,
+            q_o=catch.end[0], dq_o=catch.end[1],
+            time_to_catch=np.inf if lost else catch.t_c - now.t,
         )  # fmt: skip
 
 
@@ -184,7 +188,9 @@ class Rival(Generator):
                 motion = checks.array("motion to the catch", motion, shape, finite=True)
         else:
             motion = self._following(chase, ball)
-        return self.memory.follow(chase, Chase(t, pursuit, catch, chosen_at, motion))
+        # It can not be met at the old catch, nor anywhere else.
+        lost = catch is chase.catch and catch.t_c - t >= _CHOOSE_UNTIL
+        return self.memory.follow(chase, Chase(t, pursuit, catch, chosen_at, motion), lost=lost)
 
     def _moving(self, q: Array, dq: Array | None) -> Array:
         """Return q, dq, ddq of an arm, shape (3, n); at rest where there is no ``dq``."""
