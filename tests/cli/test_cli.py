@@ -32,6 +32,8 @@ TRIAL = {
 BEYOND = {
     "saturated_ticks",
     "range_excess_rad",
+    "effort_s",
+    "jerk_rad_s3",
     "rms_torque_ratio",
     "certificate",
     "certificate_last",

@@ -79,9 +79,10 @@ def test_break_even_is_where_the_line_between_two_values_crosses() -> None:
 
 
 def test_paired_tests_name_the_sure_differences(study: Study) -> None:
-    pair = {"pairs": 100, "only_direct": 30, "only_this": 2, "p": 1e-6, "p_holm": 2e-6}
+    pair = {"pairs": 100, "only_direct": 30, "only_this": 2, "p": 1e-6, "p_holm": 2e-6,
+            "difference": -0.28, "difference_ci95": [-0.38, -0.17]}  # fmt: skip
     rows = [{"condition": "clean", "generator": "unoptimised", "against_direct": pair}]
-    assert "30 : 2 (0.0001)" in str(paired_tests(study, rows))
+    assert "-28 (-38 to -17), 30 : 2, p 0.0001" in str(paired_tests(study, rows))
 
 
 def test_a_study_that_is_not_over_has_no_page(tmp_path: Path, study: Study) -> None:

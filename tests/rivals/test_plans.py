@@ -1,6 +1,7 @@
 """The planners: what each promises of its plan."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from mitt.map.demand import demand
 from mitt.rivals.intercept import Chooser, Intercept
 from mitt.rivals.mpc import MpcPlanner, MpcSettings, solve
 from mitt.rivals.paths import Motion, quintic, responses
-from mitt.rivals.planned import RuckigPlanner, plan_quintic
+from mitt.rivals.planned import Budgeted, RuckigPlanner, plan_quintic
 from mitt.rivals.pursuit import still
 from mitt.signals import Array, BallState
 
@@ -124,3 +125,31 @@ def test_pieces_are_exact_integrals(seed: int) -> None:
         before, after = motion.at(1.0 + k * h - 1e-9), motion.at(1.0 + k * h + 1e-9)
         assert np.allclose(before, after, atol=1e-6)
     assert np.allclose(motion.at(motion.t_c), [(P @ a)[-1], (D @ a)[-1], a[-1]], atol=1e-9)
+
+
+def test_a_budget_bounds_the_plans_a_second_and_each_acts_a_period_later(
+    catch: Intercept, ball_of: Callable[[int, float], BallState]
+) -> None:
+    """Where the catch changes all the time, plans are made for what was forecast a period ago."""
+    asked: list[tuple[float, float]] = []
+
+    def planner(motion: Array, t: float, to: Intercept) -> object:
+        asked.append((t, to.t_c))
+        return plan_quintic(motion, t, to)
+
+    ball = ball_of(0, START)
+    pursuit = Budgeted(planner=planner, period=0.03)  # type: ignore[arg-type]
+    pursuit = pursuit.begin(catch, START, still(catch.end[0]))
+    last = still(catch.end[0])
+    for k in range(1, 150):
+        t = START + 1e-3 * k
+        moved = replace(catch, t_c=START + 1.0 + 1e-4 * k)
+        motion, pursuit = pursuit.step(moved, replace(ball, t=t))
+        assert np.max(np.abs(motion[0] - last[0])) < 0.05
+        last = motion
+    times = np.array([t for t, _ in asked])
+    assert len(asked) == 4
+    assert np.all(np.diff(times) >= 0.03 - 1e-9)
+    for t, t_c in asked[1:]:
+        made_for = START + 1e-3 * (t_c - START - 1.0) / 1e-4
+        assert t - made_for == pytest.approx(0.03, abs=2e-3)

@@ -16,9 +16,10 @@ from mitt.trials.learning import Neighbourhood, learn
 from mitt.trials.log import TrialLog
 from mitt.trials.runner import LoggedTrial, TrialRunner
 from mitt.trials.source import source_of
+from mitt.world.flights import BallPath, builtin_flights
 from mitt.world.imaging import BLOCK
 from mitt.world.motion import WATCHED
-from mitt.world.scene import Scene, Sensing, named_scene
+from mitt.world.scene import Scene, Sensing, named_scene, scene_of
 from mitt.world.simulation import World
 from mitt.world.throws import Throw
 
@@ -33,7 +34,7 @@ def throws(learned: Learned, count: int) -> list[Throw]:
 
 
 def through_both(
-    runner: TrialRunner, balls: Sequence[Throw], monkeypatch: pytest.MonkeyPatch
+    runner: TrialRunner, balls: Sequence[Throw | BallPath], monkeypatch: pytest.MonkeyPatch
 ) -> list[TrialLog]:
     """Throw all balls both ways, compare score, ticks and true states, and return the logs.
 
@@ -50,7 +51,7 @@ def through_both(
     return [_log(x) for x in compiled]
 
 
-def _all(runner: TrialRunner, balls: Sequence[Throw]) -> list[LoggedTrial]:
+def _all(runner: TrialRunner, balls: Sequence[Throw | BallPath]) -> list[LoggedTrial]:
     """Throw all balls."""
     return [runner.run(k, ball, seed=300 + k, log=True) for k, ball in enumerate(balls)]
 
@@ -108,6 +109,40 @@ def test_a_laboratory_is_the_same_both_ways(
     assert runner.world.stage is not None
     logs = through_both(runner, throws(learned, 2), monkeypatch)
     assert all({WATCH, FOLLOW, BRAKE} <= set(log.phase.tolist()) for log in logs)
+
+
+@pytest.mark.parametrize(
+    "faults",
+    [
+        ({"kind": "kick", "magnitude": 1.0}, {"kind": "payload", "magnitude": 0.2}),
+        ({"kind": "bounce"},),
+        ({"kind": "flutter", "magnitude": 10.0},),
+        ({"kind": "spring", "magnitude": 4.0},),
+    ],
+    ids=lambda faults: str(faults[0]["kind"]),
+)
+def test_a_disturbed_ball_is_the_same_both_ways(
+    arm: Arm, learned: Learned, faults: tuple[dict[str, object], ...],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    """What does not depend on the arm until it touches the ball is laid into the compiled loop."""
+    scene = scene_of({"base": "lab", "faults": list(faults)}, place="scene")
+    runner = TrialRunner(arm, Direct(learned.map), scene, pixels=False)
+    runner.world.reset(throws(learned, 1)[0], 1)
+    assert runner.world.stage is not None
+    through_both(runner, throws(learned, 2), monkeypatch)
+
+
+def test_a_recorded_flight_is_the_same_both_ways(
+    arm: Arm, learned: Learned, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A path that the ball follows, in images, until the hand has it."""
+    source = source_of(arm, seed=5, count=2, drag=0.12, recordings=builtin_flights()[:2])
+    runner = TrialRunner(arm, Direct(learned.map), named_scene("lab"))
+    balls = [source.ball(k) for k in range(2)]
+    runner.world.reset(balls[0], 1)
+    assert runner.world.stage is not None
+    through_both(runner, balls, monkeypatch)
 
 
 @pytest.mark.parametrize("pixels", [True, False])

@@ -3,11 +3,18 @@
 from itertools import pairwise
 from math import comb
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.trials.statistics import holm, mcnemar, wilson
+from mitt.trials.statistics import (
+    holm,
+    mcnemar,
+    paired_difference,
+    ratio_of_means,
+    wilson,
+)
 
 #: Agreement with values printed to four digits.
 PRINTED = 5e-5
@@ -84,3 +91,38 @@ def test_holm_lies_between_no_correction_and_bonferroni_and_keeps_the_order(p: l
 
 def test_holm_does_what_the_textbook_example_says() -> None:
     assert holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
+
+
+@pytest.mark.parametrize(("p_first", "p_second"), [(0.05, 0.05), (0.10, 0.02), (0.0, 0.03)])
+def test_the_interval_of_a_paired_difference_covers_what_it_says(
+    p_first: float, p_second: float
+) -> None:
+    """Of many simulated comparisons of 300 pairs, about 95 of 100 intervals hold the truth."""
+    rng = np.random.default_rng(3)
+    kinds = rng.multinomial(300, [p_first, p_second, 1.0 - p_first - p_second], size=4000)
+    held = 0
+    for only_first, only_second, _ in kinds:
+        found, low, high = paired_difference(int(only_first), int(only_second), 300)
+        assert low <= found <= high
+        held += low <= p_second - p_first <= high
+    assert 0.935 < held / len(kinds) < 0.985
+
+
+def test_no_differing_pair_is_no_certainty() -> None:
+    """Sixty equal pairs leave a difference of some points open; none leaves all open."""
+    assert paired_difference(0, 0, 0) == (0.0, -1.0, 1.0)
+    found, low, high = paired_difference(0, 0, 60)
+    assert found == 0.0
+    assert low == -high
+    assert 0.02 < high < 0.08
+
+
+def test_a_ratio_of_geometric_means_is_that_of_the_pairs() -> None:
+    """Of equal ratios exactly; its interval grows with their spread; one pair has none."""
+    assert ratio_of_means([1.0, 2.0, 3.0], [2.0, 4.0, 6.0]) == pytest.approx((2.0, 2.0, 2.0))
+    found = ratio_of_means([1.0, 1.0, 1.0], [1.0, 2.0, 4.0])
+    assert found is not None
+    assert found[0] == pytest.approx(2.0)
+    assert found[1] < 1.0 < 2.0 < found[2]
+    assert ratio_of_means([1.0], [2.0]) is None
+    assert ratio_of_means([0.0, 1.0], [2.0, 2.0]) is None

@@ -15,7 +15,7 @@ from mitt.trials.result import force_words, summary
 from mitt.trials.score import Trial, reason_of, stop_as_json
 from mitt.trials.statistics import wilson
 from mitt.trials.study_file import Study
-from mitt.trials.study_results import Row, cell_of, compared, read_part, row_of, write_rows
+from mitt.trials.study_results import Row, against, cell_of, compared, read_part, row_of, write_rows
 
 STOP = StoppedBy(
     state=State.ABORT, reason=Reason.STUCK, joint="j2", t=0.31, q=np.array([0.1, 0.2, 0.3]),
@@ -44,7 +44,7 @@ def test_forces_stand_beside_the_rate(tmp_path: Path, study: Study) -> None:
     ]  # fmt: skip
     path = tmp_path / "part.parquet"
     path.write_bytes(write_rows(rows_of("direct", trials), {}))
-    row, _ = cell_of("direct", study.conditions[0], 5, read_part(path)[0])
+    row, _, _ = cell_of("direct", study.conditions[0], 5, read_part(path)[0])
     assert (row["catch_rate"], row["over_force"]) == (0.8, 1)
     assert row["force_n"] == {"median": 25.0, "p95": pytest.approx(344.5)}
     assert _rate(row) == "80.0, 25!"
@@ -53,7 +53,7 @@ def test_forces_stand_beside_the_rate(tmp_path: Path, study: Study) -> None:
     assert force_words(mine["force_n"], 1) == (
         "contact force 25 N median, 95 % 344 N, 1 beyond what hand or arm take"
     )
-    none, _ = cell_of("direct", study.conditions[0], 1, [row_of(
+    none, _, _ = cell_of("direct", study.conditions[0], 1, [row_of(
         "direct", "clean", trial(0, "missed"), 0.0, np.zeros(6), np.zeros(6)) | {
             "stopped_by_reason": None, "stopped_by_joint": None}])  # fmt: skip
     assert (none["force_n"], _rate(none)) == (None, "0.0, -")
@@ -115,3 +115,33 @@ def test_a_part_of_another_version_is_told_by_its_columns() -> None:
     """The table says what a throw was stopped by, so a part without that is an old one."""
     part = write_rows(rows_of("direct", [trial(0, "caught")]), {})
     assert "stopped_by_reason" in pq.read_schema(io.BytesIO(part)).names
+
+
+def test_what_a_generator_takes_is_compared_on_the_balls_that_both_caught(
+    tmp_path: Path, study: Study
+) -> None:
+    """As a ratio of geometric means: balls that one of them missed say nothing of it."""
+    cells = []
+    for generator, factor in (("direct", 1.0), ("unoptimised", 2.0)):
+        trials = [
+            replace(trial(k, "missed" if k == 3 and factor == 2.0 else "caught"),
+                    effort_s=factor * (1.0 + k) * (100.0 if k == 3 else 1.0))
+            for k in range(4)
+        ]  # fmt: skip
+        path = tmp_path / f"{generator}.parquet"
+        path.write_bytes(write_rows(rows_of(generator, trials), {}))
+        cells += [cell_of(generator, c, 4, read_part(path)[0]) for c in study.conditions[:1]]
+    _, last = compared(cells)
+    assert last["against_direct"]["ratio"]["effort_s"] == pytest.approx([2.0, 2.0, 2.0])
+    assert "position_error_mm" not in last["against_direct"]["ratio"]
+
+
+def test_one_correction_holds_for_the_whole_table() -> None:
+    """Every cell beside the map's counts, whatever its generator."""
+    caught = {("direct", c): dict.fromkeys(range(12), True) for c in "ab"}
+    for name in ("x", "y"):
+        caught |= {(name, c): dict.fromkeys(range(12), False) for c in "ab"}
+    pairs = against(caught, "direct")
+    assert [pair["p_holm"] for pair in pairs.values()] == [
+        pytest.approx(4.0 * pair["p"]) for pair in pairs.values()
+    ]

@@ -255,6 +255,8 @@ _SECTIONS = (
     Section("worst", "Worst throws", "Worst throws"),
     Section("rows", "All numbers", "All numbers"),
 )
+#: Two rates whose difference is surely less than this are level.
+_LEVEL = 0.05
 _HEAD = ("condition", "generator", "stopped by", "throws", "caught", "rate [%]",
          "95 % interval [%]", "force [N]", "force, 95 % [N]", "too hard", *STATUSES[1:],
          "position [mm]", "velocity [m/s]", "work [J]", "beyond a limit")  # fmt: skip
@@ -281,6 +283,11 @@ def study_page(result: StudyResult, worst: Sequence[Sequence[Cell]]) -> str:
     for row in sure:
         duel = row["against_direct"]
         (ahead if duel["only_direct"] > duel["only_this"] else behind).append(row)
+    equal = sum(
+        row["against_direct"]["difference_ci95"][0] > -_LEVEL
+        and row["against_direct"]["difference_ci95"][1] < _LEVEL
+        for row in pairs
+    )
     wide = [c for c in study.conditions if c.throws != ThrowSettings()]
     widest = max(wide, key=lambda c: c.throws.spread, default=study.conditions[0])
     throws = extent(study, sum(int(row["throws"]) for row in rows))
@@ -297,6 +304,7 @@ def study_page(result: StudyResult, worst: Sequence[Sequence[Cell]]) -> str:
         rows=rows,
         unfinished=sum(not row["complete"] for row in rows),
         pairs=len(pairs),
+        equal=equal,
         ahead=ahead,
         behind=behind,
         drawn=_drawn(result, widest),
@@ -378,7 +386,8 @@ def sweeps_of(rows: Sequence[Row]) -> dict[str, list[Row]]:
 def paired_tests(study: Study, rows: Sequence[Row]) -> list[list[str]]:
     """Return the table of paired differences, a row a condition, a column a rival.
 
-    Throws that only the reference caught, those that only the rival caught, and p.
+    By how much the rival's rate is above the reference's with its 95 % interval [%], throws that
+    only the reference caught, those that only the rival caught, and p.
     """
     rivals = [name for name in study.generators if name != REFERENCE]
     if not rivals or REFERENCE not in study.generators:
@@ -389,7 +398,9 @@ def paired_tests(study: Study, rows: Sequence[Row]) -> list[list[str]]:
         if pair is None or not pair["pairs"]:
             return ""
         p = max(pair["p_holm"], 1e-4)
-        return f"{pair['only_direct']} : {pair['only_this']} ({p:.2g})"
+        low, high = (100.0 * end for end in pair["difference_ci95"])
+        rates = f"{100.0 * pair['difference']:+.0f} ({low:+.0f} to {high:+.0f})"
+        return f"{rates}, {pair['only_direct']} : {pair['only_this']}, p {p:.2g}"
 
     return [
         [c.name, *(difference(found.get((c.name, rival))) for rival in rivals)]

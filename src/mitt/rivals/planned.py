@@ -34,6 +34,8 @@ class Plan(Protocol):
         ...
 
 
+#: A plan that would act so shortly before the catch does not act any more [s].
+_LATEST = 0.01
 #: Makes a plan from q, dq, ddq at a time to a catch; None where it finds none.
 Planner = Callable[[Array, float, Intercept], Plan | None]
 
@@ -108,6 +110,57 @@ class Planned:
 def make_quintic(f: DirectMap) -> Generator:
     """Return the rival for the arm of a map."""
     return rival(f, Planned(planner=plan_quintic))
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Budgeted:
+    """Pursuit by a planner that makes so many plans a second, as real ones do.
+
+    A plan is made for the catch that is forecast when planning begins, and acts a period later; the
+    plan before goes on until then. The first acts at once.
+
+    Attributes:
+        planner: Makes the plans; where it finds none, a quintic is taken.
+        period: Time between two plans, and time that a plan takes [s].
+        plan: The present plan.
+        asked: The catch for which a plan is being made; None where none is.
+        due: When that plan acts, or the next is begun [s].
+    """
+
+    planner: Planner
+    period: float
+    plan: Plan | None = None
+    asked: Intercept | None = None
+    due: float = -np.inf
+
+    def begin(self, catch: Intercept, t: float, motion: Array) -> "Budgeted":
+        """Plan for the first time; a catch chosen anew waits for the next plan."""
+        if self.plan is not None:
+            return self
+        return replace(self, plan=self._made(catch, t, motion), due=t + self.period)
+
+    def step(self, catch: Intercept, ball: BallState) -> tuple[Array, "Budgeted"]:
+        """Follow the plan; let a finished one act, and begin another."""
+        if self.plan is None:
+            raise RuntimeError("a pursuit must begin before it goes on")
+        t, now = ball.t, self
+        motion = self.plan.at(t)
+        if t >= self.due:
+            asked = self.asked
+            acts = asked is not None and asked.t_c - t > _LATEST
+            plan = self._made(asked, t, motion) if asked is not None and acts else self.plan
+            now = replace(self, plan=plan, asked=catch, due=t + self.period)
+        return motion, now
+
+    def _made(self, catch: Intercept, t: float, motion: Array) -> Plan:
+        """Return the plan from a motion at a time to a catch."""
+        return self.planner(motion, t, catch) or plan_quintic(motion, t, catch)
+
+
+def budgeted(rate: float) -> Callable[[DirectMap], Generator]:
+    """Return what makes the quintic rival that makes so many plans a second [Hz]."""
+    return lambda f: rival(f, Budgeted(planner=plan_quintic, period=1.0 / rate))
 
 
 @final

@@ -3,9 +3,9 @@
 It composes the kernels of ``World.sense``, ``Catcher.step`` and ``World.apply``. The one other loop
 is plain Python, ``TrialRunner.step``; tests demand the same bytes of both. This one stands beside
 it for its speed: on one core it makes two to three times as many throws a second with images, most
-of it because only those parts of an image are drawn that the catcher looks at. Faults, prescribed
-flights, turning heads, frames rarer than ticks, and generators that are no map need the Python
-loop.
+of it because only those parts of an image are drawn that the catcher looks at. Faults of sensors
+and commands, turning heads, frames rarer than ticks, and generators that are no map need the
+Python loop.
 """
 
 from typing import NamedTuple
@@ -212,7 +212,7 @@ def capture(plant: Plant, sight: Sight, state: StateHandle, k: int, held: bool) 
 @kernel
 def play(
     plant: Plant, sight: Sight, catcher: tuple[Array, StateHandle, ResultHandle], kept: Kept,
-    until: tuple[float, float], count: int,
+    until: tuple[float, float], count: int, path: Array,
 ) -> int:  # fmt: skip
     """Make up to ``count`` ticks, until there is something to think about or the trial is over.
 
@@ -223,6 +223,7 @@ def play(
         kept: What is kept of the ticks.
         until: Two numbers of :func:`mitt.world.motion.over`.
         count: Most ticks to be made.
+        path: As of :func:`mitt.world.motion.move`.
 
     Returns:
         What is to be thought about: bits of :mod:`mitt.catcher.tick`.
@@ -256,7 +257,7 @@ def play(
             copy(line[(k - latency) % len(line)], result.sighting[0])
             copy(sight.points.covariance, result.sighting[1:])
         note_stop(plant.state, out.brakes, s.phase == STOPPED)
-        move(plant, result.command[3], out.hand, kept.trace)
+        move(plant, result.command[3], out.hand, kept.trace, path)
         store(result, kept.results, k)
         todo = 0 if undecided(todo, state, result) else todo
         if todo != 0 or over(plant.state, until[0], until[1]):
@@ -315,7 +316,9 @@ def play_out(
         elif k % BLOCK == 0 and catcher.looking:
             noise = stage.sensors.noise(BLOCK)
             sight = sight._replace(points=sight.points._replace(noise=noise))
-        todo = play(stage.plant, sight, parts, kept, (longest, held), BLOCK - k % BLOCK)
+        count = BLOCK - k % BLOCK
+        path = stage.rows(k + count + 1)
+        todo = play(stage.plant, sight, parts, kept, (longest, held), count, path)
         if imager is not None and catcher.looking:
             imager.advance(int(p["ticks"][0]) - k)
         catcher.ticked(todo, float(log.scalars["t"][k]))

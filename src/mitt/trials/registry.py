@@ -16,7 +16,7 @@ from mitt.errors import InputError, UnknownNameError, answered_by, check_package
 from mitt.map.mapping import DirectMap, unlearned
 from mitt.rivals.clairvoyant import make_clairvoyant
 from mitt.rivals.mpc import make_mpc
-from mitt.rivals.planned import make_quintic, make_ruckig
+from mitt.rivals.planned import budgeted, make_quintic, make_ruckig
 from mitt.rivals.servo import make_ds, make_ik
 from mitt.trials.learning import learn_several
 
@@ -34,6 +34,9 @@ BUILT_IN: dict[str, Factory] = {
     "unoptimised": lambda f: Unoptimised(unlearned(f.arm, f.design)),  # alpha = 0
     "ik": make_ik,
     "quintic": make_quintic,
+    "quintic-100hz": budgeted(100.0),
+    "quintic-30hz": budgeted(30.0),
+    "quintic-10hz": budgeted(10.0),
     "ruckig": make_ruckig,
     "mpc": make_mpc,
     "ds": make_ds,

@@ -131,6 +131,10 @@ class Trial:
         binding_limit: The limit that the verdict found most used, or what ended the trial.
         saturated_ticks: Ticks in which a torque limit was met.
         range_excess_rad: Largest reference angle beyond a joint's range [rad].
+        effort_s: Sum over the drives of the squared share of their largest torque, integrated up
+            to the first contact, or to the end without one [s].
+        jerk_rad_s3: Root mean square of the commanded jerk while the ball was followed, of the
+            joint with the largest [rad/s^3].
         rms_torque_ratio: Share of each drive's continuous torque, as root mean square over the
             trial; 0 where the limit set has none.
         certificate: The verdict before moving: ``outcome``, ``binding_limit``, ``margin``, and
@@ -159,6 +163,8 @@ class Trial:
     binding_limit: str | None
     saturated_ticks: int
     range_excess_rad: float
+    effort_s: float = 0.0
+    jerk_rad_s3: float = 0.0
     rms_torque_ratio: list[float] = field(default_factory=list)
     certificate: dict[str, str | float | None] | None = None
     certificate_last: dict[str, str | float | None] | None = None
@@ -230,6 +236,8 @@ class Measured:
     limit_violations: int
     demand_cost: float
     range_excess_rad: float
+    effort_s: float
+    jerk_rad_s3: float
     saturated_ticks: int
 
 
@@ -240,6 +248,8 @@ def measure(arm: Arm, ticks: Result, truth: Trace) -> Measured:
     rms = continuous_shares(arm, np.sum(drives.torque**2, axis=0), len(drives.torque))
     demanded = demand(arm, ticks.reference[ticks.scalars["following"], :3])
     following = len(demanded.excess) > 0
+    touched = np.flatnonzero(truth.seen & BALL_HAND)
+    before = slice(0, int(touched[0]) if len(touched) else None)
     return Measured(
         peak_torque_ratio=arm.by_joint(np.max(drives.share, axis=0, initial=0.0)).tolist(),
         peak_speed_ratio=np.max(np.abs(truth.dq) / arm.dq_max, axis=0).tolist(),
@@ -247,8 +257,17 @@ def measure(arm: Arm, ticks: Result, truth: Trace) -> Measured:
         limit_violations=int(np.sum(bad)) + overheated(rms),
         demand_cost=demanded.cost if following else 0.0,
         range_excess_rad=float(demanded.excess.max()) if following else 0.0,
+        effort_s=TICK * float(np.sum(drives.share[before] ** 2)),
+        jerk_rad_s3=_jerk(ticks.command[ticks.scalars["following"], 2]),
         saturated_ticks=int(np.sum(ticks.scalars["saturated"])),
     )
+
+
+def _jerk(ddq: Array) -> float:
+    """Return the largest root mean square of the jerk of accelerations a tick apart, (k, n)."""
+    if len(ddq) < 2:
+        return 0.0
+    return float(np.max(np.sqrt(np.mean(np.diff(ddq, axis=0) ** 2, axis=0)))) / TICK
 
 
 def ticks_beyond(

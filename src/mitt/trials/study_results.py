@@ -19,7 +19,7 @@ from mitt.errors import FileError, MissingPackageError
 from mitt.signals import Array
 from mitt.trials.result import STATUSES, spread_of
 from mitt.trials.score import Trial, reason_of
-from mitt.trials.statistics import holm, mcnemar, wilson
+from mitt.trials.statistics import holm, mcnemar, paired_difference, ratio_of_means, wilson
 from mitt.trials.study_file import REFERENCE, Condition, Study
 from mitt.trials.study_folder import Folder, read_manifest
 
@@ -34,7 +34,7 @@ Row = dict[str, Any]
 
 _AXES = ("x", "y", "z", "vx", "vy", "vz")
 _FLOATS = ("t_catch_s", "position_error_mm", "velocity_error_m_s", "demand_cost",
-           "peak_contact_force_n", "range_excess_rad")  # fmt: skip
+           "peak_contact_force_n", "range_excess_rad", "effort_s", "jerk_rad_s3")  # fmt: skip
 #: Fields of ``stopped_by``, each a column of its own.
 _STOP_WORDS = ("state", "reason", "joint", "hint")
 _STOP_ROWS = ("q", "dq", "q_read", "dq_read", "command_q", "command_dq", "command_ddq",
@@ -179,14 +179,17 @@ def timing_of(path: Path) -> dict[str, float]:
 
 Place = tuple[str, str]
 """Generator and condition."""
-Pair = dict[str, float]
+Pair = dict[str, Any]
 """How two generators differ on the same throws."""
-Cell = tuple[dict[str, Any], Mapping[int, bool]]
-"""A row of the summary, and whether each of its throws was caught, by its index."""
+Efforts = Mapping[str, float]
+"""What a throw took, by the name of the column; without what is not known."""
+Cell = tuple[dict[str, Any], Mapping[int, bool], Mapping[int, Efforts]]
+"""A row of the summary; whether each of its throws was caught, and what it took, by its index."""
 
 #: Columns of which the rows give the median.
 _MEDIANS = ("position_error_mm", "velocity_error_m_s", "peak_contact_force_n", "energy_j",
-            "demand_cost", "peak_torque_ratio", "peak_speed_ratio")  # fmt: skip
+            "demand_cost", "peak_torque_ratio", "peak_speed_ratio", "effort_s",
+            "jerk_rad_s3")  # fmt: skip
 #: Columns that a summary needs.
 _SUMMED = ("index", "status", "limit_violations", "over_force", "stopped_by_reason",
             "stopped_by_joint", *_MEDIANS)  # fmt: skip
@@ -245,6 +248,7 @@ def cell_of(
     counts = dict.fromkeys(STATUSES, 0)
     values: dict[str, list[float]] = {name: [] for name in _MEDIANS}
     caught: dict[int, bool] = {}
+    took: dict[int, Efforts] = {}
     violating, over, reasons = 0, 0, Counter[str]()
     for trial in trials:
         counts[trial["status"]] += 1
@@ -254,10 +258,10 @@ def cell_of(
             named = {"reason": trial["stopped_by_reason"], "joint": trial["stopped_by_joint"]}
             reasons[reason_of(named)] += 1
         caught[trial["index"]] = trial["status"] == "caught"
-        for name, found in values.items():
-            value = trial[name]
-            if value is not None:
-                found.append(max(value, default=0.0) if isinstance(value, list) else value)
+        known = {name: _largest(trial[name]) for name in _MEDIANS if trial[name] is not None}
+        took[trial["index"]] = known
+        for name, value in known.items():
+            values[name].append(value)
     throws = sum(counts.values())
     row = {
         "generator": generator,
@@ -277,35 +281,61 @@ def cell_of(
         "violating_throws": violating,
         "median": {name: float(np.median(x)) if x else None for name, x in values.items()},
     }
-    return row, caught
+    return row, caught, took
+
+
+def _largest(value: float | list[float]) -> float:
+    """Return a value, or the largest of those of the joints."""
+    return max(value, default=0.0) if isinstance(value, list) else value
 
 
 def compared(cells: Sequence[Cell]) -> list[dict[str, Any]]:
     """Return the rows; each rival is compared with the direct map on the same throws."""
-    caught = {(row["generator"], row["condition"]): hits for row, hits in cells}
+    places = [(row["generator"], row["condition"]) for row, _, _ in cells]
+    caught = {place: hits for place, (_, hits, _) in zip(places, cells, strict=True)}
+    took = {place: efforts for place, (_, _, efforts) in zip(places, cells, strict=True)}
     pairs = against(caught, REFERENCE)
-    return [
-        row | {"against_direct": pairs.get(place)}
-        for place, (row, _) in zip(caught, cells, strict=True)
-    ]
+    out = []
+    for place, (row, _, _) in zip(places, cells, strict=True):
+        pair: dict[str, Any] | None = pairs.get(place)
+        if pair is not None:
+            ours = REFERENCE, place[1]
+            both = [k for k, hit in caught[ours].items() if hit and caught[place].get(k)]
+            pair = pair | {"ratio": _ratios([took[ours][k] for k in both],
+                                            [took[place][k] for k in both])}  # fmt: skip
+        out.append(row | {"against_direct": pair})
+    return out
+
+
+def _ratios(ours: Sequence[Efforts], theirs: Sequence[Efforts]) -> dict[str, list[float]]:
+    """Return what a generator took over what the map took, on the balls that both caught.
+
+    The ratio of geometric means and its 95 % interval, by the name of the column.
+    """
+    out = {}
+    for name in _MEDIANS:
+        known = [(a[name], b[name]) for a, b in zip(ours, theirs, strict=True)
+                 if name in a and name in b]  # fmt: skip
+        found = ratio_of_means([a for a, _ in known], [b for _, b in known])
+        if found is not None:
+            out[name] = list(found)
+    return out
 
 
 def against(caught: Mapping[Place, Mapping[int, bool]], reference: str) -> dict[Place, Pair]:
     """Return how others differ from a reference generator on the throws that both had.
 
-    McNemar's test, ``p``, and the same after Holm's correction over the conditions of a generator,
-    ``p_holm``. ``caught`` says of each generator in each condition whether each throw was caught,
-    by its index.
+    McNemar's test, ``p``, and the same after Holm's correction over the whole table, ``p_holm``.
+    ``caught`` says of each generator in each condition whether each throw was caught, by its index.
     """
     out = {
         (generator, condition): _paired(caught[reference, condition], hits)
         for (generator, condition), hits in caught.items()
         if generator != reference and (reference, condition) in caught
     }
-    for generator in {name for name, _ in out}:
-        pairs = [pair for (name, _), pair in out.items() if name == generator]
-        for pair, p in zip(pairs, holm([pair["p"] for pair in pairs]), strict=True):
-            pair["p_holm"] = p
+    corrected = holm([pair["p"] for pair in out.values()])
+    for pair, p in zip(out.values(), corrected, strict=True):
+        pair["p_holm"] = p
     return out
 
 
@@ -314,9 +344,12 @@ def _paired(first: Mapping[int, bool], second: Mapping[int, bool]) -> Pair:
     both = first.keys() & second.keys()
     only_direct = sum(first[k] and not second[k] for k in both)
     only_this = sum(second[k] and not first[k] for k in both)
+    difference, low, high = paired_difference(only_direct, only_this, len(both))
     return {
         "pairs": len(both),
         "only_direct": only_direct,
         "only_this": only_this,
+        "difference": difference,
+        "difference_ci95": [low, high],
         "p": mcnemar(only_direct, only_this),
     }

@@ -2,8 +2,8 @@
 
 Workers, folder and parts are those of :mod:`mitt.trials.study_run`. Each generator is held against
 the map on the same targets: who succeeded by McNemar's test, whose error, acceleration or force was
-smaller by the sign test over the trials in which both did, corrected after Holm over the generators
-of a condition.
+smaller by the sign test over the trials in which both did, each measure corrected after Holm over
+the whole table.
 """
 
 import json
@@ -174,7 +174,7 @@ def task_summary(study: TaskStudy, folder: Folder) -> list[dict[str, Any]]:
     task = study.task_of
     for row in read_part(folder.trials, columns_of(task.trial))[0]:
         cells.setdefault((row["condition"], row["generator"]), []).append(row)
-    out = []
+    out: list[dict[str, Any]] = []
     for c in study.conditions:
         trials = {x: cells.get((c.name, x.label), []) for x in study.players(c)}
         pairs = _against(task, {x.label: of for x, of in trials.items()})
@@ -184,6 +184,10 @@ def task_summary(study: TaskStudy, folder: Folder) -> list[dict[str, Any]]:
             | {"complete": len(of) == study.count(c), "against_direct": pairs.get(x.label)}
             for x, of in trials.items()
         ]
+    for name in (task.success, *task.measures):
+        tested = [row["against_direct"][name] for row in out if row["against_direct"]]
+        for pair, p in zip(tested, holm([pair["p"] for pair in tested]), strict=True):
+            pair["p_holm"] = p
     return out
 
 
@@ -222,10 +226,6 @@ def _against(task: Task, trials: Mapping[str, Sequence[Row]]) -> dict[str, dict[
                 sign = -1.0 if x.more else 1.0
                 found = [(i, j) for a, b in done if None not in (i := x.of(a), j := x.of(b))]
                 out[label][name] = _counted([(sign * i, sign * j) for i, j in found])  # type: ignore[operator]
-    for name in (task.success, *task.measures):
-        corrected = holm([pair[name]["p"] for pair in out.values()])
-        for pair, p in zip(out.values(), corrected, strict=True):
-            pair[name]["p_holm"] = p
     return out
 
 

@@ -8,9 +8,10 @@ an underscore. Rows are those of the tests in ``tests/faults``.
 """
 
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from math import cos, pi, sin, sqrt
+from itertools import count, islice
+from math import cos, exp, pi, sin, sqrt
 from typing import Annotated, Literal, NamedTuple, Self, final
 
 import numpy as np
@@ -23,7 +24,7 @@ from mitt.files.schema import Settings
 from mitt.signals import TICK, Array
 from mitt.world.flights import BallPath
 from mitt.world.targets import Ride
-from mitt.world.throws import Throw, fly
+from mitt.world.throws import Throw, fly, release_velocity
 
 Chance = Annotated[float, Field(ge=0.0, le=1.0)]
 
@@ -32,8 +33,13 @@ Chance = Annotated[float, Field(ge=0.0, le=1.0)]
 _COARSE, _FINE, _LONGEST = 0.02, 0.001, 1.6
 #: How far a disturbed flight is flown beforehand [s].
 _BEFOREHAND = 2.0
-#: What rounding may make of a time [s].
-_SURE = 1e-9
+#: Time in which a flutter rises from none [s].
+_RISE = 0.1
+#: Trials in which a throw on a string is aimed, and the least time that one is reckoned with [s].
+_AIMS = 8
+_SOONEST = 0.2
+#: Factor by which a ball that drag slows down takes longer.
+_LATER = 1.05
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -129,10 +135,6 @@ class Push(Fault):
             Whether it changed anything.
         """
 
-    @abstractmethod
-    def is_inactive(self, t: float, until: float) -> bool:
-        """Tell whether ``act`` changes nothing, itself included, throughout [t, until) [s]."""
-
 
 class _Force(Push):
     """A force that acts as long as its fault does."""
@@ -149,10 +151,6 @@ class _Force(Push):
         dr += h * ddr
         r -= 0.5 * h * h * ddr
         return True
-
-    def is_inactive(self, t: float, until: float) -> bool:
-        """Tell whether it is not its time."""
-        return until <= self.start or t >= self.end
 
 
 class Spin(_Force):
@@ -215,17 +213,19 @@ class Kick(Push):
     Attributes:
         share: When, as a share of the time until the undisturbed ball is nearest to the catch
             point of the waiting arm, plus ``start``.
+        before: How much earlier than that [s].
     """
 
     kind: Literal["kick"] = "kick"
     magnitude: Annotated[float, Field(ge=0.0, le=20.0)]
     share: Annotated[float, Field(ge=0.0, le=2.0)] = 0.7
+    before: Annotated[float, Field(ge=0.0, le=2.0)] = 0.0
     _when: float
     _change: Array
     _over: bool = False
 
     def _begin(self, trial: Trial) -> None:
-        self._when = self.start + self.share * trial.flight.nearest()
+        self._when = self.start + self.share * trial.flight.nearest() - self.before
         self._change = self.magnitude * direction(self._rng)
 
     def act(self, t: float, h: float, r: Array, dr: Array) -> bool:  # noqa: ARG002
@@ -235,10 +235,6 @@ class Kick(Push):
         self._over = True
         dr += self._change
         return True
-
-    def is_inactive(self, t: float, until: float) -> bool:  # noqa: ARG002
-        """Tell whether it has happened or is not due yet."""
-        return self._over or until + _SURE <= self._when
 
 
 class Bounce(Push):
@@ -289,10 +285,6 @@ class Bounce(Push):
         dr -= (1.0 + self.restitution) * float(normal @ dr) * normal
         return True
 
-    def is_inactive(self, t: float, until: float) -> bool:  # noqa: ARG002
-        """Tell whether the ball has bounced or gone by."""
-        return self._over
-
 
 class Taken(Push):
     """A part that somebody takes away, up and to a random side; magnitude: speed [m/s].
@@ -319,10 +311,6 @@ class Taken(Push):
         share = h / max(self.start + self.soon - t, h)
         dr += share * (self.magnitude * self._along - dr)
         return True
-
-    def is_inactive(self, t: float, until: float) -> bool:
-        """Tell whether it is not its time."""
-        return until <= self.start or t >= self.end
 
 
 class Turned(Fault):
@@ -413,6 +401,129 @@ class Carried(Replacement):
         )
 
 
+class Flutter(Replacement):
+    """A ball that flutters about its path, as a leaf or a butterfly; magnitude: [m/s^2].
+
+    Magnitude is the standard deviation of a random acceleration along each axis (an
+    Ornstein-Uhlenbeck process, which rises from none in 0.1 s). A soft pull leads back to the path.
+
+    Attributes:
+        correlation: Time in which the acceleration forgets what it was [s].
+        pull: Rate of the pull, damped by half [rad/s].
+    """
+
+    kind: Literal["flutter"] = "flutter"
+    magnitude: Annotated[float, Field(ge=0.0, le=200.0)] = 20.0
+    correlation: Annotated[float, Field(ge=0.005, le=5.0)] = 0.05
+    pull: Annotated[float, Field(ge=0.0, le=50.0)] = 10.0
+
+    def path(self, flight: Undisturbed) -> BallPath:
+        """Return the path about which it flutters, and how far it is off at each tick."""
+        ticks, keeps = round(_BEFOREHAND / TICK), exp(-TICK / self.correlation)
+        drawn = self.magnitude * self._rng.standard_normal((ticks + 1, 3))
+        ddr, off = drawn[0], np.zeros((ticks + 1, 2, 3))
+        for k in range(ticks):
+            r, dr = off[k]
+            risen = min(k * TICK / _RISE, 1.0)
+            pulled = risen * ddr - self.pull * dr - self.pull * self.pull * r
+            off[k + 1, 1] = dr + TICK * pulled
+            off[k + 1, 0] = r + 0.5 * TICK * (dr + off[k + 1, 1])
+            ddr = keeps * ddr + sqrt(1.0 - keeps * keeps) * drawn[k + 1]
+        return _Fluttering(about=flight, off=off)
+
+
+class Elastic(Replacement):
+    """A ball on an elastic string that is tied to where it was thrown; magnitude: [1/s^2].
+
+    Magnitude is the string's stiffness by the ball's mass. It pulls from a length on that is
+    drawn for each trial. The ball is thrown so that it still passes where the throw was nearest to
+    the waiting hand.
+
+    Attributes:
+        slack: Least share of that distance at which the string begins to pull.
+        slackest: Largest such share.
+    """
+
+    kind: Literal["elastic"] = "elastic"
+    magnitude: Annotated[float, Field(ge=0.0, le=1000.0)] = 25.0
+    slack: Annotated[float, Field(ge=0.0, le=1.0)] = 0.5
+    slackest: Annotated[float, Field(ge=0.0, le=1.0)] = 0.8
+
+    def path(self, flight: Undisturbed) -> BallPath:
+        """Return its flight, aimed by a few trials."""
+        start, dr = flight.at(0.0)
+        goal = flight.at(flight.nearest())[0]
+        share = self._rng.uniform(self.slack, max(self.slackest, self.slack))
+        length = share * float(np.linalg.norm(goal - start))
+        for _ in range(_AIMS):
+            flown = self._flown(flight.drag, start, dr, length)
+            k = int(np.argmin(np.sum((flown.r - goal) ** 2, axis=1)))
+            dr = dr + (goal - flown.r[k]) / max(k * TICK, _SOONEST)
+        return self._flown(flight.drag, start, dr, length)
+
+    def _flown(self, drag: float, start: Array, dr: Array, length: float) -> "DisturbedFlight":
+        """Return the flight from a start with a velocity, and a string of a length [m]."""
+        ticks = round(_BEFOREHAND / TICK)
+        rows = np.empty((ticks + 1, 2, 3))
+        rows[0] = start, dr
+        for k in range(ticks):
+            rows[k + 1] = rows[k]
+            away = rows[k, 0] - start
+            far = float(np.linalg.norm(away))
+            if far > length:
+                rows[k + 1, 1] -= TICK * self.magnitude * (1.0 - length / far) * away
+            advance(rows[k + 1, 0], rows[k + 1, 1], drag, TICK)
+        return DisturbedFlight(r=rows[:, 0], dr=rows[:, 1], drag=drag)
+
+
+class Light(Replacement):
+    """A ball lighter than believed, thrown to pass the same place; magnitude: drag [1/m].
+
+    A shuttlecock has about 0.2, a ball of paper 0.5. It takes longer by a twentieth, and comes
+    more steeply.
+    """
+
+    kind: Literal["light"] = "light"
+    magnitude: Annotated[float, Field(ge=0.0, le=2.0)] = 0.2
+
+    def path(self, flight: Undisturbed) -> BallPath:
+        """Return its flight, slower at the end."""
+        start, after = flight.at(0.0)[0], flight.nearest()
+        goal = flight.at(after)[0]
+        dr = release_velocity(start, goal, drag=self.magnitude, duration=_LATER * after)
+        return _Flown(r=start, dr=dr, drag=self.magnitude)
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Flown:
+    """A free flight: position [m] and velocity [m/s] at its start, and its drag [1/m]."""
+
+    r: Array
+    dr: Array
+    drag: float
+
+    def at(self, t: float) -> tuple[Array, Array]:
+        """Position [m], shape (3,), and velocity [m/s], shape (3,), ``t`` s after release."""
+        return fly(self.r, self.dr, drag=self.drag, duration=t)
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Fluttering:
+    """A path with what is added to it, position [m] and velocity [m/s] a tick, shape (k, 2, 3)."""
+
+    about: Undisturbed
+    off: Array
+
+    def at(self, t: float) -> tuple[Array, Array]:
+        """Position [m], shape (3,), and velocity [m/s], shape (3,), ``t`` s after release."""
+        r, dr = self.about.at(t)
+        k = min(max(int(t / TICK + 1e-6), 0), len(self.off) - 1)
+        off, rate = self.off[k]
+        return r + off + min(max(t - k * TICK, 0.0), TICK) * rate, dr + rate
+
+
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Swing:
@@ -489,10 +600,10 @@ class DisturbedFlight:
         return fly(self.r[k], self.dr[k], drag=self.drag, duration=t - k * TICK)
 
 
-def disturbed_flight(
+def disturbed_states(
     ball: Throw | BallPath, pushes: Sequence[Push], *, drag: float
-) -> DisturbedFlight:
-    """Fly a ball through its disturbances.
+) -> Iterator[tuple[Array, Array]]:
+    """Fly a ball through its disturbances; return position [m], velocity [m/s] tick by tick.
 
     Args:
         ball: What comes at the arm.
@@ -501,15 +612,25 @@ def disturbed_flight(
     """
     path = None if isinstance(ball, Throw) else ball
     r, dr = (ball.r.copy(), ball.dr.copy()) if isinstance(ball, Throw) else ball.at(0.0)
-    states = [(r.copy(), dr.copy())]
-    for k in range(round(_BEFOREHAND / TICK)):
+    for k in count():
+        yield r.copy(), dr.copy()
         changed = [push.act(k * TICK, TICK, r, dr) for push in pushes]
         path = None if any(changed) else path
         if path is None:
             advance(r, dr, drag, TICK)
         else:
             r, dr = path.at((k + 1) * TICK)
-        states.append((r.copy(), dr.copy()))
+
+
+def disturbed_flight(
+    ball: Throw | BallPath, pushes: Sequence[Push], *, drag: float
+) -> DisturbedFlight:
+    """Return a flight through its disturbances, as far as anybody looks ahead.
+
+    Arguments as of :func:`disturbed_states`.
+    """
+    ticks = round(_BEFOREHAND / TICK) + 1
+    states = islice(disturbed_states(ball, pushes, drag=drag), ticks)
     positions, velocities = (np.array(column) for column in zip(*states, strict=True))
     return DisturbedFlight(r=positions, dr=velocities, drag=drag)
 

@@ -40,8 +40,8 @@ BALL_ANY = BALL_HAND | BALL_ARM | BALL_FLOOR
 
 #: What ``Plant.state`` is at the release of a ball.
 _RELEASED = {
-    "ticks": 0, "steps": 1, "seen": 0, "broken": False, "force": 0.0, "peak": 0.0,
-    "touched": -1.0, "braked": -1.0, "stopped": -1.0,
+    "ticks": 0, "steps": 1, "seen": 0, "broken": False, "prescribed": False, "force": 0.0,
+    "peak": 0.0, "touched": -1.0, "braked": -1.0, "stopped": -1.0,
 }  # fmt: skip
 
 # The library is in the process already; this makes its names known to compiled code.
@@ -92,6 +92,7 @@ class Plant(NamedTuple):
             ticks: Ticks since release; steps: simulation steps in the next tick.
             seen: Contacts in the last tick, bits of :func:`survey`.
             broken: Whether the physics broke down, or a command was not finite.
+            prescribed: Whether the ball follows a path; not after it has touched anything.
             force, peak: Largest contact force on the ball in the last tick, and in the trial [N];
             of a hand without fingers the resultant of all its contacts.
             touched: Time of the first contact of ball and hand [s]; negative before.

@@ -27,9 +27,12 @@ from mitt.world.disturbances import (
     Chance,
     DisturbedFlight,
     Drag,
+    Elastic,
     Fault,
+    Flutter,
     Gust,
     Kick,
+    Light,
     Push,
     Replacement,
     Spin,
@@ -39,8 +42,10 @@ from mitt.world.disturbances import (
     Turned,
     direction,
     disturbed_flight,
+    disturbed_states,
 )
 from mitt.world.flights import BallPath
+from mitt.world.prescribed import Prescribed, states_of
 from mitt.world.throws import Throw
 
 Delay = Annotated[float, Field(ge=0.0, le=0.2)]
@@ -490,7 +495,7 @@ class Payload(Fault):
 AnyFault = (
     Noise | Outlier | Dropout | Frozen | Latency | Late | Duplicate | Calibration
     | NotNumber | Clock | Encoder | Torque | CommandFault | Payload | Drag | Spin | Gust | Kick
-    | Bounce | Spring | Carried | BeltChange | Turned | Taken
+    | Bounce | Spring | Carried | Flutter | Elastic | Light | BeltChange | Turned | Taken
 )  # fmt: skip
 """One entry of a plan."""
 
@@ -586,14 +591,28 @@ class ActiveFaults:
                 case _:
                     assert_never(fault)
 
-    def undisturbed_path(self, drag: float) -> DisturbedFlight:
+    def untouched_flight(self, drag: float) -> DisturbedFlight:
         """Return the true flight if nobody touches the ball, for the clairvoyant alone.
 
         Args:
             drag: Drag coefficient of this trial's plant [1/m].
         """
-        fresh = [x for x in begun(self._plan, self._seed, self._trial) if isinstance(x, Push)]
-        return disturbed_flight(self.ball, fresh, drag=drag)
+        return disturbed_flight(self.ball, self._fresh_pushes(), drag=drag)
+
+    def prescribed(self, drag: float) -> Prescribed | None:
+        """Return the ball's motion until it is touched; None where a throw flies freely.
+
+        Args:
+            drag: Drag coefficient of this trial's plant [1/m].
+        """
+        if not self._pushes:
+            return None if isinstance(self.ball, Throw) else Prescribed(states_of(self.ball))
+        return Prescribed(disturbed_states(self.ball, self._fresh_pushes(), drag=drag))
+
+    def _fresh_pushes(self) -> list[Push]:
+        """Return what disturbs the flight, which has not done anything yet."""
+        fresh = begun(self._plan, self._seed, self._trial)
+        return [fault for fault in fresh if isinstance(fault, Push)]
 
     def sensors(self, sensors: Sensor, *, pixels: bool) -> Sensor:
         """Return the sensors with their faults; the same ones where there are none.
@@ -619,14 +638,15 @@ class ActiveFaults:
         """Return how fast what is met is turned at a time [rad/s]; None where it is let alone."""
         return next((x for turned in self._turns if (x := turned.rate(t)) is not None), None)
 
-    def pushes(self, t: float, until: float) -> bool:
-        """Tell whether anything may disturb the flying ball between two times [s]."""
-        return not all(push.is_inactive(t, until) for push in self._pushes)
-
-    def push(self, t: float, h: float, r: Array, dr: Array) -> bool:
-        """Disturb the flying ball in place for a step; return whether anything changed."""
-        changed = [push.act(t, h, r, dr) for push in self._pushes]
+    def push(self, t: float, r: Array, dr: Array) -> bool:
+        """Disturb what rides, or is held, in place for a tick; return whether anything changed."""
+        changed = [push.act(t, TICK, r, dr) for push in self._pushes]
         return any(changed)
+
+    @property
+    def on_ball_alone(self) -> bool:
+        """Whether only the ball's flight, or the load of the hand, is disturbed."""
+        return not (self._sensor_faults or self._late or self._weak or self._turns)
 
 
 def _restamped(senses: Senses, t: float) -> Senses:

@@ -5,8 +5,8 @@ MuJoCo's integrator is of first order: in half a second of flight it puts a ball
 :mod:`mitt.ball.flight`, independent of the length of the steps, and the integrator is given the
 force and the start with which dr' = dr + h ddr, r' = r + h dr' end where that kernel does.
 
-A tick in which the ball follows a path or its flight is disturbed is made step by step, by
-:func:`move_led`; all others by :func:`move`.
+A ball that follows a path is moved along it by force, from the positions and velocities at the
+ends of the ticks (:mod:`mitt.world.prescribed`), until it first touches anything.
 """
 
 import numpy as np
@@ -25,8 +25,6 @@ from mitt.world.engine import (
     survey,
     tip_velocity,
 )
-from mitt.world.faults import ActiveFaults
-from mitt.world.flights import BallPath
 from mitt.world.truth import Trace
 
 #: How long a trial goes on after the catcher has stopped [s].
@@ -53,62 +51,42 @@ REST_SPEED, REST_AFTER = 0.2, 0.08
 
 
 @big_kernel
-def move(plant: Plant, tau: Array, hand: float, trace: Trace) -> None:
-    """Let the motors follow a command for one tick, torques [N m] and closing angle [rad]."""
-    state = plant.state[0]
-    start, steps = state.ticks * TICK, state.steps
-    begin(plant, tau, hand)
-    for step in range(1, steps + 1):
-        leave(plant)
-        arrive(plant, start + step * (TICK / steps))
-    state.ticks += 1
-    note(plant, trace)
-
-
-def move_led(
-    plant: Plant,
-    tau: Array,
-    hand: float,
-    trace: Trace,
-    *,
-    path: BallPath | None,
-    faults: ActiveFaults | None,
-) -> BallPath | None:
-    """As :func:`move`, with a ball that may be led or disturbed.
-
-    From its first touch or disturbance on, a ball that followed a path flies freely.
+def move(plant: Plant, tau: Array, hand: float, trace: Trace, path: Array) -> None:
+    """Let the motors follow a command for one tick.
 
     Args:
         plant: The plant.
         tau: Torques commanded [N m], shape (n,).
         hand: Closing angle commanded [rad].
         trace: The trace, a row of which is written.
-        path: What the ball follows; None where it flies freely.
-        faults: What goes wrong in the trial; None for nothing.
-
-    Returns:
-        What the ball follows from now on.
+        path: Position and velocity of the ball at the start of each tick [m, m/s], shape
+            (k, 2, 3), up to the end of this one; read where ``state.prescribed`` is set.
     """
-    state, ball = plant.state, len(plant.ctrl)
-    start, steps = int(state["ticks"][0]) * TICK, int(state["steps"][0])
-    pushed = faults is not None and state["touched"][0] < 0.0 and faults.pushes(start, start + TICK)
-    if path is None and not pushed:
-        move(plant, tau, hand, trace)
-        return None
-    h, r, dr = TICK / steps, plant.qpos[ball : ball + 3], plant.qvel[ball : ball + 3]
+    state = plant.state[0]
+    start, steps = state.ticks * TICK, state.steps
     begin(plant, tau, hand)
     for step in range(1, steps + 1):
-        flies = pushed and state["touched"][0] < 0.0
-        if faults and flies and faults.push(start + (step - 1) * h, h, r, dr):
-            path = None
         leave(plant)
-        if path is not None:
-            r[:], dr[:] = path.at(start + step * h)
-        if arrive(plant, start + step * h) & BALL_ANY:
-            path = None
-    state["ticks"] += 1
+        if state.prescribed:
+            _prescribe(plant, path[state.ticks], path[state.ticks + 1], step / steps)
+        if arrive(plant, start + step * (TICK / steps)) & BALL_ANY:
+            state.prescribed = False
+    state.ticks += 1
     note(plant, trace)
-    return path
+
+
+@kernel
+def _prescribe(plant: Plant, before: Array, after: Array, share: float) -> None:
+    """Put the ball where its path is after a share of a tick: a cubic between the tick's ends."""
+    ball, s = len(plant.ctrl), share
+    for i in range(3):
+        r, dr, way = before[0, i], TICK * before[1, i], after[0, i] - before[0, i]
+        bend = 3.0 * way - 2.0 * dr - TICK * after[1, i]
+        twist = dr + TICK * after[1, i] - 2.0 * way
+        plant.qpos[ball + i] = after[0, i] if s == 1.0 else r + s * (dr + s * (bend + s * twist))
+        plant.qvel[ball + i] = (
+            after[1, i] if s == 1.0 else (dr + s * (2.0 * bend + 3.0 * s * twist)) / TICK
+        )
 
 
 @kernel

@@ -22,7 +22,8 @@ from mitt.world.faults import ActiveFaults, Sensor
 from mitt.world.flights import BallPath
 from mitt.world.giver import Giver
 from mitt.world.imaging import Imager
-from mitt.world.motion import move_led, note, note_stop, over
+from mitt.world.motion import move, note, note_stop, over
+from mitt.world.prescribed import FREE, Prescribed, states_of
 from mitt.world.scene import Scene
 from mitt.world.sensors import CameraMaker, Sensors, encoder_steps
 from mitt.world.targets import InHand, Ride
@@ -43,6 +44,7 @@ class Stage:
             is seen as points.
         scene: Settings.
         radius: Radius of the ball [m].
+        rows: Prescribed motion of the ball for a number of ticks, shape (k, 2, 3).
     """
 
     plant: Plant
@@ -52,6 +54,7 @@ class Stage:
     imager: Imager | None
     scene: Scene
     radius: float
+    rows: Callable[[int], Array]
 
 
 @final
@@ -115,7 +118,9 @@ class World:
         self._pose, self._spin = qpos[ball : ball + 7], qvel[ball + 3 : ball + 6]
         self._trace = TraceBuffer(ball + 7, ball + 6, n)
         self._path: BallPath | None = None
-        self._start(None, self._draw.nominal)
+        self._faults: ActiveFaults | None = None
+        self._prescribed: Prescribed | None = None
+        self._start(self._draw.nominal)
 
     def __reduce__(self) -> NoReturn:
         """Refuse to be copied: what compiled code works on lies in MuJoCo's memory."""
@@ -134,7 +139,7 @@ class World:
         For oracles and rewards alone; read right after ``reset``.
         """
         if self._faults is not None:
-            return self._faults.undisturbed_path(self._drag).at
+            return self._faults.untouched_flight(self._drag).at
         if self._path is not None:
             return self._path.at
         r, dr, drag = *(x.copy() for x in self._ball), self._drag
@@ -223,7 +228,8 @@ class World:
             self._pose[3:] = np.cos(turned), 0.0, 0.0, np.sin(turned)
         elif self._giver is not None:
             self._pose[3:] = self._giver.quaternion
-        self._start(None if isinstance(ball, Throw | Ride) else ball, drawn)
+        self._path = None if isinstance(ball, Throw | Ride) else ball
+        self._start(drawn)
 
     def sense(self, *, look: bool = True) -> Senses:
         """Return what reaches the catcher in this tick; once a tick.
@@ -250,18 +256,13 @@ class World:
     def stage(self) -> Stage | None:
         """The world as compiled code plays on it; None where only :meth:`sense` will do.
 
-        That is where something goes wrong or leads the ball, where cameras turn or are not a pair,
-        and where not every tick has its frame.
+        That is where sensors or commands are at fault, a person holds what is met, cameras turn or
+        are not a pair, and where not every tick has its frame.
         """
         sensors, turns = self._sensors, self._scene.sensing.cameras == "active"
         special = self._ride is not None or self._delay > 0 or self._pulls
-        if (
-            self._faults is not None
-            or self._path is not None
-            or turns
-            or self._joint_servo
-            or special
-        ):
+        disturbed = self._faults is not None and not self._faults.on_ball_alone
+        if disturbed or self._giver is not None or turns or self._joint_servo or special:
             return None
         if not isinstance(sensors, Sensors) or self._scene.sensing.frame_rate < 1.0 / TICK:
             return None
@@ -269,7 +270,14 @@ class World:
         if imager is not None and not imager.a_pair:
             return None
         return Stage(
-            self._plant, self._trace, self._body, sensors, imager, self._scene, self.radius
+            self._plant,
+            self._trace,
+            self._body,
+            sensors,
+            imager,
+            self._scene,
+            self.radius,
+            self._rows,
         )
 
     def apply(self, command: Command) -> None:
@@ -288,9 +296,24 @@ class World:
         if self._faults is not None and (rate := self._faults.turn(self.t)) is not None:
             self._spin[2] = rate
         note_stop(self._plant.state, command.brakes, False)
-        asked = command.tau, command.hand, self._trace.reserve(self._ticks + 2)
-        self._path = move_led(self._plant, *asked, path=self._path, faults=self._faults)
+        self._disturb()
+        until = self._ticks + 2
+        trace = self._trace.reserve(until)
+        move(self._plant, command.tau, command.hand, trace, self._rows(until))
         self._sensors.turn(command.gaze, TICK)
+
+    def _disturb(self) -> None:
+        """Disturb what rides, or is held, until the tool has touched it; it is free then."""
+        met = self._ride is not None or self._giver is not None
+        if self._faults is None or not met or self._plant.state["touched"][0] >= 0.0:
+            return
+        if self._faults.push(self.t, *self._ball):
+            self._plant.state["prescribed"] = False
+
+    def _rows(self, count: int) -> Array:
+        """Return the prescribed motion of the ball for so many ticks; none where it is free."""
+        known = self._prescribed is not None and self._plant.state["prescribed"][0]
+        return self._prescribed.rows(count) if self._prescribed and known else FREE
 
     def _person(self, path: InHand, drawn: Drawn) -> Giver:
         """Return the person who holds what is drawn for a trial."""
@@ -301,7 +324,7 @@ class World:
 
         It holds what all its fingers touch once they close, or the cup once it pulls.
         """
-        if self._path is not None:
+        if self._plant.state["prescribed"][0]:
             return
         if self._plant.state["touched"][0] < 0.0:  # somebody has taken it away
             self.data.xfrc_applied[self._part], self._giver = 0.0, None
@@ -349,9 +372,9 @@ class World:
         flight = Undisturbed(ball=ball, drag=self._scene.ball.drag, hand=self._site.copy())
         return ActiveFaults(plan, seed, Trial(flight, self._limits, self._arm.active))
 
-    def _start(self, path: BallPath | None, drawn: Drawn) -> None:
+    def _start(self, drawn: Drawn) -> None:
         """Forget the trial before and bring all derived quantities up to date."""
-        self._path, self.radius = path, drawn.radius
+        self.radius = drawn.radius
         self._drag = float(drawn.drag_force / drawn.mass)
         self.model.opt.timestep = TICK
         mujoco.mj_step1(self.model, self.data)
@@ -367,7 +390,20 @@ class World:
             drives=fresh_drives(actuation, self.data.qfrc_bias[: self._n]),
             brakes=self._brakes,
         )
+        self._prescribed = self._prescription()
+        self._plant.state["prescribed"] = self._prescribed is not None
         note(self._plant, self._trace.rows)
+
+    def _prescription(self) -> Prescribed | None:
+        """Return the motion that the ball follows until it is touched; None where it is free.
+
+        What rides on a belt, or is held by somebody, is disturbed as it goes on: :meth:`apply`.
+        """
+        if self._ride is not None:
+            return None
+        if self._faults is not None and self._giver is None:
+            return self._faults.prescribed(self._drag)
+        return None if self._path is None else Prescribed(states_of(self._path))
 
     @property
     def _ticks(self) -> int:
