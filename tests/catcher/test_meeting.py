@@ -148,9 +148,7 @@ def begins(period: float, first: float, drift: float, pause: float | None = None
     return inf
 
 
-@pytest.mark.parametrize(
-    "period", [0.0005, 0.002, 0.004, 0.007]
-)
+@pytest.mark.parametrize("period", [0.0005, 0.002, 0.004, 0.007])
 def test_a_meeting_begins_in_time_in_any_loop(period: float) -> None:
     """Whatever its period, the number of its first millisecond, and the drift of its clock.
 

@@ -11,13 +11,14 @@ from mitt.files.schema import merged
 from mitt.reading import shipped
 from mitt.trials.bat_study import read_bat_study
 from mitt.trials.meet_study import read_meet_study
+from mitt.trials.registry import BUILT_IN
 from mitt.trials.study_file import Study, extent, read_study
 from mitt.trials.study_folder import Folder
 from mitt.trials.task_study import TaskStudy, task_of_file
 from mitt.world.disturbances import Kick
 
 #: Names that a registry with all rivals has.
-EVERY = ("direct", "several", "unoptimised", "ik", "quintic", "ruckig", "mpc", "ds", "clairvoyant")
+EVERY = tuple(BUILT_IN)
 
 
 def test_a_sweep_is_a_condition_a_value(study: Study) -> None:
@@ -95,7 +96,7 @@ def test_the_studies_that_ship_are_those_that_are_promised() -> None:
 
 def test_a_study_says_how_large_it_is() -> None:
     smoke = read_study(Path("smoke"), generators=EVERY)
-    assert extent(smoke, 1216) == "9 generators, 3 conditions, 1,216 throws"
+    assert extent(smoke, 1216) == f"{len(EVERY)} generators, 3 conditions, 1,216 throws"
     alone = smoke.model_copy(update={"counts": {"direct": 1}})
     assert extent(alone, 1) == "1 generator, 3 conditions, 1 throw"
 
