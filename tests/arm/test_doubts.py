@@ -309,6 +309,60 @@ def test_lengths_and_masses_in_other_units_are_doubted(
     assert any(word in note for note in _notes(path))
 
 
+@pytest.mark.parametrize(
+    ("scale", "word"),
+    [(1.0, ""), (1e3, "large shapes"), (1e2, "large shapes"), (1.0 / 0.0254, "large shapes"),
+     (1e-3, "small shapes")],
+)  # fmt: skip
+@pytest.mark.parametrize("size", [0.03, 0.095, 0.3])
+def test_shapes_are_held_against_the_length_of_the_arm(
+    tmp_path: Path, scale: float, word: str, size: float
+) -> None:
+    """Small parts in millimetres, centimetres or inches too, of which none is 100 m long."""
+    half = 0.5 * scale * size
+    geom = f'<geom type="box" size="{half} {half} {half}"/>'
+    path = _mjcf(tmp_path / "a.xml", geom=geom)
+    if half >= 100.0:
+        with pytest.raises(MittError, match="check units and scale"):
+            _notes(path)
+        return
+    notes = [x for x in _notes(path) if "shapes" in x]
+    assert [x.partition(" for")[0] for x in notes] == ([word] if word else [])
+    assert all("elbow" in x for x in notes)
+
+
+@pytest.mark.parametrize(
+    ("mass", "moments", "doubted"),
+    [("1.5", "1 1 1", True), ("0.5", ".15 .15 .15", True), ("1.5", ".02 .02 .004", False)],
+)  # fmt: skip
+def test_inertias_are_held_against_mass_and_size(
+    tmp_path: Path, mass: str, moments: str, *, doubted: bool
+) -> None:
+    """A placeholder of 1 kg m^2, or one that is too wide for a link of 10 cm."""
+    parts = {"inertial": f'<inertial pos="0 0 0.02" mass="{mass}" diaginertia="{moments}"/>',
+             "geom": '<geom type="sphere" size="0.05"/>'}  # fmt: skip
+    notes = _notes(_mjcf(tmp_path / "a.xml", **parts))
+    assert any("large inertias" in x for x in notes) == doubted
+
+
+@pytest.mark.parametrize("follows", ["yaw", "finger"])
+def test_a_linkage_beside_the_chain_is_said(tmp_path: Path, follows: str) -> None:
+    """What an active joint moves besides the chain is rigid; a gripper's own joints are not."""
+    path = _shaped_with_side_link(tmp_path / "a.xml", follows)
+    said = [x for x in _notes(path) if "mimics" in x]
+    assert len(said) == (follows == "yaw")
+    assert all("'side'" in x and "'yaw'" in x and "2.5 kg" in x for x in said)
+
+
+def _shaped_with_side_link(path: Path, follows: str) -> Path:
+    """Write an arm with a link of 2 kg beside its chain, and one of 0.5 kg on that."""
+    inertial = '<inertial pos="0 0 0" mass="{}" diaginertia=".01 .01 .01"/>'
+    inner = f'<body><joint name="finger"/>{inertial.format(0.5)}</body>'
+    side = f'<body name="beside"><joint name="side"/>{inertial.format(2)}{inner}</body>'
+    equality = f'<equality><joint joint1="side" joint2="{follows}"/></equality>'
+    return _mjcf(path, geom=side, end=equality)
+
+
 _GOOD = '<robot name="a"><link name="l0"/></robot>'
 _XACRO = "expand it first: xacro"
 

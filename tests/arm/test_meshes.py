@@ -57,25 +57,48 @@ def test_solids_become_capsules_of_their_link(tmp_path: Path) -> None:
     assert arm.model.notes == ()
 
 
-@pytest.mark.parametrize("where", ["beside", "above", "package path", "below"])
+@pytest.mark.parametrize(
+    "where", ["beside", "above", "clone", "package path", "clone in it", "prefix", "below"]
+)
 def test_meshes_are_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where: str) -> None:
-    """In a package above or beside the file, in ROS_PACKAGE_PATH, or below its folder."""
+    """In a package above or beside the file, where ROS 1 and 2 look for it, or below its folder.
+
+    A package is also a folder of another name whose package.xml says it.
+    """
     at = {
         "beside": tmp_path / "own/urdf/robot/meshes/a.stl",
         "above": tmp_path / "robot/meshes/a.stl",
+        "clone": tmp_path / "Robot-main/meshes/a.stl",
         "package path": tmp_path / "share/robot/meshes/a.stl",
+        "clone in it": tmp_path / "Robot-jazzy/meshes/a.stl",
+        "prefix": tmp_path / "install/robot/share/robot/meshes/a.stl",
         "below": tmp_path / "own/urdf/meshes/a.stl",
     }[where]
-    folder = tmp_path / ("robot/urdf" if where == "above" else "own/urdf")
+    above = {"above": "robot/urdf", "clone": "Robot-main/urdf/deep"}
+    folder = tmp_path / above.get(where, "own/urdf")
     folder.mkdir(parents=True)
     _mesh(at, scale=0.001)
-    monkeypatch.setenv("ROS_PACKAGE_PATH", f"{tmp_path / 'none'}:{tmp_path / 'share'}")
+    for clone in ("Robot-main", "Robot-jazzy"):
+        (tmp_path / clone).mkdir(exist_ok=True)
+        (tmp_path / clone / "package.xml").write_text("<package><name> robot\n</name></package>")
+    roots = [tmp_path / x for x in ("none", "share", "Robot-jazzy")]
+    monkeypatch.setenv("ROS_PACKAGE_PATH", ":".join(map(str, roots)))
+    monkeypatch.setenv("AMENT_PREFIX_PATH", f"{tmp_path / 'install/robot'}:/opt/ros/none")
     name = "meshes/a.stl" if where == "below" else "package://robot/meshes/a.stl"
     solid = f'<mesh filename="{name}" scale="0.001 0.001 0.001"/>'
     arm = build_arm(_shaped(folder / "a.urdf", l2=solid), tip="l5", joints=_NAMES)
     assert arm.model.notes == ()
     (capsule,) = arm.model.links[1].capsules
     assert 0.02 * 2.0**0.5 - 1e-6 < capsule.radius < 0.04
+
+
+@pytest.mark.parametrize("about", ["", "<package><name>other</name></package>", "\xff<name>"])
+def test_a_package_of_another_name_is_not_taken(tmp_path: Path, about: str) -> None:
+    """Neither a folder without a name for it, nor one whose package.xml says another."""
+    _mesh(tmp_path / "clone/meshes/a.stl", scale=0.001)
+    (tmp_path / "clone/package.xml").write_text(about)
+    assert find_mesh(tmp_path / "clone/a.urdf", "package://robot/meshes/a.stl") is None
+    assert find_mesh(tmp_path / "clone/a.urdf", "package://clone/../secret.stl") is None
 
 
 def test_a_missing_mesh_is_a_note(tmp_path: Path) -> None:

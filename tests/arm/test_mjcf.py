@@ -1,5 +1,6 @@
 """MJCF as MuJoCo Menagerie writes it: classes, defaults, actuators, keyframes, meshes."""
 
+import os
 from pathlib import Path
 
 import mujoco
@@ -126,10 +127,7 @@ _PARSED = "<worldbody>"
 @pytest.mark.parametrize(
     ("before", "after", "wanted"),
     [
-        ('meshdir="assets"', 'meshdir="/tmp/x"', "below its own folder"),
-        ('meshdir="assets"', 'assetdir="../x"', "below its own folder"),
-        ('meshdir="assets"', r'texturedir="..\x"', "below its own folder"),
-        ('file="t.png"', 'fileright="/tmp/t.png"', "below its own folder"),
+        ("<asset>", '<include file="x.xml"/><asset>', "mj_saveLastXML"),
         (_PARSED, f'{_PARSED}<flexcomp name="f" type="mesh" file="x.obj"/>', "flexible"),
         ("<asset>", '<asset><model name="m" file="x.xml"/>', "one file"),
         (_PARSED, f'{_PARSED}<attach model="m" body="b" prefix="p"/>', "one file"),
@@ -148,6 +146,49 @@ def test_other_files_and_endless_copies_are_refused(
     with pytest.raises(MittError, match=wanted) as caught:
         build_arm(_written(tmp_path / "a.xml", (before, after)), tip="tcp", joints=_NAMES)
     assert "\n" not in str(caught.value)
+
+
+def test_files_outside_its_folder_are_left_out_with_a_note(tmp_path: Path) -> None:
+    """Meshes above the file as those of a URDF; neither they nor anything else is opened."""
+    pipe = tmp_path / "parts" / "pipe"
+    pipe.parent.mkdir()
+    os.mkfifo(pipe)
+    end = os.open(pipe, os.O_RDWR | os.O_NONBLOCK)
+    os.write(end, b"unread")
+    folder = tmp_path / "own"
+    folder.mkdir()
+    for meshdir in ("../parts", str(pipe.parent), "../own/../parts"):
+        path = _written(
+            folder / "a.xml", ('meshdir="assets"', f'meshdir="{meshdir}" texturedir="../parts"'),
+            ('file="l0.obj"', 'file="pipe"'), ('file="l1.stl"', 'name="l1" file="pipe"'),
+            ('file="t.png"', 'file="pipe"'),
+            ("</asset>", '<hfield name="h" size="1 1 1 1" file="pipe"/></asset><deformable><skin file="pipe"/>'
+             "</deformable>"),
+        )  # fmt: skip
+        (note,) = (x for x in build_arm(path, tip="tcp", joints=_NAMES).model.notes if "mesh" in x)
+        assert "for base, one: " in note
+        assert "save it as one of" in note
+        path.write_text(path.read_text().replace('"pipe"', '"pipe.stl"'))
+        (note,) = (x for x in build_arm(path, tip="tcp", joints=_NAMES).model.notes if "mesh" in x)
+        assert "put it below the folder of the file" in note
+    assert os.read(end, 100) == b"unread"
+    os.close(end)
+
+
+def test_comments_are_passed_over_as_mujoco_does(tmp_path: Path) -> None:
+    """Two hyphens in one, elements that are commented out, and the line of an error behind it."""
+    comment = "<!-- ---- arm ----\n-- <include file='x.xml'/> -->"
+    text = ARM.replace("<worldbody>", f"<worldbody>{comment}")
+    mujoco.MjSpec.from_string(text)
+    (tmp_path / "a.xml").write_text(text)
+    plain = read_mjcf(_written(tmp_path / "b.xml"))
+    assert read_mjcf(tmp_path / "a.xml").tree.joints == plain.tree.joints
+    (tmp_path / "c.xml").write_text(f"<mujoco>\n{comment}\n<worldbody></mujoco>")
+    with pytest.raises(MittError, match="line 4"):
+        read_mjcf(tmp_path / "c.xml")
+    (tmp_path / "d.xml").write_text("<!DOC<!-- -->TYPE x [<!ENTITY a 'b'>]><mujoco/>")
+    with pytest.raises(MittError):
+        read_mjcf(tmp_path / "d.xml")
 
 
 def test_a_loop_of_the_gripper_alone_does_no_harm(tmp_path: Path) -> None:

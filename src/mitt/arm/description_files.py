@@ -32,13 +32,15 @@ MAX_BYTES = 5_000_000
 _MOST_LEVELS = 100
 #: The kinds of files that are read, by the name of their root.
 _KINDS = {"robot": "a URDF, <robot>...</robot>", "mujoco": "an MJCF, <mujoco>...</mujoco>"}
+JOIN: Final = "join the files into one, as mujoco.mj_saveLastXML writes it of a loaded model"
+"""What to do with an MJCF of several files."""
 #: What else is handed in for one, by root or first bytes, and what to do.
 _ROOTS = {
     "robot": ("a URDF", "name it .urdf"),
     "mujoco": ("an MJCF", "name it .xml"),
     "sdf": ("an SDF", "take the URDF that it was made from"),
     "COLLADA": ("a mesh in COLLADA", "name the URDF that uses it"),
-    "mujocoinclude": ("a part of an MJCF", "join the files into one: mj_saveLastXML writes it"),
+    "mujocoinclude": ("a part of an MJCF", JOIN),
     "launch": ("a launch file", "name the URDF that it loads"),
     "html": ("a web page", "download the file itself"),
 }
@@ -49,6 +51,8 @@ _HEADS = {
 }  # fmt: skip
 _EXPAND = "expand it first: xacro FILE.urdf.xacro > FILE.urdf"
 _ENCODING = re.compile(rb"""^<\?xml[^>]*?encoding\s*=\s*["']([\w.:-]{1,40})["']""")
+#: A comment, in which files of others have "--", which XML forbids and their readers pass over.
+_COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 #: What xacro puts in the place of values.
 _UNEXPANDED = re.compile(r"\$\{|\$\((find|arg|env|optenv|dirname|eval|cwd|anon)\b")
 
@@ -301,21 +305,21 @@ def check_suffix(path: Path) -> None:
 
 
 def read_xml(path: Path, root: Literal["robot", "mujoco"]) -> tuple[str, Element]:
-    """Return the text and the root of a description file.
+    """Return the text and the root of a description file, its comments taken out of both.
 
     Raises:
         FileError: It cannot be read, is no XML, is another kind of file, or has elements without
             end.
     """
     wanted = _KINDS[root]
-    text = _text(path, wanted)
+    text = _COMMENT.sub(lambda x: " " + "\n" * x.group().count("\n"), _text(path, wanted))
     found = _parsed(path, wanted, text)
     _check_xacro(path, found)
     if found.tag != root:
         given, do = _ROOTS.get(found.tag, (f"<{found.tag[:40]}>", f"name {wanted}"))
         raise FileError(str(path), wanted, given, do=do)
     if found.find(".//include") is not None:
-        raise FileError(str(path), "one file", "one that includes others", do="join them")
+        raise FileError(str(path), "one file", "one that includes others", do=JOIN)
     return text, found
 
 

@@ -4,7 +4,7 @@ Of a file, the chain of joints from the base to the tip becomes the arm; which o
 where the others are held, is said by name. What a limit set says goes before what the file states.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -242,6 +242,7 @@ def _serial_arm(stated: Stated, wanted: _Wanted) -> Arm:
         + doubts(stated, links, tool)
         + _left_out_notes(stated, loads, wanted.joints)
         + tuple(_locked_note(stated, x) for x in chain if x not in loads)
+        + tuple(_follower_notes(stated, chain, wanted.joints))
     )
     description = ArmModel(
         name=wanted.name, links=links, tool=tool, hand=wanted.hand,
@@ -297,6 +298,28 @@ def _locked_note(stated: Stated, name: str) -> str:
     missing += [] if stated.tree.body(name).mass > 0.0 else ["mass"]
     remedy = f"; {stated.remedy(name)}" if stated.missing(name) else ""
     return f"held joint {name!r}: no {' and no '.join(missing)} known; taken as rigid{remedy}"
+
+
+def _follower_notes(stated: Stated, chain: Sequence[str], active: Sequence[str]) -> Iterator[str]:
+    """Yield a note of each joint beside the chain that an active joint moves, as of a linkage."""
+    for name in stated.mimics:
+        leader = name
+        for _ in stated.mimics:  # once for each, so that a joint may follow one that follows
+            leader = stated.mimics[leader].joint if leader in stated.mimics else leader
+        if name not in chain and leader in active and name in stated.tree.joints:
+            yield (f"joint {name!r} beside the chain mimics {leader!r}, an active joint: what is"
+                   f" behind it ({_carried(stated, name):.3g} kg) is taken as rigid, and does not"
+                   " turn with it")  # fmt: skip
+
+
+def _carried(stated: Stated, name: str) -> float:
+    """Return the mass of all that is behind a joint [kg]."""
+    parts = stated.tree.parts
+    behind = {next(k for k, x in enumerate(parts) if x.name == name and x.kind != "link")}
+    for k, part in enumerate(parts):
+        if k and part.before in behind:
+            behind.add(k)
+    return sum(parts[k].mass for k in behind)
 
 
 def bounded(

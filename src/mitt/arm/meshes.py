@@ -1,7 +1,9 @@
 """Shapes of the links of a description file: meshes and simple solids, and capsules about them.
 
-Meshes are looked for as ``package://NAME/...`` in a folder NAME above or beside the file and in
-``ROS_PACKAGE_PATH``; other names below the file's own folder. No other file is opened.
+Meshes are looked for as ``package://NAME/...`` in a folder NAME beside the file, in one above it
+that is called so or whose ``package.xml`` says that name, in ``share/NAME`` of the folders of
+``AMENT_PREFIX_PATH`` (ROS 2) and in ``ROS_PACKAGE_PATH`` (ROS 1); other names below the file's own
+folder. No other file is opened, in a URDF as in an MJCF.
 
 A capsule about an axis: the circle about the points as seen along the axis gives line and radius,
 and the ends are drawn in as far as the round caps still hold every point. Axes tried: the principal
@@ -9,6 +11,7 @@ ones of the points. A shape that two capsules, side by side along it, hold in le
 """
 
 import os
+import re
 from collections.abc import Iterator, Sequence
 from io import BytesIO
 from pathlib import Path, PurePosixPath
@@ -27,6 +30,9 @@ from mitt.signals import Array
 
 #: Largest mesh that is read, and all of a description file together [byte].
 _MAX_BYTES, _MAX_TOTAL = 50_000_000, 300_000_000
+#: Largest package.xml that is read [byte], and the name of a package in it.
+_MAX_ABOUT = 1_000_000
+_PACKAGE_NAME = re.compile(rb"<name>\s*([^<\s]+)\s*</name>")
 #: What may be a mesh.
 _KINDS = (".stl", ".obj", ".ply", ".dae")
 #: Largest size of a shape, and farthest from its link's frame, that is taken for meant [m].
@@ -100,10 +106,13 @@ def _remedy(path: Path, mesh: str) -> str:
     if inner.suffix.lower() not in _KINDS:
         return f"save it as one of {', '.join(_KINDS)}"
     if inner.is_absolute() or ".." in inner.parts or (not package and "://" in mesh):
+        if path.suffix.lower() != ".urdf":
+            return "put it below the folder of the file, and name it from there without .."
         return "name it as package://NAME/..., or below the folder of the file"
     if package:
         return (f"no such file; put the folder {inner.parts[0][:_LONGEST]!r} above or beside the"
-                " file, or the folder that holds it into ROS_PACKAGE_PATH")  # fmt: skip
+                " file, or source the workspace that has it (AMENT_PREFIX_PATH, or in ROS 1"
+                " ROS_PACKAGE_PATH)")  # fmt: skip
     return f"no such file below the folder {str(path.parent)!r}; put it there"
 
 
@@ -224,12 +233,33 @@ def _places(path: Path, inner: PurePosixPath) -> Iterator[Path]:
     package, rest = inner.parts[0], Path(*inner.parts[1:])
     yield path.parent / inner
     for folder in path.absolute().parents:
-        if folder.name == package:
+        if _is_package(folder, package):
             yield folder / rest
-    for root in filter(None, os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep)):
-        yield Path(root) / inner
-        if Path(root).name == package:
-            yield Path(root) / rest
+    for prefix in _folders("AMENT_PREFIX_PATH"):
+        yield prefix / "share" / inner
+    for root in _folders("ROS_PACKAGE_PATH"):
+        yield root / inner
+        if _is_package(root, package):
+            yield root / rest
+
+
+def _folders(variable: str) -> Iterator[Path]:
+    """Yield the folders that a variable of the environment names."""
+    yield from map(Path, filter(None, os.environ.get(variable, "").split(os.pathsep)))
+
+
+def _is_package(folder: Path, name: str) -> bool:
+    """Say whether a folder is the ROS package of a name: as it is called, or its package.xml."""
+    if folder.name == name:
+        return True
+    about = folder / "package.xml"
+    if not about.is_file():
+        return False
+    try:
+        found = _PACKAGE_NAME.search(read_bytes(about, max_bytes=_MAX_ABOUT))
+    except FileError:
+        return False
+    return found is not None and found.group(1).decode(errors="replace") == name
 
 
 @final

@@ -4,8 +4,9 @@ Read as MuJoCo Menagerie writes them: ranges and actuators by default classes, k
 tendons and textures that do not matter here. MuJoCo has no limit of speed, so it stands among the
 file's own numbers: ``<custom><numeric name="velocity_limit_JOINT" data="8.0"/></custom>`` [rad/s].
 A joint, body or site without a name is called by its number. MuJoCo opens files and makes copies
-while it parses, so what a file asks for is looked at before: no file outside its folder, and not
-more than an arm has. The elements and what they mean: the XML reference of MuJoCo's documentation.
+while it parses, so what a file asks for is looked at before: no other file, and not more than an
+arm has. Of its meshes those below its folder are read, as of a URDF (:mod:`mitt.arm.meshes`). The
+elements and what they mean: the XML reference of MuJoCo's documentation.
 """
 
 from collections import defaultdict
@@ -22,6 +23,7 @@ import numpy as np
 from mitt import checks
 from mitt.arm.description import mended_inertia, rotation, transform
 from mitt.arm.description_files import (
+    JOIN,
     LINK,
     WORLD,
     Kind,
@@ -70,8 +72,6 @@ _CONNECT, _WELD, _FOLLOWS = (
 )  # fmt: skip
 #: What opens other files, or runs code, as MuJoCo parses it.
 _OTHERS = ("model", "attach", "plugin", "extension", "include")
-#: Attributes that name a folder.
-_FOLDERS = ("assetdir", "meshdir", "texturedir")
 #: Most elements once copies are made.
 _MOST_ELEMENTS = 100_000
 _Mesh: TypeAlias = tuple[str, Path | None, Array]
@@ -498,7 +498,9 @@ def _has_fluid(m: mujoco.MjModel) -> bool:
 
 
 def _check_files(path: Path, root: Element) -> None:
-    """Refuse files that are not below the file's own folder, and copies without number.
+    """Refuse files that MuJoCo would open as it parses, and copies without number.
+
+    Meshes and textures it opens as it compiles, and these are taken out before.
 
     Raises:
         FileError: Of what is refused.
@@ -506,22 +508,13 @@ def _check_files(path: Path, root: Element) -> None:
     for element in root.iter():
         if element.tag in _OTHERS:
             raise FileError(str(path), "one file, without others and plugins", f"<{element.tag}>",
-                            do="join the files into one")  # fmt: skip
+                            do=JOIN)  # fmt: skip
         if element.tag == "flexcomp" and "file" in element.attrib:
             raise FileError(str(path), "an arm without flexible bodies from files", "<flexcomp>",
                             do="take it out")  # fmt: skip
-        for key, name in element.attrib.items():
-            if (key in _FOLDERS or key.startswith("file")) and _outside(name):
-                raise FileError(str(path), "meshes below its own folder", f"{key}={name[:60]!r}")
     if _count(path, root) > _MOST_ELEMENTS:
         raise FileError(str(path), f"at most {_MOST_ELEMENTS} elements with all copies", "more",
                         do="take out <replicate> and <composite>")  # fmt: skip
-
-
-def _outside(name: str) -> bool:
-    """Say whether a path leads out of the folder that it is seen from."""
-    parts = PurePosixPath(name.replace("\\", "/"))
-    return parts.is_absolute() or name.startswith("~") or ":" in name or ".." in parts.parts
 
 
 def _count(path: Path, element: Element) -> int:

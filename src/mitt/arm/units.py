@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from mitt.arm.description import Link, meant_in_radians, steel_ball
+from mitt.arm.description import Capsule, Link, meant_in_radians, steel_ball
 from mitt.arm.description_files import Stated, Tree
 from mitt.errors import ModelError
 from mitt.signals import GRAVITY, Array
@@ -34,9 +34,19 @@ _STRONGEST, _WEAKEST, _SHORTEST = 60.0, 0.05, 0.1
 #: Lengths of arms [m], and masses over their cubes [kg/m^3], that are believed: real arms have 3 to
 #: 60 kg/m^3.
 _REACH, _DENSITY = (0.03, 12.0), (0.3, 1000.0)
-#: Radius of gyration of a link and distance of its centre of mass, in lengths of the arm, above
-#: which they are doubted. Least moment of inertia, in those of a ball of steel: no metal has less.
-_WIDEST_BODY, _DENSEST = 3.0, 0.1
+#: Distance of a link's centre of mass, in lengths of the arm, above which it is doubted.
+_FAR_MASS = 3.0
+#: Size of a link's shapes, in lengths of the arm, above and below which it is doubted: the smallest
+#: unit of length that is confused with metres is the foot, the largest the centimetre.
+_WIDEST_SHAPE = 2.0
+_SMALLEST_SHAPE = 2e-3
+#: Radius of gyration of a link about its centre of mass, in lengths of the arm and in its own size,
+#: above which it is doubted. A rod has 0.29 of its length, and nothing more than a half of its
+#: size; inertias that were identified, as those of the Panda, come out at up to 1.25.
+_WIDEST_BODY = 0.5
+_OWN_SIZE = 1.5
+#: Least moment of inertia, in those of a ball of steel: no metal has less.
+_DENSEST = 0.1
 
 
 def check_range(where: str, low: float, high: float) -> None:
@@ -87,7 +97,8 @@ def doubts(stated: Stated, links: Sequence[Link], tool: Array) -> tuple[str, ...
     reach, mass = float(lengths.sum()), sum(x.mass for x in links)
     apart = {x.name: float(np.linalg.norm(x.com)) for x in links}
     radii = {x.name: float(np.sqrt(np.linalg.eigvalsh(x.inertia)[2] / x.mass)) for x in links}
-    off = _long("centres of mass far from their joints", apart, reach,
+    sizes = {x.name: _size(x.capsules) for x in links}
+    off = _long("centres of mass far from their joints", apart, _FAR_MASS * reach,
                 "if they are in mm, write metres")  # fmt: skip
     sized = _sizes(reach, mass), off
     active = [x for x in links if x.held is None]
@@ -106,9 +117,14 @@ def doubts(stated: Stated, links: Sequence[Link], tool: Array) -> tuple[str, ...
         *sized,
         "" if any(sized) else _named("small torque limits for the weight that they move", weak,
                                      "write N m, or N for sliding joints"),
-        _long("large inertias for their masses, radius of gyration behind", radii, reach,
-              "write kg m^2"),
+        _long("large inertias for their masses and sizes, radius of gyration behind",
+              _wide(links, radii, sizes, lengths), 0.0, "write kg m^2, about the centre of mass"),
         _dense(links),
+        _long("large shapes for the length of the arm, behind", sizes, _WIDEST_SHAPE * reach,
+              "check units and scale: of a mesh in mm, scale 0.001"),
+        _named("small shapes for the length of the arm, behind",
+               {name: f"{x:.4g} m" for name, x in sizes.items()
+                if 0.0 < x < _SMALLEST_SHAPE * reach}, "check units and scale"),
     )  # fmt: skip
     return tuple(x for x in found if x)
 
@@ -198,10 +214,33 @@ def _sizes(reach: float, mass: float) -> str:
     return ""
 
 
-def _long(what: str, lengths: Mapping[str, float], reach: float, do: str) -> str:
-    """Return a note of links with a length that nothing of the arm has."""
-    most = _WIDEST_BODY * max(reach, _SHORTEST)
+def _long(what: str, lengths: Mapping[str, float], most: float, do: str) -> str:
+    """Return a note of links with a length that nothing of the arm has [m]."""
     return _named(what, {name: f"{x:.4g} m" for name, x in lengths.items() if x > most}, do)
+
+
+def _size(capsules: Sequence[Capsule]) -> float:
+    """Return the largest size of shapes along an axis [m]; 0 without any."""
+    if not capsules:
+        return 0.0
+    ends = [np.array(end) + side * c.radius for c in capsules for end in (c.start, c.end)
+            for side in (-1.0, 1.0)]  # fmt: skip
+    return float(np.ptp(ends, axis=0).max())
+
+
+def _wide(
+    links: Sequence[Link], radii: Mapping[str, float], sizes: Mapping[str, float], lengths: Array
+) -> dict[str, float]:
+    """Return the radii of gyration [m] that are too large for the links and for the arm."""
+    reach = max(float(lengths.sum()), _SHORTEST)
+    own = {
+        x.name: max(sizes[x.name], float(length), 2.0 * float(np.linalg.norm(x.com)))
+        for x, length in zip(links, lengths, strict=True)
+    }
+    return {
+        name: x for name, x in radii.items()
+        if x > _WIDEST_BODY * reach or (sizes[name] > 0.0 and x > _OWN_SIZE * own[name])
+    }  # fmt: skip
 
 
 def _dense(links: Sequence[Link]) -> str:
