@@ -27,7 +27,7 @@ FALL = np.array([0.0, 0.0, -9.81])
 
 
 #: Most by which a torque may change in a tick, and least weight of the ball at a joint [N m].
-CHANGE, WEIGHT = 0.02, 0.4
+CHANGE, WEIGHT = 0.02, 0.15
 
 
 class Cell:
@@ -148,10 +148,12 @@ def test_a_hand_lets_go_once_its_arm_has_braked(arm: Arm, learned: Learned) -> N
     cell.until(lambda: catcher.phase is Phase.BRAKE)
     with pytest.raises(InputError, match="moves"):
         catcher.let_go()
+    cell.arm = arm.holding(0.15)
     held = cell.until(lambda: catcher.done, seen=False)
     assert held.hand > 0.5
     catcher.state.tracking.change[:] = CHANGE
     catcher.let_go()
+    cell.arm = arm
     commands = [held, *(cell.tick(seen=False) for _ in range(100))]
     assert commands[1].hand == 0.0
     change = np.diff([x.tau for x in commands], axis=0)
@@ -167,7 +169,8 @@ def test_a_motion_is_taken_as_it_was_given(arm: Arm, learned: Learned) -> None:
     motion[-1, 1] = 5e-5
     cell.catcher.move(motion)
     motion += 1.0
-    for _ in range(20):
+    assert not cell.catcher.done
+    for _ in range(80):
         command = cell.tick(seen=False)
         assert np.array_equal(command.dq, np.zeros(arm.n))
     assert np.abs(command.q - arm.q_ready).max() < 1e-3

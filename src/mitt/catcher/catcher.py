@@ -184,10 +184,24 @@ class Catcher:
     def done(self) -> bool:
         """Whether the throw is over: braked, stopped or refused, and the arm rests.
 
-        Its torques hold it, or its brakes once they act. They go on to hold it only as long as
-        ticks are made and their commands are sent.
+        No motion is left, and command and arm have been at rest for 50 ms. Its torques hold it, or
+        its brakes once they act. They go on to hold it only as long as ticks are made and their
+        commands are sent.
         """
-        return self._planner.phase in (BRAKE, STOPPED, REFUSED) and self._memory.held
+        return self._memory.held
+
+    @property
+    def halted(self) -> bool:
+        """Whether the last command leaves the arm at rest, and no motion is under way.
+
+        The arm itself may still be on its way there.
+        """
+        return self._memory.halted
+
+    @property
+    def rests(self) -> bool:
+        """Whether command and arm have been at rest for 50 ms, whatever the catcher is about."""
+        return self._memory.rests
 
     @property
     def looking(self) -> bool:
@@ -353,10 +367,11 @@ class Catcher:
         """Open the hand of an arm that has braked and rests; its torques go on to hold it.
 
         Raises:
-            InputError: It has not braked, or is commanded to move.
+            InputError: It has not braked, or does not rest yet.
         """
-        if self._planner.phase != BRAKE or not self._memory.at_rest:
-            given = self.phase.value if self._memory.at_rest else "one that moves"
+        braked = self._planner.phase == BRAKE
+        if not (braked and self._memory.rests):
+            given = "one that moves" if braked else self.phase.value
             raise InputError("let_go", "a catcher that has braked, its arm at rest", given)
         self._memory.let_go(self._blank, self._arm, self._settings.around)
 
@@ -368,7 +383,7 @@ class Catcher:
             return self.phase.value
         if self._memory.scalars["stop_requested"]:
             return "one that was told to stop"
-        return None if self._memory.at_rest else "one whose arm was commanded to move"
+        return None if self._memory.halted else "one whose arm is commanded to move"
 
     def recover(self, *, checked: bool = False) -> None:
         """Release the brakes and watch for a ball again, from where the encoders say the arm is.

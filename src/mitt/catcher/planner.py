@@ -38,7 +38,7 @@ from mitt.control.stop import plan_brake
 from mitt.control.viability import Safety, safety_of
 from mitt.errors import MittError
 from mitt.kernels import kernel
-from mitt.map.prediction import HORIZON, lay_state, sigma_at_catch
+from mitt.map.prediction import HORIZON, STRIDE, flown, lay_state, sigma_at_catch
 from mitt.signals import PASSED, TICK, Array, BallState, MapStatus
 from mitt.verdict.feasibility import Approach, Outcome, Verdict, is_far, waiting_height
 from mitt.verdict.holding import force_of
@@ -48,6 +48,9 @@ from mitt.verdict.impact import examined, gap_at_catch, harms, speed_caps, speed
 _LOOK_AGAIN = 0.02
 #: Time after which a ball that has come back and cannot be caught yet is judged again [s].
 _JUDGE_AGAIN = 0.005
+#: How much later than it passes by a refused ball is gone for good [s]: one that is tossed up comes
+#: down into the hand that throws it then.
+_LANDS = 0.4
 #: Velocity of a ball that comes [m/s].
 _COMES = np.array([-5.0, 0.0, -1.0])
 #: Verdicts with which a ball, or what stands for it, is followed.
@@ -56,7 +59,7 @@ _FOLLOWED = (Outcome.FEASIBLE, Outcome.OPEN)
 
 @kernel
 def too_early(
-    t: float, t_first: float, sigma: float, t_look: float, watch: float, sigma_ready: float
+    t: float, begun: float, sigma: float, t_look: float, watch: float, sigma_ready: float
 ) -> bool:
     """Say that no verdict can be given yet: a verdict is for good.
 
@@ -65,13 +68,13 @@ def too_early(
 
     Args:
         t: Time of the estimate [s].
-        t_first: When the ball was first seen [s].
+        begun: When its flight began: first seen, let go or kicked [s].
         sigma: Predicted 1-sigma at the catch [m].
         t_look: Time before which there is no verdict [s].
         watch: As of :class:`CatcherSettings`, and ``sigma_ready``.
         sigma_ready: Infinite where ``sigma`` is not asked.
     """
-    return bool(t < t_look or (t - t_first < watch and sigma > sigma_ready))
+    return bool(t < t_look or (t - begun < watch and sigma > sigma_ready))
 
 
 @kernel
@@ -92,7 +95,8 @@ def undecided(todo: int, state: CatcherState, result: Result) -> bool:
         motion = np.empty(10)
         lay_state(result.ball, out.drag, out.led, motion)
         sigma = sigma_at_catch(state.map, motion, out.drag, result.covariance)
-    return bool(too_early(out.t_ball, out.t_first, sigma, s.t_look, s.watch, s.sigma_ready))
+    begun = max(s.t_flight, out.t_first)
+    return bool(too_early(out.t_ball, begun, sigma, s.t_look, s.watch, s.sigma_ready))
 
 
 def comes(ball: BallState, hand: Array, floor: float) -> bool:
@@ -174,7 +178,7 @@ class Planner:
 
         What fails here ends in a controlled stop in the next tick.
         """
-        if todo == 0 or self.phase not in (WATCH, FOLLOW):
+        if todo == 0 or self.phase not in (WATCH, FOLLOW, REFUSED):
             return
         try:
             self._decide(todo)
@@ -195,6 +199,8 @@ class Planner:
     def _decide(self, todo: int) -> None:
         """Do what :meth:`think` says."""
         ball = ball_in(self._result)
+        if self.phase == REFUSED:  # of the flight that was refused, not of this one
+            self._enter(WATCH)
         if self.phase == WATCH:
             self._watch(ball)
             return
@@ -244,6 +250,7 @@ class Planner:
         """Begin another phase with the next tick; one that has stopped begins none."""
         if self.phase != STOPPED:
             self._scalars["phase"] = phase
+            self._scalars["halted"], self._scalars["t_moved"] = False, np.inf
             self._answered()
 
     def _answered(self) -> None:
@@ -259,7 +266,8 @@ class Planner:
         """
         t_look, of = self._scalars["t_look"].item(), self._settings
         sigma = 0.0 if ball.t < t_look else self.generator.sharpness(ball)
-        if too_early.py_func(ball.t, ball.t_first, sigma, t_look, of.watch, of.sigma_ready):
+        begun = self._flight_begun(ball)
+        if too_early.py_func(ball.t, begun, sigma, t_look, of.watch, of.sigma_ready):
             return
         if self.generator.unsettled(ball, self._state.estimated[0]):
             # What the verdict says besides is computed when ``verdict`` is read.
@@ -276,8 +284,23 @@ class Planner:
         self._verdict, self._deferred = verdict, None
         if isinstance(self.generator, Paced):
             self._scalars["t_look"] = ball.t + self.generator.pause()
-        if verdict.outcome is Outcome.UNREACHABLE and ball.t - ball.t_first >= of.watch:
-            self._enter(REFUSED)
+        flies = verdict.outcome is Outcome.UNREACHABLE and not ball.led
+        if flies and ball.t - begun >= of.watch:
+            self._refuse(ball, begun)
+
+    def _flight_begun(self, ball: BallState) -> float:
+        """Return when the flight of a ball began: first seen, let go or kicked [s]."""
+        return max(self._scalars["t_flight"].item(), ball.t_first)
+
+    def _refuse(self, ball: BallState, begun: float) -> None:
+        """Refuse a flight: until another begins, and for good once this one has passed by."""
+        after = np.arange(0.0, HORIZON, STRIDE)
+        path, hand = flown(ball, after), self._arm.position(self._state.estimated[0])
+        nears = np.einsum("ki,ki->k", path[:, 0] - hand, path[:, 1]) < 0.0
+        passes = float(after[nears].max(initial=0.0))
+        self._scalars["t_refused"], self._scalars["t_gone"] = begun, ball.t + passes + _LANDS
+        self._state.refused[:] = ball.r_o, ball.dr_o
+        self._enter(REFUSED)
 
     def _is_far(self, ball: BallState) -> bool:
         """Say whether there is time for a verdict; one that looks far ahead itself is for now."""

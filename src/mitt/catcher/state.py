@@ -18,7 +18,15 @@ from mitt.arm.arm import Arm
 from mitt.arm.kinematics import joint_records, tip_motion
 from mitt.arm.shapes import Surroundings
 from mitt.ball.filter import fresh_filter
-from mitt.catcher.settings import PHASES, WATCH, CatcherSettings, Phase
+from mitt.catcher.settings import (
+    BRAKE,
+    PHASES,
+    REFUSED,
+    STOPPED,
+    WATCH,
+    CatcherSettings,
+    Phase,
+)
 from mitt.control.closing import fingers_of
 from mitt.control.encoders import Monitor, faulty, monitor_of
 from mitt.control.envelope import bounds_of
@@ -53,8 +61,9 @@ from mitt.verdict.feasibility import waiting_height
 
 #: States and reasons in the order of their numbers.
 STATES, REASONS = tuple(State), tuple(Reason)
-#: Speeds below which a joint counts as at rest, commanded and estimated [rad/s].
-_AT_REST, _STILL = 1e-3, 0.05
+#: Time for which command and arm have to have been at rest until the arm is taken to stay there
+#: [s]: four time constants of the tracking error.
+DWELL = 0.05
 
 #: Single numbers of a state, with what they begin as.
 _STATE = {
@@ -73,6 +82,8 @@ _STATE = {
     "braked": False,  # whether the brakes have engaged
     "t_brake": 0.0,  # when braking began [s]
     "t_rest": -np.inf,  # when it ends [s]
+    "halted": False,  # whether the command is at rest, and no motion of it is left
+    "t_moved": np.inf,  # when command or arm moved last; infinite once a motion is to begin [s]
     "t_brakes_on": np.inf,  # when the brakes were commanded to engage [s]
     "brake_delay": 0.0,  # how long they take [s]
     "clock_fault": 0,  # of :func:`mitt.control.health.pass_time`
@@ -80,6 +91,11 @@ _STATE = {
     "failures": 0,  # ticks in a row in which the generator failed; enough where a thought did
     "t_reviewed": -np.inf,  # when what is followed was reviewed last [s]
     "t_look": -np.inf,  # before it there is no verdict: one that refuses a far ball waits [s]
+    "was_led": False,  # whether the ball was led in the tick before
+    "kicks": 0,  # how often its velocity was forgotten by then
+    "t_flight": -np.inf,  # when it was let go, or was kicked, last [s]
+    "t_refused": np.inf,  # when the flight began that is refused [s]
+    "t_gone": np.inf,  # when it will have passed by: the refusal is for good [s]
     "t_ahead": np.inf,  # when a catch was ahead last, or a wait for one began [s]
     "heads": 0,
     "t_exposed": 0.0,  # instant of the newest image [s]
@@ -138,12 +154,14 @@ class CatcherState(NamedTuple):
     waiting: Array  # accelerations that commands will cause once they act, oldest first, (k, n)
     z: Array  # position of a sighting [m], shape (3,)
     R: Array  # its covariance [m^2], shape (3, 3)
+    refused: Array  # r_o, dr_o of the flight that is refused, as foreseen for now, shape (2, 3)
     followed: Array  # the ball that is followed, or its surrogate, shape (3, 3)
     hand: Array  # while the arm brakes: catch point, velocity, place at the exposure, (3, 3)
     look_at: Array  # where the heads look: the ball's position and velocity [m, m/s], (2, 3)
     bounce: Array  # scratch, shape (3,)
     gap: Array  # from the catch point to the ball, and its rate [m, m/s], shape (2, 3)
     pose: Array  # scratch, shape (n,)
+    rest: Array  # where the arm has been since ``t_moved`` [rad], shape (n,)
     chain: Record  # of :func:`mitt.arm.kinematics.joint_records`
     palm: Array  # the palm's normal in the last frame, shape (3,)
     palm_now: Array  # and in the base frame
@@ -249,8 +267,9 @@ def fresh_state(
         estimated=ready[:2].copy(), desired=ready.copy(), last=ready.copy(), before=ready.copy(),
         taken=np.zeros((2, n)), waiting=np.zeros((s.setpoint_delay + 1, n)),
         z=np.zeros(3), R=np.zeros((3, 3)),
-        followed=np.zeros((3, 3)), hand=np.zeros((3, 3)), look_at=np.zeros((2, 3)),
-        bounce=np.zeros(3), gap=np.zeros((2, 3)), pose=np.zeros(n),
+        refused=np.zeros((2, 3)), followed=np.zeros((3, 3)), hand=np.zeros((3, 3)),
+        look_at=np.zeros((2, 3)),
+        bounce=np.zeros(3), gap=np.zeros((2, 3)), pose=np.zeros(n), rest=ready[0].copy(),
         chain=joint_records(arm.chain), palm=palm_of(arm), palm_now=np.zeros(3),
         jump=np.zeros(n), impact_dq=np.zeros(n), limits=of.limits.copy(),
         map=map_arrays(f), eyes=eyes.memory,
@@ -403,16 +422,21 @@ class Memory:
         return t
 
     @property
-    def at_rest(self) -> bool:
-        """Whether the last command leaves every joint at rest."""
-        return bool(np.all(np.abs(self.result.command[1]) < _AT_REST))
+    def halted(self) -> bool:
+        """Whether the last command leaves every joint at rest, and no motion of it is left."""
+        return bool(self.scalars["halted"])
+
+    @property
+    def rests(self) -> bool:
+        """Whether command and arm have been at rest for ``DWELL``, where the command is."""
+        return bool(self.halted and self.t - self.scalars["t_moved"] >= DWELL - 0.5 * TICK)
 
     @property
     def held(self) -> bool:
-        """Whether the arm rests, and its torques hold it, or its brakes by now."""
-        still = np.all(np.abs(self.state.estimated[1]) < _STILL)
-        braked = self.scalars["braked"] or not self.out["brakes"]
-        return bool(self.at_rest and still and braked)
+        """Whether a throw is over and the arm rests, by its torques, or by its brakes by now."""
+        phase, gone = self.scalars["phase"], self.t >= self.scalars["t_gone"]
+        over = phase in (BRAKE, STOPPED) or (phase == REFUSED and gone)
+        return bool(over and self.rests and (self.scalars["braked"] or not self.out["brakes"]))
 
     def read(self, arm: Arm, given: ArmState) -> None:
         """Take the encoders over: compiled code sees buffers of one type and the right length.

@@ -20,7 +20,7 @@ import numpy as np
 
 from mitt.arm.kinematics import rotate, tip_motion
 from mitt.ball.filter import doubt, predict, update
-from mitt.ball.flight import doubt_flight
+from mitt.ball.flight import acceleration, doubt_flight
 from mitt.ball.motion_models import LOOSE
 from mitt.catcher.settings import (
     BRAKE,
@@ -30,6 +30,7 @@ from mitt.catcher.settings import (
     LAGS,
     PASSES,
     PATIENCE,
+    REFUSED,
     REVIEWS,
     SOON,
     STOPPED,
@@ -78,6 +79,20 @@ BESIDE, TOUCHED = 0.08, 0.002
 #: the hardest impact by :mod:`mitt.verdict.impact` that is still no fault of an encoder: choices
 #: of this project.
 STRIKES, NO_FAULT = 0.03, 1.5
+#: How far a ball that was refused is from where it was foreseen [m], and how much faster or slower
+#: [m/s], beyond so many standard deviations of its estimate, when it flies otherwise: less changes
+#: no verdict that is not on the edge.
+ANOTHER = 0.1
+ANOTHER_SPEED = 0.5
+SURELY = 4.0
+#: Speed below which a joint counts as commanded to rest [rad/s]; accelerations by that in a tick.
+_AT_REST = 1e-3
+#: Way of a joint within ``DWELL`` up to which it counts as at rest [rad]: 0.05 rad/s; its encoder's
+#: step comes on top.
+_STILL = 2.5e-3
+#: Gap to the command beyond which the torques of a joint at rest move it on [rad]: ten times what
+#: friction leaves.
+_OFF = 0.05
 
 
 Seen: TypeAlias = tuple[tuple[Image, ...], tuple[Image, ...], int, float]
@@ -147,6 +162,7 @@ def perceive(seen: Seen, read: Read, state: CatcherState, result: Result) -> Non
     out.drag = ball.drag if tracked else 0.0
     out.t_seen = ball.now.t_seen if tracked else -np.inf
     out.t_first = ball.now.t_first if tracked else -np.inf
+    _note_flight(state, result)
     _doubt(state, result)
     if s.heads > 0:
         _turn_heads(images, t_exposed, state, result)
@@ -267,6 +283,43 @@ def _guide(
 
 
 @kernel
+def _note_flight(state: CatcherState, result: Result) -> None:
+    """Note when the ball was let go, or was kicked, last: another flight begins."""
+    s, out, kicks = state.scalars[0], result.scalars[0], state.ball_filter[0].now.all_kicks
+    if out.tracked and not out.led and (s.was_led or kicks != s.kicks):
+        s.t_flight = out.t
+    s.was_led, s.kicks = out.led, kicks
+
+
+@kernel
+def flight_begun(state: CatcherState, result: Result) -> float:
+    """Return when the flight began that the estimate is of [s]: seen first, let go or kicked."""
+    return float(max(state.scalars[0].t_flight, result.scalars[0].t_first))
+
+
+@kernel
+def _is_another(state: CatcherState, result: Result) -> bool:
+    """Carry the refused flight on to the tick; say whether the ball does not fly on as it."""
+    s, out, r, P = state.scalars[0], result.scalars[0], state.refused, result.covariance
+    ddr, dt = state.bounce, s.passed
+    acceleration(r[1], out.drag, ddr)
+    off = off_v = sigma = sigma_v = 0.0
+    for i in range(3):
+        r[0, i] += dt * (r[1, i] + 0.5 * dt * ddr[i])
+        r[1, i] += dt * ddr[i]
+        off += (result.ball[0, i] - r[0, i]) ** 2
+        off_v += (result.ball[1, i] - r[1, i]) ** 2
+        sigma += P[i, i]
+        sigma_v += P[3 + i, 3 + i]
+    if not out.tracked or out.t >= s.t_gone:
+        return False
+    if out.led or flight_begun(state, result) > s.t_refused:
+        return True
+    far = np.sqrt(off) > ANOTHER + SURELY * np.sqrt(sigma)
+    return bool(far or np.sqrt(off_v) > ANOTHER_SPEED + SURELY * np.sqrt(sigma_v))
+
+
+@kernel
 def _doubt(state: CatcherState, result: Result) -> None:
     """Let the estimate know that the ball may fly no more as it did."""
     s, out, P = state.scalars[0], result.scalars[0], result.covariance
@@ -338,6 +391,7 @@ def act(brake: Array, state: CatcherState, result: Result) -> int:
     )
     _report(blocked, state, result)
     _engage(state, result)
+    _note_rest(state, result)
     predict_acceleration(monitor, arm, estimated, command[3], state.mass)
     copy(monitor.ddq_by_tau, state.waiting[-1])
     copy(state.waiting[0], monitor.ddq_by_tau)
@@ -347,6 +401,8 @@ def act(brake: Array, state: CatcherState, result: Result) -> int:
         return STOPS if phase != STOPPED else 0
     if phase == WATCH:
         return DECIDE if out.tracked else 0
+    if phase == REFUSED:
+        return DECIDE if _is_another(state, result) else 0
     return _afterwards(state, result) if phase == FOLLOW else 0
 
 
@@ -499,6 +555,28 @@ def _builds_up(w: Tracking, tau: Array) -> bool:
     for k in range(len(tau)):
         share = max(share, abs(tau[k] - w.before[k]) / w.change[k])
     return bool(share > 1.0 - 1e-9)
+
+
+@kernel
+def _note_rest(state: CatcherState, result: Result) -> None:
+    """Note whether the command is at rest for good, and when it or the arm moved last."""
+    s, out, command, estimated = (
+        state.scalars[0],
+        result.scalars[0],
+        result.command,
+        state.estimated,
+    )
+    s.halted = s.phase != FOLLOW and not (s.phase == BRAKE and out.t < s.t_rest - 0.5 * TICK)
+    moved = False
+    for k in range(command.shape[1]):
+        fast = max(abs(command[1, k]), TICK * abs(command[2, k]))
+        s.halted &= fast < _AT_REST
+        step = state.monitor.joints[k].step
+        moved |= abs(estimated[0, k] - state.rest[k]) > _STILL + step
+        moved |= not s.braked and abs(estimated[0, k] - command[0, k]) > _OFF + step
+    if moved or not s.halted or s.t_moved == np.inf:
+        s.t_moved = out.t
+        copy(estimated[0], state.rest)
 
 
 @kernel

@@ -128,13 +128,13 @@ class Ticks:
 
     @property
     def told_to_rest(self) -> bool:
-        """Whether the last command leaves every joint at rest."""
-        return bool(np.all(np.abs(self.catcher.result.command[1]) < 1e-3))  # [rad/s]
+        """Whether the last command leaves every joint at rest, and no motion is left."""
+        return self.catcher.halted
 
     @property
     def rests(self) -> bool:
-        """Whether the arm is commanded to rest, and does."""
-        return self.told_to_rest and bool(np.all(np.abs(self.catcher.estimated[1]) < 0.05))
+        """Whether the arm is commanded to rest, and does: for a while, where the command is."""
+        return self.catcher.rests
 
     @property
     def closed(self) -> bool:

@@ -64,6 +64,8 @@ NEAR, SLOW = 0.005, 0.05
 _KEPT, _PUT, _LIES, _WAITS = 0.03, 0.05, 0.02, 0.02
 #: Last ticks of a trial in which a joint that rests turns by no more than this [rad].
 _STILL, _RESTS = 100, 0.01
+#: Longest time that the arm takes to come to rest where it is told to put a part down [s].
+_COMES_TO_REST = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -280,6 +282,9 @@ class MeetRunner:
         if put is not None:
             self._move(catcher, results, put.over)
             self._move(catcher, results, put.down)
+        for _ in self._ticks(catcher, results, _COMES_TO_REST, look=False):
+            if catcher.rests:
+                break
         with suppress(InputError):  # it has stopped
             catcher.let_go()
         delay = s.arm.model.hand.delay if s.arm.model.hand is not None else 0.0
