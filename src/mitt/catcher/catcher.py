@@ -52,7 +52,7 @@ from mitt.catcher.state import (
     stopped_by,
     tick_of,
 )
-from mitt.catcher.tick import act, looks, perceive, take, tick
+from mitt.catcher.tick import act, flight_begun, looks, perceive, take, tick
 from mitt.control.encoders import check_recovered
 from mitt.control.envelope import check_motion
 from mitt.control.health import Reason, StoppedBy
@@ -109,6 +109,7 @@ class Catcher:
             sigma_ready=settings.sigma_ready if plain else np.inf,
         )  # fmt: skip
         self._begin(generator, copy(eyes))
+        flight_begun(*self._memory.handles)
         looks(*self._memory.handles)  # loaded now, not in the middle of a throw
 
     def __copy__(self) -> "Catcher":
@@ -189,6 +190,17 @@ class Catcher:
         commands are sent.
         """
         return self._memory.held
+
+    @property
+    def refused(self) -> bool:
+        """Whether a flight is refused, or was, and no other ball has been followed since."""
+        phase, s = self._planner.phase, self.state.scalars[0]
+        return phase == REFUSED or (phase == WATCH and bool(s["t_refused"] < np.inf))
+
+    @property
+    def flight_begun(self) -> float:
+        """When the flight began that the estimate is of [s]: seen first, let go or kicked."""
+        return float(flight_begun(*self._memory.handles))
 
     @property
     def halted(self) -> bool:

@@ -290,7 +290,8 @@ class Planner:
 
     def _flight_begun(self, ball: BallState) -> float:
         """Return when the flight of a ball began: first seen, let go or kicked [s]."""
-        return max(self._scalars["t_flight"].item(), ball.t_first)
+        let_go: float = self._scalars["t_flight"].item()
+        return max(let_go, ball.t_first)
 
     def _refuse(self, ball: BallState, begun: float) -> None:
         """Refuse a flight: until another begins, and for good once this one has passed by."""

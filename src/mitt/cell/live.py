@@ -402,13 +402,17 @@ class LiveLoop:
             return
         before = self._fastest if self._placing is None else 0.0
         self._fastest = max(before, float(np.linalg.norm(catcher.result.ball[1])))
-        gone = now - result["t_seen"] > _GONE or now - result["t_first"] > self._rules.longest
+        # What is carried or lies about is no throw yet, however long it is seen.
+        lasts = now - catcher.flight_begun > self._rules.longest
+        lasts = lasts and (self._placing is not None or not result["led"])
+        refused = phase is Phase.REFUSED and catcher.done
+        gone = refused or lasts or now - result["t_seen"] > _GONE
         if gone and phase is Phase.FOLLOW:
             self._missed = True
             self._ticks.stop()
         elif gone:
             waited = phase is Phase.WATCH and self._placing is not None
-            self._over(refused=waited or phase is Phase.REFUSED)
+            self._over(refused=waited or catcher.refused)
 
     def _stopped(self, catcher: Catcher) -> None:
         """Go back after a stop for the ball's sake; else stay, once at rest."""
