@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from throws_on_film import RATE, Film, calibrated, film, lens_of, write_film
 
-from mitt.cameras.two_cameras import fall_error
+from mitt.cameras.other_rigs import fall_error
 from mitt.cameras.video_writer import VideoWriter
 from mitt.cli.main import main
-from mitt.eyes.camera import Camera, Rig, fixed_rig
+from mitt.eyes.camera import Camera, Rig, fixed_rig, inverse
 from mitt.eyes.lens import Lens
 from mitt.files.rig import CalibratedRig, write_rig
 from mitt.signals import GRAVITY, Array, Image
@@ -156,6 +156,43 @@ def test_a_rig_that_is_anothers_is_noticed(see: See, folder: Path, tmp_path: Pat
     assert status == 2
     assert "agree on a ball in 0 of" in err
     assert len(err.strip().splitlines()) == 1
+
+
+GL = np.diag((1.0, -1.0, -1.0, 1.0))
+BODY = np.array(((0.0, -1.0, 0.0), (0.0, 0.0, -1.0), (1.0, 0.0, 0.0)))
+
+
+def in_mm(T: Array) -> Array:
+    """Return a pose in millimetres."""
+    return np.vstack((np.column_stack((T[:3, :3], 1e3 * T[:3, 3])), T[3]))
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (inverse, "write the inverses"),
+        (lambda T: T @ GL, "second and third column"),
+        (lambda T: GL @ inverse(T), "then write the inverses"),
+        (lambda T: T @ np.block([[BODY, np.zeros((3, 1))], [np.zeros((1, 3)), 1.0]]), "optical"),
+        (in_mm, "write metres"),
+        (lambda T: in_mm(inverse(T)), "write the inverses, and write metres"),
+    ],
+)
+def test_poses_of_other_programs_are_told_apart(
+    see: See, taken: Film, tmp_path: Path, change: Callable[[Array], Array], says: str
+) -> None:
+    """The inverse, other axes, another unit: which it is stands in the line, with the remedy."""
+    films = [video_of(tmp_path / f"{name}.mkv", images[::4], rate=RATE / 4)
+             for name, images in (("l", taken.left), ("r", taken.right))]  # fmt: skip
+    rig = calibrated()
+    cameras = tuple(replace(c, T_world_cam=change(c.T_world_cam)) for c in rig.cameras)
+    write_rig(tmp_path / "RIG.toml", replace(rig, cameras=cameras), version="test")
+    status, result, err = see(*films, "--rig", tmp_path / "RIG.toml")
+    assert status == 2 or result["status"] != "ok"
+    said = err + " ".join(result.get("warnings", []))
+    assert "T_world_cam holds" in said
+    assert says in said
+    assert "exchanged" not in said
 
 
 def video_of(path: Path, images: list[Image], *, rate: float = RATE) -> Path:

@@ -79,7 +79,7 @@ def test_interleaved_flights_do_not_touch(
     ("body", "words"),
     [
         ("0,1,2,3\n0,1,2,3\n", "line 3 column t_s: wanted a time after 0"),
-        ("0,1,2,3\n0.1,nan,2,3\n", "line 3 column x_m"),
+        ("0,1,2,3\n0.1,one,2,3\n", "line 3 column x_m"),
         ("0,1,2,3\n0.1,1,inf,3\n", "line 3 column y_m"),
         ("0,1,2\n", "line 2: wanted 4 cells"),
         ("", "at least one row"),

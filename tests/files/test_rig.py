@@ -121,6 +121,21 @@ def test_another_frame_moves_cameras_and_heads_alike() -> None:
     assert np.abs(after.pose(0.2, 0.1) - T @ before.pose(0.2, 0.1)).max() < 1e-12
 
 
+@pytest.mark.parametrize(
+    "text",
+    ["cam0:\n  camera_model: pinhole\n  intrinsics: [461.6, 460.3, 363.0, 248.1]\n",
+     "%YAML:1.0\n---\nM1: !!opencv-matrix\n   rows: 3\n", '{"fx": 1.0}',
+     "<?xml version='1.0'?>\n<opencv_storage/>"],
+)  # fmt: skip
+def test_calibrations_of_other_programs_are_told_what_to_do(tmp_path: Path, text: str) -> None:
+    """Kalibr and OpenCV: that they are not read, and how their numbers get into a rig."""
+    path = tmp_path / "camchain.yaml"
+    path.write_text(text)
+    with pytest.raises(FileError, match="Kalibr and OpenCV are not read") as caught:
+        read_rig(path)
+    assert "RIG.toml" in str(caught.value)
+
+
 def test_a_missing_file_is_one_line(tmp_path: Path) -> None:
     """It says which file."""
     with pytest.raises(FileError, match=r"none\.toml"):

@@ -105,7 +105,7 @@ def rows(count: int, *, step: float = 0.01, way: float = 0.1) -> str:
         (HEADER + rows(12, step=0.0), "line 3 column t_s"),
         (HEADER + rows(12, way=0.0), "horizontal way"),
         (HEADER + rows(12) + "a,x,0,0,0\n", "line 14 column t_s"),
-        (HEADER + rows(12) + "a,9,0,nan,0\n", "line 14 column y_m"),
+        (HEADER + rows(12) + "a,9,0,one,0\n", "line 14 column y_m"),
         (HEADER + rows(12) + "a,9,0,0,1e9\n", "line 14 column z_m"),
     ],
 )

@@ -15,7 +15,7 @@ import numpy as np
 
 from mitt.ball.filter import FilterConfig, doubt, fresh_filter, predict, update
 from mitt.errors import FileError
-from mitt.files.csv_table import number, read_rows
+from mitt.files.csv_table import measured, number, read_rows
 from mitt.files.writing import write_text
 from mitt.kernels import Record, kernel
 from mitt.signals import Array
@@ -108,7 +108,7 @@ def learn_noise(noise: Record, t: float, z: Array) -> None:
 
 
 class Track(NamedTuple):
-    """Estimates at the times of the positions, shape (n, 3) each.
+    """Estimates at the times of the positions, shape (n, 3) each; NaN where nothing is known.
 
     Attributes:
         r: Position [m].
@@ -137,7 +137,7 @@ def follow(
 
     Args:
         t: Times, rising [s], shape (n,).
-        points: Positions [m], shape (n, 3).
+        points: Positions [m], shape (n, 3); NaN where the ball was not seen.
         ahead: How far to look ahead [s].
         sigma: Standard deviation of each coordinate [m]; learned from the positions if None.
         config: What is assumed of the ball.
@@ -177,6 +177,9 @@ def _follow(
         rows[n, 4] = motion[0]
         if predict(ball, t[n], motion, covariance):
             doubt(ball, t[n], covariance)
+        elif not isfinite(points[n].sum()):  # not seen, and not known from before
+            rows[n] = np.nan
+            continue
         rows[n, 0:3] = motion
         for i in range(3):
             rows[n, 3, i] = np.sqrt(covariance[i, i])
@@ -190,7 +193,8 @@ class Positions:
         columns: Columns of the file, in its order.
         cells: Its rows as they were written.
         rows: Indices of the rows of each flight, by name, shape (k,) each.
-        samples: Time and position of all rows [s, m], shape (n, 4).
+        samples: Time and position of all rows [s, m], shape (n, 4); the position is NaN where the
+            ball was not seen.
     """
 
     columns: tuple[str, ...]
@@ -199,12 +203,13 @@ class Positions:
     samples: Array
 
     def flight(self, name: str) -> Array:
-        """Return time and position of one flight [s, m], shape (k, 4)."""
-        return np.asarray(self.samples[self.rows[name]])
+        """Return time and position of one flight where it was seen [s, m], shape (k, 4)."""
+        samples = self.samples[self.rows[name]]
+        return np.asarray(samples[np.isfinite(samples).all(axis=1)])
 
 
 def read_positions(path: Path) -> Positions:
-    """Read recorded positions; flights may be interleaved.
+    """Read recorded positions; flights may be interleaved, and rows without a position.
 
     Raises:
         FileError: Other columns than ``t_s,x_m,y_m,z_m`` and perhaps ``flight``, a cell that is
@@ -216,7 +221,8 @@ def read_positions(path: Path) -> Positions:
     columns: tuple[str, ...] = POINTS
     for line, row in read_rows(path, POINTS, optional="flight", max_rows=MAX_ROWS):
         columns = tuple(row)
-        sample = [number(path, line, c, row[c], limit=limit) for c, limit in _LIMITS.items()]
+        sample = [(number if c == "t_s" else measured)(path, line, c, row[c], limit=limit)
+                  for c, limit in _LIMITS.items()]  # fmt: skip
         flight = flights.setdefault(row.get("flight", "").strip(), [])
         if flight and sample[0] <= samples[flight[-1]][0]:
             where = f"{path} line {line} column t_s"
@@ -225,19 +231,22 @@ def read_positions(path: Path) -> Positions:
         flight.append(len(samples))
         samples.append(sample)
         cells.append(tuple(row.values()))
-    if not samples:
-        raise FileError(str(path), "at least one row", "none")
+    if not np.any(np.isfinite(np.array(samples).reshape(-1, 4)).all(axis=1)):
+        raise FileError(str(path), "at least one row with a position", "none")
     return Positions(columns=columns, cells=cells, rows=flights, samples=np.array(samples))
 
 
 def write_track(path: Path, positions: Positions, track: Track, *, ahead: bool) -> None:
-    """Write the rows of the input with velocity, acceleration and standard deviations added."""
+    """Write the rows of the input with velocity, acceleration and standard deviations added.
+
+    Of a ball that was not seen they are what was known from before, or empty.
+    """
     values = np.hstack((track.dr, track.ddr, track.sigma, *((track.ahead,) if ahead else ())))
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow((*positions.columns, *ADDED, *(AHEAD if ahead else ())))
     for cells, row in zip(positions.cells, values.tolist(), strict=True):
-        writer.writerow((*cells, *(f"{value:.9g}" for value in row)))
+        writer.writerow((*cells, *(f"{value:.9g}" if isfinite(value) else "" for value in row)))
     write_text(path, text.getvalue())
 
 

@@ -207,12 +207,12 @@ def read_places(path: Path, arm: Arm, others: Sequence[str]) -> tuple[Array, Arr
     """Return places of the catch point [m], shape (n, 3), and the other columns of a table.
 
     The places stand in ``x_m,y_m,z_m``, or follow from joint angles in a column for each active
-    joint of the arm, ``q1_rad,q2_rad,...`` in its order.
+    joint of the arm, ``q1_rad,q2_rad,...`` in its order. Centroids may be NaN.
     """
     joints = tuple(f"q{k + 1}_rad" for k in range(arm.n))
     by_angles = "q1_rad" in header_of(path)
     names = joints if by_angles else POINT
-    table = read_columns(path, (*names, *others))
+    table = read_columns(path, (*names, *others), seen=[x for x in others if x != "t_s"])
     places, rest = table[:, : len(names)], table[:, len(names) :]
     if by_angles:
         places = np.array([arm.position(q) for q in places])
@@ -316,9 +316,10 @@ def calibrate_clock(
     if not 0.0 < search <= 60.0:
         raise InputError("--search", "seconds in 0..60", search)
     hand, t_arm = read_places(log, arm, ("t_s",))
-    seen = read_columns(points, ("t_s", *POINT))
+    table = read_columns(points, ("t_s", *POINT), seen=POINT)
+    t_seen, there = times_of(points, table), np.isfinite(table).all(axis=1)
     problem = clock_problem(
-        t_seen=times_of(points, seen), seen=seen[:, 1:], t_arm=times_of(log, t_arm),
+        t_seen=t_seen[there], seen=table[there, 1:], t_arm=times_of(log, t_arm),
         hand=hand, search=search,
     )  # fmt: skip
     solved = fit(problem, robust=True)

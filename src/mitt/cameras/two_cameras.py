@@ -1,6 +1,6 @@
 """``mitt see``: two cameras to a track, with what went wrong on the way, and a picture of both."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from math import pi, sqrt
@@ -9,6 +9,7 @@ import numpy as np
 
 from mitt.ball.filter import TABLE_TENNIS_BALL, THROWN_BALL, BallFilter, FilterConfig
 from mitt.cameras.cameras import Camera, open_cameras, optional
+from mitt.cameras.other_rigs import FALL, fall_error, meant_rig
 from mitt.cameras.synchrony import Synchrony, synchrony
 from mitt.cameras.video_writer import VideoWriter
 from mitt.clock import Progress
@@ -16,7 +17,7 @@ from mitt.errors import InputError
 from mitt.eyes.segmentation import Segmenter
 from mitt.eyes.triangulation import Triangulator, TriangulatorConfig
 from mitt.files.rig import CalibratedRig
-from mitt.signals import GRAVITY, Array, BallState, Frame, Image, Moments, Sighting
+from mitt.signals import Array, BallState, Frame, Image, Moments, Sighting
 
 BALLS = {"any": FilterConfig(), "thrown": THROWN_BALL, "table-tennis": TABLE_TENNIS_BALL}
 #: Frames a second at which people watch [Hz].
@@ -27,8 +28,6 @@ _AGREE = 0.5
 _UNKNOWN = 5e-3
 #: Brightest pixel below which a camera sees nothing.
 _DARK = 50
-#: Error of the acceleration beyond which it is no fall [m/s^2]; drag makes 2 at 7 m/s.
-_FALL = 5.0
 #: Colours (red, green, blue): both cameras agree, one sees something alone, text, ground.
 _AGREED, _ALONE, _TEXT, _GROUND = (80, 220, 120), (250, 170, 50), (225, 230, 235), (24, 30, 36)
 #: Height of the strip of text, and the gap between the pictures [px].
@@ -120,6 +119,8 @@ class Seen:
         synchrony: What these say of the time between the cameras; None before the end, or where
             they are too few.
         out_of_step: Whether the cameras are not in step, by more than the track knows.
+        meant: Which poses the rig's seem to be instead, and what to do; empty where they are right,
+            or none is found.
         counts: What became of the frames.
     """
 
@@ -133,6 +134,7 @@ class Seen:
     pairs: list[Array] = field(default_factory=list)
     synchrony: Synchrony | None = None
     out_of_step: bool = False
+    meant: str = ""
     counts: PairCounts = field(default_factory=PairCounts)
 
 
@@ -151,8 +153,8 @@ class Watcher:
             sigma_floor=float(np.hypot(0.05, worst)), max_skew=max_skew,
             max_residual=max(2.0, 6.0 * worst),
         )  # fmt: skip
-        self._cameras, self._rig, self._radius = rig.cameras, rig.rig(), radius
-        self._noise = config.sigma_floor
+        self._cameras, self._calibrated, self._radius = rig.cameras, rig, radius
+        self._rig, self._config = rig.rig(), config
         self._segmenters = [Segmenter() for _ in rig.cameras]
         self._triangulator = Triangulator(rig.rig(), radius, config)
 
@@ -178,16 +180,21 @@ class Watcher:
                 rows.append(np.array((found.t, *found.r_o)))
         return moments, sighting
 
-    def judge_time(self, seen: Seen) -> None:
-        """Judge the time between the cameras, and add what it leaves unknown to the track."""
+    def judge(self, seen: Seen) -> None:
+        """Judge the rig and the time between its cameras, which is added to the track's sigmas."""
         if not seen.pairs:
             return
-        found = synchrony(np.array(seen.pairs), self._rig, radius=self._radius, noise=self._noise)
+        points = np.array(seen.pairs)
+        fall = fall_error(seen.points)
+        if seen.agreed < _AGREE * seen.both or (fall is not None and fall > FALL):
+            seen.meant = meant_rig(points, self._calibrated, self._radius, self._config)
+        noise = self._config.sigma_floor
+        found = synchrony(points, self._rig, radius=self._radius, noise=noise)
         seen.synchrony = found
         if found is None:
             return
         own = float(np.median([row[10:13] for row in seen.states])) if seen.states else 0.0
-        seen.out_of_step = found.shifted and found.moved(found.worst) > own
+        seen.out_of_step = not seen.meant and found.shifted and found.moved(found.worst) > own
         for row in seen.states:
             row[10:13] = np.hypot(row[10:13], found.error(float(row[0])))
 
@@ -242,13 +249,13 @@ def see(
                     writer.write(overlay.draw(images[0].t, images, moments, sighting, state))
                 progress("frames", n + 1, n + 2)
         finally:  # what is kept of an interrupted run is judged as well
-            watcher.judge_time(seen)
+            watcher.judge(seen)
 
 
 def complaints(seen: Seen, names: tuple[str, ...]) -> tuple[str, ...]:
     """Return what went wrong, each with its likely cause."""
     counts, exchanged = seen.counts, _exchanged(seen)
-    said = [] if exchanged else list(_out_of_step(seen))
+    said = [] if exchanged or seen.meant else list(_out_of_step(seen))
     a, b = counts.frames
     if counts.ended:
         said.append(f"{counts.ended} ended first: {a} frames left, {b} right; "
@@ -269,13 +276,13 @@ def complaints(seen: Seen, names: tuple[str, ...]) -> tuple[str, ...]:
         said.append(f"left and right seem exchanged: {len(seen.exchanged)} sightings the other way "
                     f"round, {seen.agreed} as given, which do not fall as a ball does")  # fmt: skip
     elif seen.agreed < _AGREE * seen.both:
+        why = "the rig is another's, a camera was moved, or something else is bright"
         said.append(f"the cameras agree on a ball in {seen.agreed} of {seen.both} instants only: "
-                    "the rig is another's, a camera was moved, or something else is "
-                    "bright")  # fmt: skip
-    elif not seen.out_of_step and (error := fall_error(seen.points) or 0.0) > _FALL:
+                    f"{seen.meant or why}")  # fmt: skip
+    elif not seen.out_of_step and (error := fall_error(seen.points) or 0.0) > FALL:
+        why = "a hand that carries the ball, or a rig that is another's"
         said.append(f"what was seen does not fly: its acceleration is {error:.0f} m/s^2 off "
-                    "gravity; a hand that carries the ball, or a rig that is "
-                    "another's")  # fmt: skip
+                    f"gravity; {seen.meant or why}")  # fmt: skip
     return tuple(said)
 
 
@@ -303,33 +310,14 @@ def _out_of_step(seen: Seen) -> Iterator[str]:
 
 def _exchanged(seen: Seen) -> bool:
     """Say whether left and right seem exchanged: more sightings that way, or a truer fall."""
+    if seen.meant:
+        return False
     if len(seen.exchanged) > 2 * seen.agreed:
         return True
     as_given, other = fall_error(seen.points), fall_error(seen.exchanged)
     if as_given is None or other is None or 2 * len(seen.exchanged) < seen.agreed:
         return False
-    return as_given > _FALL and other < 0.5 * as_given
-
-
-def fall_error(points: Sequence[Array]) -> float | None:
-    """Return how far from gravity the acceleration of the points is [m/s^2].
-
-    The median over pieces of 0.15 s of |a - g|, a from a parabola; drag makes it 1 to 2 m/s^2 at
-    the speeds of a throw. None where no piece has 8 points. It tells a wrong rig, or left and
-    right exchanged.
-    """
-    errors, start = [], 0
-    for n in range(len(points)):
-        if points[n][0] - points[start][0] < 0.15:
-            continue
-        piece = np.array(points[start : n + 1])
-        start = n + 1 if n + 1 < len(points) else n
-        if len(piece) < 8:
-            continue
-        t = piece[:, 0] - piece[:, 0].mean()
-        a = 2.0 * np.polyfit(t, piece[:, 1:], 2)[0]
-        errors.append(float(np.linalg.norm(a - np.array((0.0, 0.0, -GRAVITY)))))
-    return float(np.median(errors)) if errors else None
+    return as_given > FALL and other < 0.5 * as_given
 
 
 def status_of(seen: Seen) -> str:

@@ -1,4 +1,9 @@
-"""Reading the small CSV tables that users hand in, with an error that points at the cell."""
+"""Reading the small CSV tables that users hand in, with an error that points at the cell.
+
+What was not seen has no position: its cells are empty or say NaN, as programs of motion capture
+write it. Such a row is a ball that was not seen, as a position that is NaN is in Python and over
+ROS 2; where a table says what has to be there, as a throw's velocity, the cell is refused.
+"""
 
 import csv
 import io
@@ -17,6 +22,9 @@ MAX_ROWS = 100_000
 
 MAX_BYTES = 10_000_000
 """Largest table that is read, for so many rows [bytes]."""
+
+_ABSENT = frozenset(("", "nan", "na", "n/a", "null", "none"))
+"""What a cell without a value holds, in small letters."""
 
 _LIMITS = {"m": 100.0, "rad": 100.0, "px": 1e5, "s": 2e9}
 """Largest coordinate, angle, image point and time that is read, by the unit of its column."""
@@ -49,18 +57,30 @@ def read_rows(
     try:
         header = [name.strip() for name in next(reader, [])]
         if sorted(header) not in (sorted(columns), sorted((*columns, optional))):
-            raise FileError(f"{path} line 1", f"columns {wanted}", ",".join(header)[:80] or "none")
+            given = ",".join(header)[:80] or "none"
+            raise FileError(f"{path} line 1", f"columns {wanted}", given, do=_remedy(header))
         for count, cells in enumerate(row for row in reader if row):
             if count >= max_rows:
                 raise FileError(str(path), f"at most {max_rows} rows", "more")
             if len(cells) != len(header):
                 place = f"{path} line {reader.line_num}"
-                raise FileError(place, f"{len(header)} cells ({wanted})", f"{len(cells)} cells")
+                raise FileError(place, f"{len(header)} cells ({wanted})", f"{len(cells)} cells",
+                                do=_POINTS if len(cells) > len(header) else "")  # fmt: skip
             yield reader.line_num, dict(zip(header, cells, strict=True))
     except UnicodeDecodeError as error:
         raise FileError(str(path), "UTF-8 text", f"a bad byte: {error.reason}") from None
     except csv.Error as error:
         raise FileError(f"{path} line {reader.line_num}", "CSV", str(error)) from None
+
+
+_POINTS = "separate cells by commas, with points for decimals"
+_FOREIGN = "name the columns so in the first line, and take out all others"
+
+
+def _remedy(header: Sequence[str]) -> str:
+    """Return what to do about a header."""
+    whole = ",".join(header)
+    return _POINTS if ";" in whole or "\t" in whole else _FOREIGN
 
 
 def number(path: Path, line: int, column: str, text: str, *, limit: float) -> float:
@@ -76,15 +96,26 @@ def number(path: Path, line: int, column: str, text: str, *, limit: float) -> fl
     if not abs(value) <= limit:
         place = f"{path} line {line} column {column}"
         do = "" if math.isnan(value) else "is it in another unit than the table's?"
+        do = "fill it in, or take that row out" if text.strip().lower() in _ABSENT else do
         raise FileError(place, f"a number within +-{limit:g}", repr(text[:40]), do=do)
     return value
 
 
-def read_columns(path: Path, columns: Sequence[str]) -> Array:
-    """Return a table of numbers with exactly ``columns``, shape (n, columns)."""
+def measured(path: Path, line: int, column: str, text: str, *, limit: float) -> float:
+    """Read one cell of what a sensor saw, as :func:`number` does; NaN where it saw nothing."""
+    if text.strip().lower() in _ABSENT:
+        return math.nan
+    return number(path, line, column, text, limit=limit)
+
+
+def read_columns(path: Path, columns: Sequence[str], *, seen: Sequence[str] = ()) -> Array:
+    """Return a table of numbers with exactly ``columns``, shape (n, columns).
+
+    Cells of the columns ``seen`` may be absent, and are NaN then.
+    """
     limits = [_LIMITS[name.rsplit("_", 1)[1]] for name in columns]
     rows = [
-        [number(path, line, name, cells[name], limit=limit)
+        [(measured if name in seen else number)(path, line, name, cells[name], limit=limit)
          for name, limit in zip(columns, limits, strict=True)]
         for line, cells in read_rows(path, columns)
     ]  # fmt: skip
@@ -98,9 +129,12 @@ def header_of(path: Path) -> tuple[str, ...]:
     content = read_bytes(path, max_bytes=MAX_BYTES, wanted="a readable CSV file")
     try:
         line = content[:10_000].split(b"\n")[0].decode("utf-8-sig")
-        return tuple(name.strip() for name in next(csv.reader([line]), []))
+        header = tuple(name.strip() for name in next(csv.reader([line]), []))
     except (UnicodeDecodeError, csv.Error):
         raise FileError(str(path), "UTF-8 text", "other bytes") from None
+    if _remedy(header) == _POINTS:
+        raise FileError(f"{path} line 1", "columns", ",".join(header)[:80], do=_POINTS)
+    return header
 
 
 def times_of(path: Path, table: Array) -> Array:

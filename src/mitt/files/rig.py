@@ -19,6 +19,11 @@ from mitt.signals import Array
 
 SCHEMA = "mitt.rig/1"
 
+_WANTED = "TOML as mitt calibrate writes it"
+_OTHERS = ("files of Kalibr and OpenCV are not read: write K, distortion and pose of each camera"
+           " (the inverse of what they give, in m) into a RIG.toml, docs/rig.md, or run mitt"
+           " calibrate")  # fmt: skip
+"""What to do with a calibration of another program."""
 #: Numbers of cameras [m, px, 1], and times [s]: no rig and no clock has larger ones.
 Finite = Annotated[float, Field(ge=-1e6, le=1e6)]
 Time = Annotated[float, Field(ge=-1e10, le=1e10)]
@@ -205,7 +210,11 @@ def read_rig(path: Path) -> CalibratedRig:
     Raises:
         FileError: The file is missing, cut short, of another schema, or no rig can be so.
     """
-    raw = read_toml(path, wanted="TOML as mitt calibrate writes it")
+    try:
+        raw = read_toml(path, wanted=_WANTED)
+    except FileError as error:
+        do = _OTHERS if error.wanted == _WANTED else ""
+        raise FileError(str(path), error.wanted, error.given, do=do) from None
     content = parsed(
         RigFile, raw, place=str(path), wanted=f"a rig of schema {SCHEMA}", do="see docs/rig.md"
     )

@@ -280,7 +280,8 @@ def _learned(
     """Return the map scaled to flights, what was learned from them, and those it is fit for."""
     inside = [(x, of) for of in flights if (x := lift_strike(g, *of)) is not None]
     if not inside:
-        raise InputError("flights", "at least one inside the map's domain", f"{count}, none")
+        raise InputError("flights to learn from", "at least one inside the map's domain",
+                         f"none of {count}")  # fmt: skip
     g = _scaled(g, [x for x, _ in inside], [strike for _, (_, strike) in inside])
     both = [(x, of) for of in flights if (x := lift_strike(g, *of)) is not None]
     lifted = [x for x, _ in both]

@@ -440,7 +440,8 @@ def _inside(f: DirectMap, flights: Sequence[Flight]) -> list[Lifted]:
     """Return the flights that stay in the domain of a map; InputError where none does."""
     lifted = [x for x in (lift_flight(f, flight) for flight in flights) if x is not None]
     if not lifted:
-        raise InputError("flights", "at least one inside the map's domain", f"{len(flights)}, none",
+        raise InputError("flights to learn from", "at least one inside the map's domain",
+                         f"none of {len(flights)}",
                          do="give another design: mitt design looks for one")  # fmt: skip
     return lifted
 

@@ -16,7 +16,7 @@ from numpy.polynomial import Polynomial, legendre
 from numpy.typing import NDArray
 
 from mitt.errors import FileError
-from mitt.files.csv_table import number, read_rows
+from mitt.files.csv_table import measured, number, read_rows
 from mitt.signals import Array
 from mitt.world.fall import WANTED, doubt_of
 from mitt.world.throws import fly
@@ -133,7 +133,7 @@ class PlacedFlight:
 
 
 def read_flights(path: Path) -> tuple[Recording, ...]:
-    """Read recorded flights, in the order of their first rows.
+    """Read recorded flights, by their first rows; rows without a position are left out.
 
     Raises:
         FileError: Not the columns ``flight,t_s,x_m,y_m,z_m``, a cell that is no finite number,
@@ -144,7 +144,11 @@ def read_flights(path: Path) -> tuple[Recording, ...]:
     limits = {"t_s": MAX_TIME, "x_m": MAX_DISTANCE, "y_m": MAX_DISTANCE, "z_m": MAX_DISTANCE}
     for line, cells in read_rows(path, COLUMNS):
         flight = rows.setdefault(cells["flight"].strip(), [])
-        row = tuple(number(path, line, c, cells[c], limit=limits[c]) for c in COLUMNS[1:])
+        t = number(path, line, "t_s", cells["t_s"], limit=limits["t_s"])
+        r = (measured(path, line, c, cells[c], limit=limits[c]) for c in COLUMNS[2:])
+        row = (t, *r)
+        if not np.all(np.isfinite(row)):
+            continue
         if flight and row[0] <= flight[-1][0]:
             place = f"{path} line {line} column t_s"
             raise FileError(place, f"a time after {flight[-1][0]:g} in this flight", row[0])
