@@ -287,19 +287,19 @@ class Sight:
         """Begin for a catcher that has seen nothing."""
         self._views, self._seen, self._learned = [], 0, False
 
-    def beside(self, count: int, now: float) -> list[FrameSet | None]:
-        """Return the newest frames beside readings, straight, oldest first; None where is none.
-
-        What came with older readings than these is left out.
-        """
-        taken = [] if self.source is None else list(self.source.take())[-count:]
-        if taken and taken[-1].t != self._stamp:  # one that hangs writes its last image again
-            self._came, self._stamp = now, taken[-1].t
+    def newest(self, now: float) -> FrameSet | None:
+        """Return the newest frames since the last call, straight; None where there are none."""
+        taken = () if self.source is None else self.source.take()
+        if not taken:
+            return None
+        seen = taken[-1]
+        if seen.t != self._stamp:  # one that hangs writes its last image again
+            self._came, self._stamp = now, seen.t
         if self._straighten:
-            taken = [seen._replace(images=tuple(
+            seen = seen._replace(images=tuple(
                 make(x) for make, x in zip(self._straighten, seen.images, strict=True)
-            )) for seen in taken]  # fmt: skip
-        return [None] * (count - len(taken)) + taken
+            ))  # fmt: skip
+        return seen
 
     def silent(self, now: float) -> str:
         """Say that the cameras have sent nothing for too long; nothing if all is well."""

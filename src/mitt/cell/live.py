@@ -1,9 +1,9 @@
 """The live loop: a robot, a catcher, and a person who says when the arm may move.
 
-Readings pace the loop: each makes a tick of the catcher, and one command answers the newest. Where
-no reading comes at all nothing is written, so that the robot's own watchdog brakes, and the brakes
-are engaged. Whatever a driver raises or gives that cannot be used stops the arm: within its limits
-as long as it can be read, by its brakes where it cannot.
+Readings pace the loop: those that come together make one tick of the catcher, whose command answers
+the newest of them. Where no reading comes at all nothing is written, so that the robot's own
+watchdog brakes, and the brakes are engaged. Whatever a driver raises or gives that cannot be used
+stops the arm: within its limits as long as it can be read, by its brakes where it cannot.
 """
 
 from collections.abc import Callable, Sequence
@@ -115,7 +115,7 @@ class LiveLoop:
         self._watch = Watch(arm, link.robot, self._lag, self._positions, clock=clock,
                             silence=silence)  # fmt: skip
         self._ticks = Ticks(first, again, self._sight, self._positions, self.counts, recorder, arm,
-                            obeys=link.obeys, period=period)  # fmt: skip
+                            period=period)  # fmt: skip
         self.age, self._until, self._fastest, self._missed = 0.0, np.inf, 0.0, False
         self._unread, self._placing, self._leg, self._empty = 0, placing, Leg.BACK, 0
         self._rules = Rules() if placing is None else _PARTS
@@ -141,7 +141,7 @@ class LiveLoop:
         """Read without moving, at first for 50 ms; return what is wrong, nothing if all is well."""
         blind, wrong = self._sight.open(), self._watch.look()
         now = self._clock()
-        self._sight.beside(1, now)
+        self._sight.newest(now)
         return "; ".join(x for x in (wrong, blind or self._sight.silent(now)) if x)
 
     def begin(self) -> None:
@@ -247,11 +247,8 @@ class LiveLoop:
             return
         late = self._lag.fault(readings[-1].t, now)
         self._look_at_ball(readings[-1].t + self._lag.later)
-        answer, watches = None, self.mode is Mode.CATCHING
-        for reading, seen in zip(readings, self._images(len(readings), now), strict=True):
-            command = self._ticks.answer(reading, now, seen if watches else None)
-            if command is not None:
-                answer = (command, reading.t)
+        seen = self._images(now)
+        answer = self._ticks.answer(readings, now, seen if self.mode is Mode.CATCHING else None)
         self.counts.late += len(readings) - 1
         if late and not self._ticks.stamps.fault:
             self.stop(f"the robot's {late}")
@@ -302,13 +299,13 @@ class LiveLoop:
         if self._ticks.repeating > 3.5:  # of the last hundred, about
             self.notes["readings"] = "joint states repeat: the robot is slower than its publisher"
 
-    def _images(self, count: int, now: float) -> Sequence[FrameSet | None]:
-        """Return images beside so many readings; stop where their source fails."""
+    def _images(self, now: float) -> FrameSet | None:
+        """Return the newest images since the last tick; stop where their source fails."""
         try:
-            return self._sight.beside(count, now)
+            return self._sight.newest(now)
         except Exception as error:  # a source's own
             self.stop(f"the cameras cannot be read: {error}")
-            return [None] * count
+            return None
 
     def _advance(self) -> None:
         """Go on to what comes next."""

@@ -122,11 +122,6 @@ class RobotLink:
         self.robot, self.braked, self.released = robot, False, False
         self._setpoints, self._answered = setpoints, -inf
 
-    @property
-    def obeys(self) -> bool:
-        """Whether the arm does at once what it is told: by torques, not by setpoints."""
-        return self._setpoints is None
-
     def write(self, command: Command, answers: float, q: Array, *, fastest: float = inf) -> None:
         """Pass a command on: brakes first, so that nothing that fails later keeps them off.
 

@@ -1,10 +1,14 @@
 """A catcher's ticks from a robot's readings: their time, what was seen beside them, the record.
 
-Each reading makes a tick. Those that never came are counted; the catcher goes by the stamps. What
-arm and eyes say of a catch is kept as it comes, for the offset of the eyes' clock.
+Readings that come together make one tick, that of the newest: **a tick is made only where its
+command is sent**. So what a catcher commanded is what the arm was told, until the next tick, and
+whatever compares readings with commands may rest on it. Where this loop was late the arm obeyed the
+last command all the while, and the catcher goes on by the time that has passed, as the stamps say.
+Readings that never came are counted. What arm and eyes say of a catch is kept as it comes, for the
+offset of the eyes' clock.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import final
 
@@ -90,20 +94,20 @@ class Ticks:
         catcher: The one of this throw.
         stamps: The robot's stamps as a time that only goes on.
         recorded: Whether the ticks are recorded: those of a catch are.
-        repeating: How many readings of the last tenth of a second, about, repeat the one before.
+        repeating: How many of the last hundred readings, about, repeat the one before: of those that
+            tell, as of an arm that moves.
         frozen: Whether they have for so long that no reading comes any more.
         clock: The eyes' clock as the catches so far say it; it corrects their stamps.
     """
 
     def __init__(
         self, first: Catcher, again: Callable[[Catcher], Catcher], sight: Sight,
-        positions: Positions, counts: Counts, recorder: Recorder | None, arm: Arm, *, obeys: bool,
-        period: float = TICK,
+        positions: Positions, counts: Counts, recorder: Recorder | None, arm: Arm,
+        *, period: float = TICK,
     ) -> None:  # fmt: skip
         """Take a first catcher, what returns a fresh one for another throw, and what they need.
 
-        An arm that ``obeys`` does at once what it is told: by torques, not by setpoints. Its
-        readings come a ``period`` apart [s].
+        Its readings come a ``period`` apart [s].
         """
         self._period, self._arm = period, arm
         self._seen: Sighting | None = None
@@ -112,7 +116,7 @@ class Ticks:
         self._again, self._sight, self._counts, self._recorder = again, sight, counts, recorder
         self._positions, self._begun, self._last = positions, 0.0, 0.0
         self.clock, self._offset, self._notes = LearnedClock(), 0.0, CatchNotes(arm)
-        self.repeating, self.frozen, self._obeys = 0.0, False, obeys
+        self.repeating, self.frozen = 0.0, False
         self._run, self._travel = 0, 0.0
         self._read, self._moved, self._least = np.zeros(0), np.zeros(0), _MOVED + arm.encoder_step
 
@@ -168,20 +172,38 @@ class Ticks:
         self._begun, self._seen = self.stamps.t, None
         self._sight.fresh()
 
-    def answer(self, reading: ArmState, arrived: float, shown: FrameSet | None) -> Command | None:
-        """Make a tick from a reading, and count those before it that are lost.
+    def answer(
+        self, readings: Sequence[ArmState], arrived: float, shown: FrameSet | None
+    ) -> tuple[Command, float] | None:  # fmt: skip
+        """Make a tick from the newest of readings that came together; its command is to be sent.
+
+        What is returned is that command and the stamp of the reading that it answers [s]; None
+        where no reading was newer than those before.
 
         Raises:
-            InputError: Its stamp is no number, or a first one has joints without a number.
+            InputError: A stamp is no number, or a first reading has joints without a number.
         """
+        newest, repeats = None, False
+        for reading in readings:
+            if self._follows(reading, arrived):
+                newest, repeats = reading, self._repeats(reading)
+        if newest is None:
+            return None
+        return self._answered(newest, shown, repeats=repeats), newest.t
+
+    def _follows(self, reading: ArmState, arrived: float) -> bool:
+        """Let time go on to a reading and count those before it that are lost; say if it is new."""
         t = self.stamps.take(reading.t, arrived)
         if t is None:
-            return None
+            return False
         if self.catcher.begun:  # a fresh one begins with this reading
             self._counts.lost += max(round((t - self._last) / self._period) - 1, 0)
         self._last = t
-        shift = self.stamps.at(0.0) - self._begun
-        t -= self._begun
+        return True
+
+    def _answered(self, reading: ArmState, shown: FrameSet | None, *, repeats: bool) -> Command:
+        """Return the command that answers a reading; one that ``repeats`` says nothing."""
+        t, shift = self.t, self.stamps.at(0.0) - self._begun
         seen = tuple(
             replace(p, t=p.t + shift + self._offset) for p in self._positions.upto(reading.t)
         )
@@ -195,10 +217,7 @@ class Ticks:
             raise InputError("the first reading", "the angle of each joint", "NaN")
         self._counts.ticks += 1
         arm = ArmState(t=t, q=reading.q, dq=reading.dq)
-        self.repeating *= 0.99
-        if self._repeats(reading):
-            self._counts.repeated += 1
-            self.repeating += 1.0
+        if repeats:
             nothing = np.full(len(reading.q), np.nan)
             arm = ArmState(t=t, q=nothing, dq=nothing)
         watched = seen if self.recorded else ()  # on its way to the ready pose it follows nothing
@@ -208,18 +227,21 @@ class Ticks:
         """Say whether a reading is the one before under a new stamp: all joints, to the last digit.
 
         An arm at rest repeats itself. One that moves does not, once a joint has moved by more than
-        its encoder tells apart.
+        its encoder tells apart; it moves as it is estimated to, by the commands that were sent.
         """
         new = not self.catcher.begun or self.t < _SETTLES
+        speed = np.abs(self.catcher.estimated[1])
         if new or not np.array_equal(reading.q, self._read):
+            if bool(np.any(self._period * speed > self._least)):  # it would have been seen to repeat
+                self.repeating *= 0.99
             self._read, self._moved = np.array(reading.q), np.zeros(len(reading.q))
             self._run, self._travel, self.frozen = 0, 0.0, False
             return False
-        speed = np.abs(self.catcher.estimated[1])
-        if self._obeys:
-            speed = np.maximum(speed, np.abs(self.catcher.result.command[1]))
         self._moved = 0.9 * self._moved + self._period * speed  # at rest estimates are not zero
         repeats = bool(np.any(self._moved > self._least))
+        if repeats:
+            self._counts.repeated += 1
+            self.repeating = 0.99 * self.repeating + 1.0
         self._run += repeats
         self._travel += self._period * float(np.max(speed))
         # Hardware of 125 Hz repeats 7, an encoder of 1 degree more on a slow way.
