@@ -34,7 +34,7 @@ class FaultyRobot:
         self.on_points: Callable[[Sequence[Sighting]], Sequence[Sighting]] = lambda x: x
         self.on_write: Callable[[Command], bool] = lambda _: True
         self.braked: list[bool] = []
-        self.said = self.kept = ""
+        self.said = self.kept = self.meddled = ""
 
     def read(self, timeout: float) -> Readings:
         """Return readings."""
@@ -62,6 +62,10 @@ class FaultyRobot:
     def waits(self) -> str:
         """Return what the test says keeps it from being commanded."""
         return self.kept
+
+    def conflict(self) -> str:
+        """Return what the test says that a person has to see to."""
+        return self.meddled
 
     def trouble(self) -> str:
         """Return what the robot or the test says."""

@@ -136,6 +136,10 @@ class FrankaRobot:
         """Return what keeps it from being commanded: nothing does."""
         return ""
 
+    def conflict(self) -> str:
+        """Return who else commands it: nobody can."""
+        return ""
+
     def trouble(self) -> str:
         """Return the robot's mode where it takes no commands, and its errors."""
         mode = str(self._state.robot_mode).rpartition(".")[2]

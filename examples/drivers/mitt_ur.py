@@ -155,6 +155,10 @@ class UrRobot:
         """Return what keeps it from being commanded: nothing does."""
         return ""
 
+    def conflict(self) -> str:
+        """Return who else commands it: nobody can."""
+        return ""
+
     def trouble(self) -> str:
         """Return why the robot takes no commands."""
         if self._receive.isEmergencyStopped():

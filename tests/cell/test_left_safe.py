@@ -89,6 +89,10 @@ class Failing:
         """Say what it waits for."""
         return self._call("waits")  # type: ignore[no-any-return]
 
+    def conflict(self) -> str:
+        """Say what a person has to see to."""
+        return self._call("conflict")  # type: ignore[no-any-return]
+
     def trouble(self) -> str:
         """Say what is wrong."""
         return self._call("trouble")  # type: ignore[no-any-return]
@@ -246,7 +250,9 @@ def test_a_stop_that_was_acknowledged_is_no_release_for_good(wrong: str) -> None
         ]
 
     cell.robot.on_read = released
-    session = Session(cell.loop, cell.robot, Person(yes=True), lambda _: None, throws=1)
+    person = Person(yes=False)
+    person.keyboard = person._listens = True
+    session = Session(cell.loop, cell.robot, person, lambda _: person._pressed.set(), throws=1)
     with pytest.raises((OSError, ValueError)):
         session.run()
     assert cell.robot.braked == [False, True]

@@ -98,11 +98,11 @@ def test_each_joint_gets_its_own_number(takes: str, wam: Arm, *, plain: bool) ->
         of = orders(takes, wam, given, command=topic, controller=", ".join(order))
         raw = of.of_joints(command(rows), 2.5)
         if plain:
-            told, names = messages.read_array(raw), order
+            (answers, told), names = messages.read_array(raw), order
         else:
             answers, names, point = messages.read_trajectory(raw)
             told = point[row]
-            assert answers == 2.5
+        assert answers == 2.5
         assert names == order
         assert dict(zip(names, told, strict=True)) == {x: wanted[x] for x in order}
         back = of.read(raw, 0.3)

@@ -102,7 +102,7 @@ def test_a_ball_is_caught_over_dds(takes: str, monkeypatch: pytest.MonkeyPatch) 
     robot = WaitsForCommands(inner, simulated, port)
     connection = Connection(robot, None, clock=lambda: simulated.t)
     loop = loop_of(prepared, map_of(prepared), connection)
-    soon(lambda: not loop.healthy() and not inner.waits())
+    soon(lambda: not loop.healthy())
     assert loop.healthy() == ""
     loop.begin()
     for _ in range(12_000):

@@ -162,6 +162,18 @@ def test_a_file_survives_whoever_is_killed(tmp_path: Path, about: About, victim:
         assert len(back.ticks) > 100
 
 
+def test_an_interpreter_that_starts_slowly_is_waited_for(
+    tmp_path: Path, about: About, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """However long it takes on a busy machine: patience is with a writer that has begun."""
+    (tmp_path / "sitecustomize.py").write_text("import time\ntime.sleep(3.0)\n")
+    paths = [str(tmp_path), *os.environ.get("PYTHONPATH", "").split(os.pathsep)]
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(paths))
+    monkeypatch.setattr("mitt.cell.recorder._PATIENCE", 2.0)
+    with Recorder(tmp_path / "x.mcap", about) as recorder:
+        assert recorder.trouble == ""
+
+
 def test_a_writer_that_stands_still_is_not_waited_for(
     tmp_path: Path, arm: Arm, runner: TrialRunner, about: About, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -47,6 +47,10 @@ class Driver:
         """Return what keeps it from being commanded: nothing does."""
         return ""
 
+    def conflict(self) -> str:
+        """Return who else commands it: nobody can."""
+        return ""
+
     def trouble(self) -> str:
         """Return none."""
         return ""

@@ -9,12 +9,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from ros2_cell import NAMES, cell_with
 
 from mitt.cell import ros2_messages as messages
 from mitt.errors import InputError
 from mitt.files.cdr import Writer
-from mitt.files.cell import Cell, arm_of, cell_of, read_cell
-from mitt.signals import Command
+from mitt.files.cell import arm_of, cell_of, read_cell
+from mitt.signals import ArmState, Command
 
 try:
     from mitt.cell import dds
@@ -23,7 +24,6 @@ try:
 except InputError:
     pytest.skip("no Cyclone DDS", allow_module_level=True)
 
-NAMES = ("j1", "j2", "j4")
 Q = np.array([0.1, 0.2, 0.3])
 
 
@@ -33,17 +33,6 @@ def domain(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ROS_DOMAIN_ID", str(100 + os.getpid() % 60))
     monkeypatch.setattr("mitt.cell.ros2._LOOK", 0.0)
     monkeypatch.setattr("mitt.cell.ros2._ALONE", 0.3)
-
-
-def cell_with(tag: str, **options: Any) -> Cell:  # noqa: ANN401
-    """Return the shipped cell with topics of its own, so that tests do not hear each other."""
-    cell = read_cell("wam-sim")
-    given = {"state": f"/{tag}/joint_states", "command": f"/{tag}/joint_trajectory",
-             "hand": "hand", "hand_command": f"/{tag}/hand/commands", "brake": f"/{tag}/brake",
-             "status": "robot", "diagnostics": f"/{tag}/diagnostics"} | options  # fmt: skip
-    robot = cell.robot.model_copy(update={"options": given})
-    source = cell.source.model_copy(update={"topic": f"/{tag}/ball"})
-    return cell.model_copy(update={"robot": robot, "source": source})
 
 
 def sent(send: Callable[..., None], *words: Any) -> bool:  # noqa: ANN401
@@ -72,6 +61,20 @@ def both(request: pytest.FixtureRequest) -> Iterator[tuple[Ros2Robot, Ros2Cell]]
     soon(lambda: sent(other.ball, 1.0, Q) and robot.points())
     yield robot, other
     robot.close()
+
+
+def taken(robot: Ros2Robot, names: tuple[str, ...], q: np.ndarray) -> ArmState | None:
+    """Return what a robot's driver makes of a message of its one publisher."""
+    said = messages.read_joint_state(messages.joint_state(1.0, names, q, np.zeros(0)))
+    return robot._joints.take(said, int(robot._joints._from[0]), time.monotonic())
+
+
+def ready(robot: Ros2Robot, other: Ros2Cell) -> bool:
+    """Say whether a robot may be commanded, at a cell that says what it has to."""
+    other.state(time.time(), Q, Q)
+    other.status(1.0, "")
+    robot.read(0.0)
+    return not (robot.conflict() or robot.trouble() or robot.waits())
 
 
 def test_readings_and_commands_pass(both: tuple[Ros2Robot, Ros2Cell]) -> None:
@@ -107,13 +110,14 @@ def test_joints_are_found_by_name(both: tuple[Ros2Robot, Ros2Cell]) -> None:
     """In any order, a held joint and the hand among them; others are refused, named."""
     robot, _ = both
     given = ("j4", "hand", "j1", "j3", "j2")
-    raw = messages.joint_state(1.0, given, np.array([4.0, 9.0, 1.0, 0.0, 2.0]), np.zeros(5))
-    assert robot._reading(raw).q.tolist() == [1.0, 2.0, 4.0]
+    found = taken(robot, given, np.array([4.0, 9.0, 1.0, 0.0, 2.0]))
+    assert found is not None
+    assert found.q.tolist() == [1.0, 2.0, 4.0]
     for bad, says in ((("j1", "j2", "j5"), "robot.joints"), ((*NAMES, "k"), "others")):
         with pytest.raises(InputError, match=says):
-            robot._reading(messages.joint_state(1.0, bad, np.zeros(len(bad)), np.zeros(0)))
+            taken(robot, bad, np.zeros(len(bad)))
     with pytest.raises(InputError, match="each once"):
-        robot._reading(messages.joint_state(1.0, ("j1", "j1"), np.zeros(2), np.zeros(0)))
+        taken(robot, ("j1", "j1"), np.zeros(2))
 
 
 def test_the_ball_comes_in_the_arms_frame() -> None:
@@ -142,11 +146,20 @@ def test_two_publishers_on_one_topic_are_refused(monkeypatch: pytest.MonkeyPatch
     arm = arm_of(cell)
     robot, one, two = Ros2Robot(cell, arm), Ros2Cell(cell, arm), Ros2Cell(cell, arm)
     assert one is not two
+    says = "two publishers of j1 on /two/joint_states: end one"
+
+    def both_say() -> str:
+        for k, x in enumerate((one, two)):
+            x.state(1.0 + k, Q, np.full(3, np.nan) if k else Q)
+        assert all(reading.t == 1.0 for reading in robot.read(0.02))
+        return robot.conflict()
+
     soon(lambda: robot._state.speakers() == 2)
-    assert robot._look() == "two publishers on /two/joint_states: end one"
+    assert soon(both_say) == says
+    assert robot._ball.speakers() == 2
     monkeypatch.setattr("mitt.cell.ros2._LEASE", 0.0)
-    with pytest.raises(InputError, match="publishers on /two/joint_states: wanted one"):
-        robot._look()
+    with pytest.raises(InputError, match="publishers on j1 on /two/joint_states: wanted one"):
+        soon(both_say)
 
 
 def test_a_second_commander_waits_and_releases_nothing() -> None:
@@ -155,16 +168,18 @@ def test_a_second_commander_waits_and_releases_nothing() -> None:
     arm = arm_of(cell)
     first, other = Ros2Robot(cell, arm), Ros2Cell(cell, arm)
     assert first.waits() == "looking for others that command the arm"
-    soon(lambda: not first.waits())
+    soon(lambda: ready(first, other))
     second = Ros2Robot(cell, arm)
     says = "another program commands the arm on /second/joint_trajectory: end it"
-    soon(lambda: second.waits() == says)
+    soon(lambda: second.conflict() == says)
     second.release()
     time.sleep(0.5)
-    assert second.waits() == says
+    assert second.conflict() == says
     assert second._command is None
-    assert first.waits() == ""
+    assert ready(first, other)
     assert other.brake() is None
+    first.close()
+    soon(lambda: ready(second, other))
 
 
 def test_a_commander_that_comes_later_is_a_trouble(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -172,13 +187,13 @@ def test_a_commander_that_comes_later_is_a_trouble(monkeypatch: pytest.MonkeyPat
     cell = cell_with("later")
     arm = arm_of(cell)
     robot, other = Ros2Robot(cell, arm), Ros2Cell(cell, arm)
-    soon(lambda: not robot.waits())
+    soon(lambda: ready(robot, other))
     assert other.command() is None
     rival = dds.Node().publish("/later/joint_trajectory", types.JointTrajectory, "command")
-    soon(lambda: robot.waits().startswith("another program commands the arm"))
+    soon(lambda: robot.conflict().startswith("another program commands the arm"))
     monkeypatch.setattr("mitt.cell.ros2._LEASE", 0.0)
     with pytest.raises(InputError, match="another one that commands the arm"):
-        robot.waits()
+        robot.conflict()
     assert rival.listeners() > 0
 
 
@@ -221,7 +236,7 @@ def test_arrays_reach_the_simulated_cell(takes: str) -> None:
     cell = cell_with(tag, command=f"/{tag}/commands")
     cell = cell.model_copy(update={"robot": cell.robot.model_copy(update={"takes": takes})})
     robot, other = Ros2Robot(cell, arm_of(cell)), Ros2Cell(cell, arm_of(cell))
-    soon(lambda: not robot.waits())
+    soon(lambda: ready(robot, other))
     rows = np.arange(12.0).reshape(4, 3)
     robot.write(Command(t=0.0, joints=rows, hand=0.5), 1.0)
     told, row = soon(other.command), {"torque": 3, "velocity": 1, "position": 0}[takes]
@@ -251,10 +266,8 @@ def test_a_held_joint_has_to_be_where_the_arm_holds_it(
     cell = cell_with("held")
     robot_part = cell.robot.model_copy(update={"takes": takes})
     robot = Ros2Robot(cell.model_copy(update={"robot": robot_part}), arm_of(cell))
-    robot._taken = True
-    q = np.array([angle if name == "j3" else 0.1 for name in names])
-    robot._reading(messages.joint_state(1.0, names, q, np.zeros(len(q))))
-    said = robot.waits()
+    taken(robot, names, np.array([angle if name == "j3" else 0.1 for name in names]))
+    said = robot.conflict()
     assert said.startswith(says)
     assert bool(said) == bool(says)
 
@@ -336,7 +349,8 @@ def test_arrays_carry_what_the_drives_take(takes: str) -> None:
     heard = dds.Node().subscribe(f"/array_{takes}/commands", types.MultiArray, "command")
     soon(robot.listened)
     robot.write(Command(t=0.0, joints=np.arange(12.0).reshape(4, 3), hand=0.5), 1.0)
-    got = messages.read_array(soon(heard.take)[0])
+    answers, got = messages.read_array(soon(heard.take)[0])
+    assert answers == 1.0
     # j3 is held: at its angle, still; nobody says by which torque.
     wanted = {"torque": [9.0, 10.0, 11.0], "velocity": [3.0, 4.0, 0.0, 5.0],
               "position": [0.0, 1.0, 0.0, 2.0]}[takes]  # fmt: skip

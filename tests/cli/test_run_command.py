@@ -14,12 +14,16 @@ import pytest
 from local_cell import LocalCell
 
 from mitt.cell.live import Mode
+from mitt.cell.prepare import map_of, prepare
 from mitt.cell.session import STATES, Person, Session
-from mitt.cli.cells import _in_words, _show_session
+from mitt.cli.cells import _in_words, _show_session, recording
 from mitt.cli.main import main
+from mitt.cli.options import RunOptions
 from mitt.cli.screen import picture
 from mitt.clock import STALL, longest_stall
 from mitt.errors import FileError, InputError
+from mitt.files.cell import read_cell
+from mitt.files.recordings import Recorded
 from mitt.signals import Command
 
 
@@ -105,6 +109,23 @@ def test_a_recording_whose_writer_has_died_is_told_at_once(tmp_path: Path) -> No
     assert said.index(told) <= 1
     with pytest.raises(FileError, match="written to its end"):
         recorder.close()
+
+
+def test_a_second_run_leaves_the_recording_that_a_first_one_writes(tmp_path: Path) -> None:
+    """With --overwrite too: the folder is locked until the file is written to its end."""
+    prepared, out = prepare(read_cell("wam-sim")), tmp_path / "out"
+    f = map_of(prepared)
+    with recording(prepared, f, RunOptions(cell="wam-sim", out=out)) as first:
+        assert first is not None
+        before = first.path.stat().st_ino
+        again = RunOptions(cell="wam-sim", out=out, overwrite=True)
+        with pytest.raises(InputError, match="where one is running"), recording(prepared, f, again):
+            pass
+        assert first.path.stat().st_ino == before
+        first.note("whole")
+    assert Recorded(first.path).notes is not None
+    with recording(prepared, f, again) as second:
+        assert second is not None
 
 
 def test_nothing_moves_before_somebody_says_so() -> None:
@@ -205,6 +226,7 @@ def test_checking_says_which_controllers_are_wanted(
     pytest.importorskip("cyclonedds")
     for takes, topic, says in (
         ("torque", "commands", "forward_command_controller with joints [j1, j2, j4]"),
+        ("velocity", "commands", "keeps its last command for ever"),
         ("position", "commands", "joints [j1, j2, j3, j4] in this order, interface_name position"),
         ("velocity", "joint_trajectory", "allow_nonzero_velocity_at_trajectory_end true"),
         ("position", "joint_trajectory", "command_interfaces [position]"),
@@ -274,7 +296,8 @@ def both(name: str, folder: Path, environment: dict[str, str]) -> tuple[str, str
 #: Why an arm is stopped on a machine that stalls; any other reason is a fault of ours.
 STALLED = re.compile(
     "stopped: (the robot's readings come [0-9]+ ms later|no joint states for"
-    "|the robot's stamps jumped|the robot says: protective stop: no command)"
+    "|the robot's stamps jumped|the robot says: protective stop: no command"
+    "|this loop was late)"
 )
 
 
@@ -306,17 +329,17 @@ def test_two_processes_catch_over_dds(tmp_path: Path, alone: dict[str, str]) -> 
 def test_a_second_run_at_one_arm_moves_nothing() -> None:
     """It says who is there, and waits; that DDS tells it: tests/cell/test_ros2.py."""
     cell, said = LocalCell(throws=1), list[str]()
-    cell.robot.kept = "another program commands the arm on /x: end it"
+    cell.robot.meddled = "another program commands the arm on /x: end it"
     s = session(cell, said, yes=True, throws=1)
 
     def heard(text: str) -> None:
         said.append(text)
-        if cell.robot.kept in text:
+        if cell.robot.meddled in text:
             s.signal = signal.SIGINT
 
     s._teller = heard
     assert not s.run()
-    assert any(cell.robot.kept in line for line in said)
+    assert any(cell.robot.meddled in line for line in said)
     assert "the arm moves" not in said
     assert cell.robot.braked == []
     assert cell.loop.counts.ticks == 0

@@ -77,6 +77,10 @@ class AcmeRobot:
         """Return what keeps it from being commanded: nothing does."""
         return ""
 
+    def conflict(self) -> str:
+        """Return who else commands it: nobody can."""
+        return ""
+
     def trouble(self) -> str:
         """Return why the controller takes no torques."""
         return self._client.fault()

@@ -259,6 +259,9 @@ class Catcher:
     def step(self, senses: Senses) -> Command:
         """See, estimate, generate, close, track: one tick.
 
+        Its command has to be sent before another tick is made: until then the arm is taken to obey
+        it. Of readings that wait make a tick of the newest alone; the time since is bridged.
+
         Raises:
             ShapeError: The encoders, or an image, have not the size of this arm or camera.
             InputError: Something else in ``senses`` is not what it should be. The tick is not

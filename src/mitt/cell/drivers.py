@@ -127,6 +127,10 @@ class LocalRobot:
         """Return what keeps it from being commanded: nothing does."""
         return ""
 
+    def conflict(self) -> str:
+        """Return who else commands it: nobody can."""
+        return ""
+
     def trouble(self) -> str:
         """Return why the robot takes no commands."""
         return self.port.said

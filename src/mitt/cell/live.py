@@ -35,6 +35,8 @@ _NEAR = 0.03
 #: Speed of a joint that no slow motion has [rad/s]: it is told 1 rad/s at most; fastest setpoint
 #: then, which corrects gaps too.
 _TOO_FAST, _TO_READY = 2.5, 1.5
+_SLOW = "joint states repeat: the robot is slower than its publisher"
+_FROZEN = "joint states repeat while the arm moves: the robot is not read any more"
 #: Time within which a stop has to end [s].
 _STOPS = 2.0
 
@@ -87,7 +89,9 @@ class LiveLoop:
         mode: What it is about.
         why: Why it stops or has stopped.
         counts: What happened so far.
-        notes: What is odd in what the robot and the ball's source send, in words, by its kind.
+        notes: What is odd now in what the robot and the ball's source send, in words, by its kind;
+            of what is looked at now and then, what the last look found.
+        brakes: What the brakes were told last, as far as nothing went wrong with that.
         age: Time from the newest reading to its command here [s].
     """
 
@@ -110,7 +114,7 @@ class LiveLoop:
         self._share, self._silence, self._sight = ready_speed, silence, Sight(frames, lenses)
         self._clock, self._lag = clock, Lag()
         self.mode, self.why = Mode.WAITING, ""
-        self.counts, self.notes = Counts(), dict[str, str]()
+        self.counts, self.notes, self.brakes = Counts(), dict[str, str](), ""
         self._positions = Positions(self.counts)
         self._watch = Watch(arm, link.robot, self._lag, self._positions, clock=clock,
                             silence=silence)  # fmt: skip
@@ -126,6 +130,11 @@ class LiveLoop:
         catcher = self._ticks.catcher
         watches = self.mode is Mode.CATCHING and catcher.phase is Phase.WATCH
         return watches and catcher.begun
+
+    @property
+    def disturbed(self) -> bool:
+        """Whether the last look found an arm that a person has to see to before it may move."""
+        return self._watch.disturbed
 
     @property
     def meets(self) -> bool:
@@ -195,14 +204,20 @@ class LiveLoop:
             self._stay()
 
     def _engaged(self) -> str:
-        """Engage the brakes, more than once where they do not answer; say so if they never do."""
-        said = ""
+        """Tell the brakes to engage, more than once where they do not answer; say what failed.
+
+        Whether they have engaged is known to nobody here.
+        """
+        said, self.brakes = "", ""
         for _ in range(3):
             try:
-                self._link.brake()
+                unheard = self._link.brake()
             except BaseException as error:  # a driver's own: its watchdog is left
                 said = f"; the brakes do not answer: {error}"
             else:
+                if unheard:
+                    return f"; the brakes were told to engage, and {unheard}"
+                self.brakes = "the brakes were told to engage"
                 return ""
         return said
 
@@ -255,7 +270,7 @@ class LiveLoop:
         if blind := self._sight.silent(now):
             self.stop(blind)
         if self._ticks.frozen:
-            self.stop("joint states repeat while the arm moves: the robot is not read any more")
+            self.stop(_FROZEN)
         if answer is not None and self.mode is not Mode.STOPPED:
             self._answer(*answer)
             self.age = monotonic() - begun
@@ -277,7 +292,8 @@ class LiveLoop:
     def _ask(self) -> None:
         """Stop where the robot says so, but for 50 ms after a release: of why it stopped before."""
         try:
-            trouble = self._robot.waits() or self._robot.trouble()
+            robot = self._robot
+            trouble = robot.conflict() or robot.waits() or robot.trouble()
         except Exception as error:  # a driver's own
             trouble = str(error)
         if trouble and self._ticks.stamps.t > 0.05:
@@ -291,13 +307,17 @@ class LiveLoop:
             self.stop(str(error))
         if self._positions.fault:
             self.stop(self._positions.fault)
-        if self._positions.note:
-            self.notes["ball"] = self._positions.note
-        self.notes["absent"] = self._positions.absent
-        if not self.notes["absent"]:  # it has come
-            del self.notes["absent"]
-        if self._ticks.repeating > 3.5:  # of the last hundred, about
-            self.notes["readings"] = "joint states repeat: the robot is slower than its publisher"
+        slow = self._ticks.repeating > 3.5  # of the last hundred, about
+        self.note("ball", self._positions.note)
+        self.note("absent", self._positions.absent)
+        self.note("readings", _SLOW if slow else "")
+
+    def note(self, kind: str, said: str) -> None:
+        """Say of a kind of oddity what is so now: nothing where it is over."""
+        if said:
+            self.notes[kind] = said
+        else:
+            self.notes.pop(kind, None)
 
     def _images(self, now: float) -> FrameSet | None:
         """Return the newest images since the last tick; stop where their source fails."""
@@ -425,6 +445,10 @@ class LiveLoop:
             self.why = f"the arm was pushed {gap:.2f} rad away from where it was to stop"
         elif found is None:
             self.why = "unknown"
+        elif found.reason is Reason.SILENT and self._ticks.repeats:
+            self.why = _FROZEN  # so they were taken for none
+        elif found.reason is Reason.OVERRUN and self._ticks.waited > 0.0:
+            self.why = f"this loop was late: readings of {1e3 * self._ticks.waited:.0f} ms waited"
         else:
             joint = "" if found.joint is None else f" {found.joint}"
             hint = f"; {found.hint}" if found.hint else ""
@@ -440,10 +464,7 @@ class LiveLoop:
         took = took and self._ticks.catcher.phase is Phase.BRAKE
         if self._ticks.catcher.phase is Phase.BRAKE:  # a braked one still holds the ball
             self._ticks.learn()
-            if warning := self.clock.warning:
-                self.notes["clock"] = warning
-            else:
-                self.notes.pop("clock", None)
+            self.note("clock", self.clock.warning)
         else:
             self._ticks.fresh()
         self._fastest, self._missed = 0.0, False
@@ -453,7 +474,7 @@ class LiveLoop:
     def _halt(self) -> None:
         """Engage the brakes and stay; a ball in flight then is one that was not caught."""
         self.mode = Mode.STOPPED
-        self.why = "; ".join([self.why, *self.notes.values()]) + self._engaged()
+        self.why += self._engaged()
         self._stay()
         self.counts.stops.append(self.why)
         if self._fastest > self._rules.slowest:

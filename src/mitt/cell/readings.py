@@ -320,27 +320,34 @@ def _checked(point: Sighting) -> Array:
     return np.asarray(point.r_o, dtype=np.float64)
 
 
-def wrong_with(arm: Arm, readings: Sequence[ArmState]) -> str:
+def wrong_with(arm: Arm, readings: Sequence[ArmState]) -> tuple[str, bool]:
     """Return why an arm cannot be moved from the newest reading, nothing if it can.
 
     It moves where its speeds or its positions say so: not every robot sends speeds. The readings
     are those of the last 50 to 100 ms, oldest first, one at least.
+
+    Returns:
+        Why, and whether a person has to see to the arm itself, not to what reads it.
     """
     rows = np.array([x.q for x in readings])
     _check_range(arm, rows[-1])
     if not np.all(np.isfinite(rows)):
-        return "joint positions that are no numbers"
+        return "joint positions that are no numbers", False
     beyond = np.maximum(arm.q_min - rows[-1], rows[-1] - arm.q_max)
     if np.any(beyond > 0.02):  # [rad]
         k = int(np.argmax(beyond))
-        return f"{arm.names[k]} is {beyond[k]:.2f} rad outside its range: move it back by hand"
+        return (
+            f"{arm.names[k]} is {beyond[k]:.2f} rad outside its range: move it back by hand",
+            True,
+        )
     span = readings[-1].t - readings[0].t
     if not span >= 0.02:
-        return f"joint states whose stamps go on by {1e3 * span:.3g} ms in {1e3 * WATCHED:.0f}"
+        passed = f"{1e3 * span:.3g} ms in {1e3 * WATCHED:.0f}"
+        return f"joint states whose stamps go on by {passed}", False
     by_position = np.ptp(rows, axis=0) > _MOVES * span
     if np.any(by_position) or np.any(np.abs(readings[-1].dq) > _MOVES):
-        return "the arm moves already"
-    return ""
+        return "the arm moves already", True
+    return "", False
 
 
 def _check_range(arm: Arm, q: Array) -> None:
@@ -363,7 +370,12 @@ def check_reading(reading: ArmState, n: int) -> None:
 
 @final
 class Watch:
-    """Reads a robot that waits, and says why its arm cannot be moved."""
+    """Reads a robot that waits, and says why its arm cannot be moved.
+
+    Attributes:
+        disturbed: Whether the last look found the arm in a state that a person has to see to: it
+            moves, is outside its range, is stopped, or others have a hand in it.
+    """
 
     def __init__(
         self, arm: Arm, robot: Robot, lag: Lag, positions: Positions, *,
@@ -376,6 +388,7 @@ class Watch:
         self._arm, self._robot, self._lag, self._positions = arm, robot, lag, positions
         self._clock, self._silence = clock, silence
         self._seen, self._looked = deque[tuple[float, ArmState]](), -inf
+        self.disturbed = False
 
     def look(self) -> str:
         """Read, at first for 50 ms; return what is wrong, nothing if all is well."""
@@ -387,7 +400,7 @@ class Watch:
             self._looked = now = self._clock()
             if not new:
                 self._seen.clear()
-                return "; ".join(x for x in ("no joint states", self._robot.waits()) if x)
+                return self._found("no joint states", disturbed=False)
             for reading in new:
                 check_reading(reading, self._arm.n)
                 self._seen.append((now, reading))
@@ -398,6 +411,12 @@ class Watch:
         newest = self._seen[-1][1].t + self._lag.later
         self._positions.take(self._robot.points(), newest)
         self._positions.upto(inf)
-        wrong = wrong_with(self._arm, [x for _, x in self._seen])
-        found = (wrong, self._robot.waits(), self._robot.trouble(), late, self._positions.fault)
-        return "; ".join(x for x in found if x)
+        wrong, disturbed = wrong_with(self._arm, [x for _, x in self._seen])
+        return self._found(wrong, late, self._positions.fault, disturbed=disturbed)
+
+    def _found(self, *wrong: str, disturbed: bool) -> str:
+        """Return what is wrong in one line; note whether a person has to see to it."""
+        robot = self._robot
+        conflict, trouble = robot.conflict(), robot.trouble()
+        self.disturbed = disturbed or bool(conflict or trouble)
+        return "; ".join(x for x in (*wrong[:1], conflict, robot.waits(), trouble, *wrong[1:]) if x)

@@ -215,7 +215,8 @@ class Recorder(AbstractContextManager["Recorder"]):
         assert self._process.stdin is not None
         self._process.stdin.write(json.dumps(heading).encode() + b"\n")
         self._process.stdin.flush()
-        said = self._last_words()
+        # How long an interpreter takes to start says nothing of the disk: it is waited for.
+        said = self._line() and self._last_words()
         if said != "ready":
             self._process.kill()
             self._process.wait()
@@ -354,7 +355,12 @@ class Recorder(AbstractContextManager["Recorder"]):
                 before, due = left, monotonic() + _PATIENCE
             elif monotonic() > due:
                 return f"a writer that did nothing for {_PATIENCE:.0f} s"
-        return pipe.readline().decode(errors="replace").strip()
+        return self._line()
+
+    def _line(self) -> str:
+        """Return the next line of the writer, nothing where it has ended."""
+        assert self._process.stdout is not None
+        return self._process.stdout.readline().decode(errors="replace").strip()
 
     def __exit__(self, *_: object) -> None:
         """End the file."""
@@ -448,7 +454,8 @@ class _Writer:
 
 
 def main(words: list[str]) -> int:
-    """Write a file; say ``ready``, and in the end ``written``, or what went wrong."""
+    """Write a file; say ``there``, ``ready``, and in the end ``written``, or what went wrong."""
+    _say("there")
     fd, size, path = int(words[0]), int(words[1]), Path(words[2])
     _be_ordinary()
     try:

@@ -55,14 +55,24 @@ class Robot(Protocol):
     def write(self, command: Command, answers: float) -> None:
         """Give the drives what they take and the hand its angle; nothing waits for them."""
 
-    def engage_brakes(self) -> None:
-        """Engage the brakes and, once they act, switch the drives off. May be called again."""
+    def engage_brakes(self) -> str | None:
+        """Engage the brakes and, once they act, switch the drives off. May be called again.
+
+        What is returned says why nobody will, as far as that is known, as ``nobody takes /brake``.
+        """
 
     def release(self) -> None:
         """Release the brakes and acknowledge a protective stop: a person has said so."""
 
     def waits(self) -> str:
-        """Return why it cannot be commanded at all, as by another commander; nothing if it can."""
+        """Return who is not there yet, as one that takes commands; nothing if all are."""
+
+    def conflict(self) -> str:
+        """Return what a person has to see to before the arm may move, beside :meth:`trouble`.
+
+        As another program that commands the arm; nothing if there is nothing. What was agreed to
+        before it does not hold after it.
+        """
 
     def trouble(self) -> str:
         """Return why the robot does not take commands, as a protective stop; nothing if it does."""
@@ -83,7 +93,7 @@ class ReceivedCommand(NamedTuple):
     """A command as it arrives at a robot: stamp of the reading that it answers [s], joints, hand.
 
     ``joints`` are q, dq, ddq, tau of the active joints, shape (4, n), ``hand`` is its closing angle
-    [rad]; NaN where a message does not say them, as an array does not say which reading it answers.
+    [rad]; NaN where a message does not say them, as an array says one row of joints.
     """
 
     answers: float
@@ -117,7 +127,8 @@ class RobotLink:
         if not isinstance(robot, Robot):
             raise InputError("robot", "a driver (mitt.cell.robot.Robot)", checks.shown(robot))
         if not robot.brakes and not unbraked:
-            do = "if the arm stays where it is without its drives, say unbraked=True"
+            do = ("if the arm stays where it is without its drives, say unbraked=True, in a cell's"
+                  " file robot.options.unbraked = true")  # fmt: skip
             raise InputError("robot", "brakes that a stop can engage", "none", do=do)
         self.robot, self.braked, self.released = robot, False, False
         self._setpoints, self._answered = setpoints, -inf
@@ -151,12 +162,12 @@ class RobotLink:
             with suppress(Exception):  # a driver's own
                 self.robot.write(Command(t=answers, joints=joints, hand=hand), answers)
 
-    def brake(self) -> None:
-        """Engage the brakes, where there are any."""
+    def brake(self) -> str:
+        """Engage the brakes, where there are any; return why nobody will, where that is known."""
         self.braked = True
-        if self.robot.brakes:
-            self.robot.engage_brakes()
+        why = self.robot.engage_brakes() if self.robot.brakes else "the robot has none"
         self.released = False
+        return why or ""
 
     def release(self) -> None:
         """Let the robot take commands again: a person has said so."""
@@ -214,6 +225,7 @@ class _Added:
         self.engage_brakes = _answered(name, inner.engage_brakes)
         self.release = _answered(name, inner.release)
         self.waits = _answered(name, inner.waits)
+        self.conflict = _answered(name, inner.conflict)
         self.trouble = _answered(name, inner.trouble)
         self.news = _answered(name, inner.news)
         self.close = _answered(name, inner.close)

@@ -6,7 +6,7 @@ Options of ``[robot.options]``, all topics with their leading /:
 
 | option       | what                                                                             |
 |--------------|----------------------------------------------------------------------------------|
-| state        | JointState with the encoders, best effort                                        |
+| state        | JointState with the encoders, best effort; of several publishers too            |
 | command      | JointTrajectory; one that ends in ``/commands`` is a Float64MultiArray instead   |
 | controller   | joints of that controller in its order, with commas; see ``Orders`` |
 | hand         | name of the hand's joint; "" where it is not commanded                           |
@@ -19,11 +19,13 @@ Options of ``[robot.options]``, all topics with their leading /:
 """
 
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from math import inf
 from socket import if_nameindex
-from typing import Any, final
+from typing import Any, TypeAlias, final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mitt.arm.arm import Arm
 from mitt.arm.description import roll_pitch_yaw
@@ -35,7 +37,7 @@ from mitt.cell.ros2_messages import Orders, joints_of
 from mitt.clock import monotonic
 from mitt.errors import InputError, MittError
 from mitt.files.cell import Cell
-from mitt.signals import ArmState, Array, Command, Image, Sighting
+from mitt.signals import TICK, ArmState, Array, Command, Image, Sighting
 
 #: Where a simulated cell says how a throw ended; never read inside the loop.
 RESULTS = "/mitt/throw_result"
@@ -47,6 +49,15 @@ _KNOWN = {"state": "/joint_states", "command": "/joint_trajectory", "controller"
 _LOOK, _ALONE = 0.2, 1.0
 #: Time after which a publisher that was not found is missed [s].
 _FOUND = 0.5
+#: Time for which a publisher that was heard last counts as there [s].
+_GOES_ON = 0.5
+#: Kinds of messages of joints that are known at a time.
+_KINDS = 16
+#: What two stamps of one instant may differ by because they are times of the day [s].
+_ROUNDED = 1e-6
+#: Time after which the robot's entry in the diagnostics is out of date [s]: the default timeout of
+#: ``diagnostic_aggregator``.
+_STALE_STATUS = 5.0
 #: How far a held joint may be from where the arm holds it [rad].
 _HELD = 0.05
 #: Longest for which a participant that was killed is still believed to be there [s]: the default
@@ -65,9 +76,17 @@ def options_of(cell: Cell) -> dict[str, Any]:
     return _KNOWN | given
 
 
+_Places: TypeAlias = tuple[NDArray[np.int64], NDArray[np.int64]]
+"""Where in a message joints of the arm stand, and which these are."""
+
+
 @final
 class Joints:
-    """Finds the arm's joints among the names of a message.
+    """Makes readings of the arm of messages that name joints.
+
+    Several publishers may share the arm's joints, each in messages of its own. A reading is made
+    once each joint has come anew; its stamp is that of the newest part, and what is older is
+    carried on by the velocity that was sent with it. A joint belongs to one publisher.
 
     Attributes:
         names: Names at the robot, in the arm's order.
@@ -75,45 +94,112 @@ class Joints:
 
     def __init__(self, cell: Cell, arm: Arm, others: str = "", hand: str = "") -> None:
         """Take the names that the arm's joints have at the robot, and those that may be besides."""
-        self.names = tuple(cell.robot.joints or arm.names)
+        self.names, self._n = tuple(cell.robot.joints or arm.names), arm.n
         self._held = {x.name: float(x.held) for x in arm.model.links if x.held is not None}
         self._others = {*self._held, *(x.strip() for x in others.split(",")), hand} - {""}
-        self._seen: tuple[str, ...] = ()
-        self._index = np.zeros(arm.n, dtype=np.int64)
+        self._most = cell.robot.ticks * TICK + _ROUNDED
+        self._places: dict[tuple[str, ...], _Places] = {}
+        self._parts = np.zeros((3, arm.n))  # angles, speeds, stamps of the newest parts
+        self._fresh, self._whole = np.zeros(arm.n, dtype=bool), -inf
+        self._from, self._heard = np.zeros(arm.n, dtype=np.uint64), np.full(arm.n, -inf)
+        self._found: dict[str, float] = {}
+        self._apart, self._twice = 0.0, ("", -inf)
 
-    def pick(self, names: tuple[str, ...], *rows: Array) -> list[Array]:
-        """Return rows of the arm's joints, in its order; empty rows stay empty."""
-        if names != self._seen:
-            self._find(names)
-        return [row[self._index] if len(row) else row for row in rows]
+    def take(self, said: messages.JointReading, publisher: int, now: float) -> ArmState | None:
+        """Take what a publisher says; return a reading where each joint has come anew.
 
-    def _find(self, names: tuple[str, ...]) -> None:
-        """Find where each joint stands."""
-        given, mine = ", ".join(names)[:200], ", ".join(self.names)
+        Velocities that are not sent count as none. What another says of a joint that its own
+        publisher has just told of is left out.
+
+        Raises:
+            InputError: Names that cannot be the robot's.
+        """
+        at, joints = self._places_of(said.names)
+        for name in self._held:
+            if name in said.names:
+                self._found[name] = float(said.q[said.names.index(name)])
+        rival = (self._from[joints] != publisher) & (now - self._heard[joints] < _GOES_ON)
+        if np.any(rival):
+            self._twice = (self.names[joints[int(np.argmax(rival))]], now)
+            return None
+        self._from[joints], self._heard[joints] = publisher, now
+        dq = said.dq[at] if len(said.dq) else np.zeros(len(at))
+        self._parts[:, joints] = said.q[at], dq, np.full(len(at), said.t)
+        self._fresh[joints] = len(at) > 0
+        return self._reading(now) if np.all(self._fresh) else None
+
+    def _reading(self, now: float) -> ArmState | None:
+        """Return a reading of parts; None where they are not of one instant: the older are left."""
+        q, dq, stamps = self._parts
+        t = float(np.max(stamps))
+        older = t - stamps
+        self._apart = float(np.max(older))
+        if self._apart > self._most:
+            self._fresh = older <= self._most
+            return None
+        self._fresh[:], self._whole = False, now
+        carried = q + older * dq if self._apart > 0.0 else q.copy()
+        return ArmState(t=t, q=carried, dq=dq.copy())
+
+    def _places_of(self, names: tuple[str, ...]) -> _Places:
+        """Return where in a message joints of the arm stand, and which these are."""
+        found = self._places.get(names)
+        if found is None:
+            if len(self._places) >= _KINDS:
+                self._places.clear()
+            found = self._places[names] = self._find(names)
+        return found
+
+    def _find(self, names: tuple[str, ...]) -> _Places:
+        """Find the arm's joints; a message without any is another's."""
+        given = ", ".join(names)[:200]
         if len(set(names)) != len(names):
             raise InputError("joint names", "each once", given)
-        missing = [x for x in self.names if x not in names]
+        mine = [k for k, name in enumerate(self.names) if name in names]
         unknown = [x for x in names if x not in self.names and x not in self._others]
-        if missing or unknown:
-            do = ("say how the robot calls the arm's joints in robot.joints" if missing else
-                  "name what else it has in robot.options.others")  # fmt: skip
-            raise InputError("joint names of the robot", mine, given, do=do)
-        self._index = np.array([names.index(x) for x in self.names])
-        self._seen = names
+        if mine and unknown:
+            lacks = [x for x in self.names if x not in names]
+            do = "name what else it has in robot.options.others"
+            if lacks:
+                do += f", or say in robot.joints how the robot calls {', '.join(lacks)}"
+            wanted = ", ".join(self.names)
+            raise InputError("joint names of the robot", wanted, given, do=do)
+        at = [names.index(self.names[k]) for k in mine]
+        return np.array(at, dtype=np.int64), np.array(mine, dtype=np.int64)
 
-    def misplaced(self, q: Array, needed: Iterable[str]) -> str:
+    def missing(self, now: float) -> str:
+        """Say which joints no message tells of; nothing where readings come, or no messages."""
+        if now - self._whole < _GOES_ON or not self._places:
+            return ""
+        silent = now - self._heard > _GOES_ON
+        if np.all(silent) and self._whole > -inf:  # the robot is away
+            return ""
+        if not np.any(silent):
+            return (f"parts of the joint states are stamped {1e3 * self._apart:.3g} ms apart:"
+                    " publish all joints of the arm at one rate")  # fmt: skip
+        lacks = [name for name, x in zip(self.names, silent, strict=True) if x]
+        told = {x: None for names in self._places for x in names if x not in lacks}
+        return (f"joint states do not tell of {', '.join(lacks)}, but of"
+                f" {', '.join(told)[:200] or 'no joint'}: say how the robot calls the arm's joints"
+                " in robot.joints")  # fmt: skip
+
+    def twice(self, now: float) -> str:
+        """Return the joint that two publishers tell of, nothing where none does now."""
+        name, t = self._twice
+        return name if now - t < _GOES_ON else ""
+
+    def misplaced(self, needed: Iterable[str]) -> str:
         """Say which held joint is not where the arm holds it; nothing if all are.
 
-        ``q`` are positions of the names that were picked last [rad]; ``needed`` are held joints
-        that a command moves, so that it has to be known where they are.
+        ``needed`` are held joints that a command moves: it has to be known where they are.
         """
         for name, angle in self._held.items():
-            if name in self._seen:
-                found = float(q[self._seen.index(name)])
+            if name in self._found:
+                found = self._found[name]
                 if not abs(found - angle) <= _HELD:
                     return (f"{name} is at {found:.2f} rad, and the arm's model holds it at"
                             f" {angle:.2f}: move it there, or say so in the arm")  # fmt: skip
-            elif name in needed:
+            elif name in needed and self._whole > -inf:
                 return (f"joint states do not say where {name} is, which its controller moves:"
                         " publish it, or leave it out of robot.options.controller")  # fmt: skip
         return ""
@@ -128,6 +214,10 @@ def _kind_of(plain: bool) -> type[Any]:
 @final
 class Ros2Robot:
     """A robot and a point source in a ROS 2 graph; see :class:`mitt.cell.robot.Robot`.
+
+    Both ends of each link are looked at, before anything moves and every 0.2 s while it does: who
+    takes commands, brakes and hand, who says how the robot is, who sees the ball. Whoever else
+    commands joints, brakes or hand is a conflict.
 
     Attributes:
         brakes: Whether there is a topic for the brakes.
@@ -151,31 +241,41 @@ class Ros2Robot:
         self._told = _kind_of(self._orders.plain)
         self._foreign = node.subscribe(of["command"], self._told, "sensor", others=True)
         self._command: dds.Publisher | None = None
-        self._brake = node.publish(of["brake"], dds.Bool, "command") if of["brake"] else None
-        kind = _kind_of(self._orders.plain_hand)
-        self._hand = node.publish(of["hand_command"], kind, "command") if of["hand"] else None
+        self._join_brakes_and_hand()
         # A velocity of zero moves no joint, an angle does.
         self._needed = self._orders.held if cell.robot.takes == "position" else {}
-        self._misplaced = ""
         self._R, self._place = roll_pitch_yaw(np.array(source.rpy)), np.array(source.origin)
         self._covariance = source.sigma**2 * np.eye(3)
-        self._trouble, self._taken = "", False
-        self._graph, self._due, self._begun = "", 0.0, monotonic()
+        self._trouble, self._braked, self._status = "", "", -inf
+        self._conflict, self._absent, self._due = "", "", 0.0
+        self._begun, self._meddled = monotonic(), ("", -inf)
         self._twice_since = inf
 
-    def read(self, timeout: float) -> Sequence[ArmState]:
-        """Return all encoder readings since the last call; InputError where they do not fit."""
-        raw = self._state.take()
-        if not raw and self._node.wait(timeout):
-            raw = self._state.take()
-        return [self._reading(x) for x in raw]
+    def _join_brakes_and_hand(self) -> None:
+        """Publish what brakes and hand are told, and hear what others tell them."""
+        of, node = self._of, self._node
+        self._brake = self._brakes_told = self._hand = self._hand_told = None
+        if of["brake"]:
+            self._brake = node.publish(of["brake"], dds.Bool, "command")
+            self._brakes_told = node.subscribe(of["brake"], dds.Bool, "sensor", others=True)
+        if of["hand"]:
+            kind = _kind_of(self._orders.plain_hand)
+            self._hand = node.publish(of["hand_command"], kind, "command")
+            self._hand_told = node.subscribe(of["hand_command"], kind, "sensor", others=True)
 
-    def _reading(self, raw: bytes) -> ArmState:
-        """Return one reading; velocities that are not sent count as none."""
-        said = messages.read_joint_state(raw)
-        q, dq = self._joints.pick(said.names, said.q, said.dq)
-        self._misplaced = self._joints.misplaced(said.q, self._needed)
-        return ArmState(t=said.t, q=q, dq=dq if len(dq) else np.zeros(len(q)))
+    def read(self, timeout: float) -> Sequence[ArmState]:
+        """Return all encoder readings since the last call; InputError where they do not fit.
+
+        A message that holds a part of the arm ends no wait, as long as time is left.
+        """
+        end = monotonic() + timeout
+        while True:
+            now = monotonic()
+            found = [self._joints.take(messages.read_joint_state(raw), who, now)
+                     for who, raw in self._state.heard()]  # fmt: skip
+            readings = [x for x in found if x is not None]
+            if readings or not (now < end and self._node.wait(end - now)):
+                return readings
 
     def points(self) -> Sequence[Sighting]:
         """Return all positions of the ball since the last call, in the arm's base frame."""
@@ -197,27 +297,32 @@ class Ros2Robot:
             self._hand.send(said)
         self._commands().send(self._orders.of_joints(command, answers))
 
-    def engage_brakes(self) -> None:
-        """Send that the brakes are to engage."""
-        if self._brake is not None:
-            self._brake.send(messages.flag(True))
+    def engage_brakes(self) -> str:
+        """Send that the brakes are to engage; say so where nobody hears it."""
+        if self._brake is None:
+            return "the cell names no brakes (robot.options.unbraked)"
+        self._brake.send(messages.flag(True))
+        return "" if self._brake.listeners() else f"nobody takes {self._of['brake']}"
 
     def release(self) -> None:
         """Send that the brakes are to be released and a stop is acknowledged, unless not alone."""
-        self._trouble = ""
-        if self._brake is not None and not self._graph:
+        self._trouble = self._braked = ""
+        if self._brake is not None and not self._conflict:
             self._brake.send(messages.flag(False))
 
     def waits(self) -> str:
-        """Return why this is no graph of one robot, one source and one commander.
+        """Return which end of which link is not there."""
+        self._look()
+        return self._absent
+
+    def conflict(self) -> str:
+        """Return who else has a hand in the arm, or which held joint is not where it is held.
 
         Raises:
             InputError: There have been others for longer than any lease.
         """
-        if monotonic() > self._due:
-            self._due = monotonic() + _LOOK
-            self._graph = self._look()
-        return self._graph or self._misplaced
+        self._look()
+        return self._conflict or self._joints.misplaced(self._needed)
 
     def trouble(self) -> str:
         """Return why the robot does not take commands; nothing if it does.
@@ -236,40 +341,91 @@ class Ros2Robot:
                 self._search = None
                 break
             if found is not None:
+                self._status = monotonic()
                 self._trouble = found[1] or "error" if found[0] >= 2 else ""  # ERROR or STALE
-        return self._trouble
+        return self._trouble or self._braked
 
-    def _look(self) -> str:
-        """Say why this is no graph of one robot, one source and one commander: who is meant?
+    def _look(self) -> None:
+        """Look at both ends of all links, now and then."""
+        now = monotonic()
+        if now > self._due:
+            self._due = now + _LOOK
+            self._conflict = self._others(now)
+            self._absent = self._missing(now)
 
-        One that was killed is there until its lease ends, so others are waited for at first.
+    def _others(self, now: float) -> str:
+        """Say who else commands the arm, or publishes what it goes by.
+
+        One that was killed is there until its lease ends, so others are waited for at first. Their
+        commands to brakes and hand count when they come: who may send one is not known before.
         """
-        topics = {self._of["state"]: self._state, self._cell.source.topic: self._ball}
-        twice = [name for name, heard in topics.items() if heard.speakers() > 1]
+        self._note_meddling(now)
+        topic, joint = self._of["command"], self._joints.twice(now)
         foreign = self._foreign.speakers() > 0 or bool(self._foreign.take())
+        state = f"{joint} on {self._of['state']}" if joint else ""
+        twice = state or (self._cell.source.topic if self._ball.speakers() > 1 else "")
         if not twice and not foreign:
             self._twice_since = inf
-            return self._alone()
-        self._twice_since = min(self._twice_since, monotonic())
-        if monotonic() - self._twice_since > _LEASE:
-            name = twice[0] if twice else self._of["command"]
-            given = "more" if twice else "another one that commands the arm"
-            raise InputError(f"publishers on {name}", "one", given, do="end the others")
+            said, t = self._meddled
+            return said if now - t < 1.0 else ""
+        self._twice_since = min(self._twice_since, now)
+        if now - self._twice_since > _LEASE:
+            given = "another one that commands the arm" if foreign else "more"
+            raise InputError(f"publishers on {topic if foreign else twice}", "one", given,
+                             do="end the others")  # fmt: skip
         if foreign:
-            return f"another program commands the arm on {self._of['command']}: end it"
-        return f"two publishers on {twice[0]}: end one"
+            return f"another program commands the arm on {topic}: end it"
+        return f"two publishers of {twice}: end one"
 
-    def _alone(self) -> str:
-        """Publish commands once nobody else was found to; say what is waited for until then."""
-        if self._taken:
-            return ""
-        passed = monotonic() - self._begun
+    def _note_meddling(self, now: float) -> None:
+        """Note what others told brakes and hand; brakes that they engaged are as a stop."""
+        for raw in [] if self._brakes_told is None else self._brakes_told.take():
+            topic = self._of["brake"]
+            with suppress(MittError):
+                engaged = messages.read_flag(raw)
+                self._braked = f"another program engaged the brakes on {topic}" if engaged else ""
+                if not engaged:
+                    self._meddled = (f"another program released the brakes on {topic}", now)
+        if self._hand_told is not None and self._hand_told.take():
+            self._meddled = (
+                f"another program commands the hand on {self._of['hand_command']}",
+                now,
+            )
+
+    def _missing(self, now: float) -> str:
+        """Say which end of which link is not there; commands are published once nobody else is."""
+        passed, of = now - self._begun, self._of
+        if self._command is None and self._conflict:
+            return ""  # whoever else is there is to go first
         if passed > _FOUND and not self._state.speakers():
             return self._unheard()
+        if missing := self._joints.missing(now) if passed > _FOUND else "":
+            return missing
         if passed < _ALONE:
             return "looking for others that command the arm"
-        self._taken = self._commands().listeners() > 0
-        return "" if self._taken else f"nobody takes commands on {self._of['command']}"
+        if not self._commands().listeners():
+            return f"nobody takes commands on {of['command']}"
+        if self._brake is not None and not self._brake.listeners():
+            return (f"nobody takes {of['brake']}: start what engages the brakes, or name its topic"
+                    " in robot.options.brake")  # fmt: skip
+        if self._hand is not None and not self._hand.listeners():
+            return (
+                f"nobody takes {of['hand_command']}: start the hand's controller, or name its"
+                " topic in robot.options.hand_command, or leave out robot.options.hand"
+            )
+        return self._unsaid(now)
+
+    def _unsaid(self, now: float) -> str:
+        """Say who does not say how the robot is, or where the ball is."""
+        of, source = self._of, self._cell.source
+        if self._diagnostics is not None and now - self._status > _STALE_STATUS:
+            return (f"no entry {of['status']} on {of['diagnostics']} for {_STALE_STATUS:.0f} s: a"
+                    " protective stop would not be known; name the robot's entry in"
+                    " robot.options.status, or leave that out")  # fmt: skip
+        if source.kind == "points" and not self._ball.speakers():
+            return (f"nobody publishes {source.topic}: start what sees the ball, or name its topic"
+                    " in source.topic")  # fmt: skip
+        return ""
 
     def _unheard(self) -> str:
         """Say where joint states were looked for, and where else they may be."""
@@ -299,7 +455,8 @@ class Ros2Robot:
             return []
 
     def close(self) -> None:
-        """Give the link up; Cyclone leaves the domain with the process."""
+        """Give the link up: others see at once that nobody commands the arm any more."""
+        self._node.close()
 
 
 @final

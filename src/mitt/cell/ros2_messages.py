@@ -15,7 +15,7 @@ A diagnostic message, in which others write what they like, is read as slowly as
 """
 
 from collections.abc import Iterator
-from math import nan
+from math import isnan, nan
 from typing import Any, NamedTuple, final
 
 import numpy as np
@@ -116,26 +116,46 @@ def read_trajectory(raw: bytes) -> tuple[float, tuple[str, ...], Array]:
             rows[k] = row if len(row) else np.nan
         r.uint32()
         r.uint32()
-    try:
-        return float(frame), names, rows
-    except ValueError:
-        return np.nan, names, rows
+    return _stamp(frame), names, rows
 
 
-def array(x: Array) -> bytes:
-    """Return a Float64MultiArray without a layout."""
-    return Writer().uint32(0).uint32(0).sequence(x).done()
+def array(x: Array, answers: float = nan) -> bytes:
+    """Return a Float64MultiArray of one row.
+
+    The label of its layout, of which a controller makes nothing, names the reading that it answers.
+
+    Args:
+        x: The numbers.
+        answers: Stamp of that reading [s]; NaN for an array without a layout.
+    """
+    w = Writer()
+    if isnan(answers):
+        w.uint32(0)
+    else:
+        w.uint32(1).string(repr(float(answers))).uint32(len(x)).uint32(len(x))
+    return w.uint32(0).sequence(x).done()
 
 
-def read_array(raw: bytes) -> Array:
-    """Return the numbers of a Float64MultiArray."""
-    r = Reader(raw)
+def read_array(raw: bytes) -> tuple[float, Array]:
+    """Return which reading a Float64MultiArray answers, and its numbers.
+
+    The stamp of the reading is NaN where no label names one.
+    """
+    r, answers = Reader(raw), nan
     for _ in range(r.count()):  # labels, sizes and strides of its layout
-        r.string()
+        answers = _stamp(r.string())
         r.uint32()
         r.uint32()
     r.uint32()
-    return r.sequence()
+    return answers, r.sequence()
+
+
+def _stamp(said: str) -> float:
+    """Return the stamp of a reading that a text names [s]; NaN where it names none."""
+    try:
+        return float(said)
+    except ValueError:
+        return nan
 
 
 def flag(x: bool) -> bytes:
@@ -246,7 +266,7 @@ class Orders:
         """Return the message for the joints' controller; ``answers`` is the reading's stamp [s]."""
         self._rows[:, self._place] = command.joints
         if self.plain:
-            return array(self._rows[self._row])
+            return array(self._rows[self._row], answers)
         return trajectory(answers, self.names, self._rows[: _TOLD[self._takes]])
 
     def of_hand(self, command: Command, answers: float) -> bytes | None:
@@ -268,7 +288,7 @@ class Orders:
         answers, told = nan, np.full((4, self._n), nan)
         try:
             if self.plain:
-                values = read_array(raw)
+                answers, values = read_array(raw)
                 if len(values) != len(self.names):
                     return None
                 told[self._row] = values[self._place]
@@ -286,7 +306,7 @@ class Orders:
     def read_hand(self, raw: bytes) -> float:
         """Return the angle that the hand is told [rad]; NaN where the message says none."""
         try:
-            row = (read_array(raw) if self.plain_hand
+            row = (read_array(raw)[1] if self.plain_hand
                    else read_trajectory(raw)[2][0])  # fmt: skip
         except MittError:
             return nan
@@ -306,7 +326,10 @@ class Orders:
         if not self.plain and self._takes == "torque":
             lines.append(f"{topic}: most joint_trajectory_controllers refuse efforts; mitt sim"
                          " takes them; else end the topic in /commands")  # fmt: skip
-        elif not self.plain:
+        elif self.plain:
+            lines.append(f"{topic}: such a controller keeps its last command for ever: what stops"
+                         " the arm after robot.watchdog has to be elsewhere")  # fmt: skip
+        else:
             lines.append(f"{topic}: such a controller begins each command anew from where the arm"
                          " is; a topic that ends in /commands follows more closely")  # fmt: skip
         if self.hand:

@@ -5,9 +5,12 @@ steady clock.
 """
 
 import json
+import os
+import select
 import signal
 import sys
 import threading
+import time
 from collections import Counter
 from collections.abc import Callable, Iterator, MutableSequence
 from contextlib import contextmanager, suppress
@@ -41,6 +44,8 @@ from mitt.world.scene import Scene
 
 #: Time between two lines on what is waited for [s].
 _LINES = 5.0
+#: Time within which a protective stop has to end that was acknowledged [s].
+_ENDS_IN = 2.0
 #: Numbers of the live table, in this order.
 SHOWN = ("mode", "rate", "age_us", "late", "lost", "throws", "taken", "told", "placed")
 STATES = tuple(mode.value for mode in Mode)
@@ -96,20 +101,35 @@ def rehearse(prepared: PreparedCell, f: CellMap) -> None:
 
 @final
 class Person:
-    """Who says when the arm may move: somebody at the keyboard, or --yes once at the start."""
+    """Who says when the arm may move: somebody at the keyboard, or --yes once at the start.
+
+    --yes is said before anybody knows how the arm is found. It holds for an arm at rest in its
+    ranges that is in no protective stop and that nobody else commands, or is met for the first time
+    so; from the first sight of another state on a person has to say it.
+    """
 
     def __init__(self, *, yes: bool) -> None:
-        """Listen to the keyboard, if there is one and nothing was said beforehand."""
+        """Listen to the keyboard, if there is one, from when a person is asked."""
         self._yes, self.keyboard = yes, sys.stdin is not None and sys.stdin.isatty()
-        self._pressed = threading.Event()
-        if self.keyboard:
-            threading.Thread(target=self._listen, daemon=True).start()
+        self._pressed, self._listens = threading.Event(), False
 
     def _listen(self) -> None:
-        """Note each time Enter is pressed, until the keyboard is gone."""
+        """Note each time Enter is pressed, until the keyboard is gone.
+
+        It is read in the foreground alone: a process in the background that reads is stopped.
+        """
         with suppress(OSError, ValueError):
-            for _ in sys.stdin:
-                self._pressed.set()
+            key = sys.stdin.fileno()
+            while True:
+                select.select([key], [], [])
+                if os.tcgetpgrp(key) != os.getpgrp():
+                    time.sleep(0.2)
+                    continue
+                typed = os.read(key, 4096)
+                if not typed:
+                    break
+                if b"\n" in typed:
+                    self._pressed.set()
         self.keyboard = False
 
     @property
@@ -119,18 +139,28 @@ class Person:
 
     def agrees(self) -> bool:
         """Say whether the arm may move; what was pressed counts once, --yes for one start."""
-        pressed = not self._yes and self._pressed.is_set()
+        if self._yes:
+            return True
+        self.listen()
+        pressed = self._pressed.is_set()
         if pressed:
             self._pressed.clear()
-        return self._yes or pressed
+        return pressed
+
+    def listen(self) -> None:
+        """Listen to the keyboard from now on."""
+        if self.keyboard and not self._listens:
+            self._listens = True
+            threading.Thread(target=self._listen, daemon=True).start()
 
     def forget(self) -> None:
         """Forget what was pressed before it was asked for."""
         self._pressed.clear()
 
-    def spend(self) -> None:
-        """Count --yes as used: the arm moves."""
-        self._yes = False
+    def spend(self) -> bool:
+        """Let --yes hold no more: the arm moves, or is not as it was thought; say if it did."""
+        held, self._yes = self._yes, False
+        return held
 
 
 @final
@@ -157,7 +187,7 @@ class Session:
         self._forces, self._begun = list[float | None](), monotonic()
         self.shown = numbers() if shown is None else shown
         self.words = words() if said is None else said
-        self._deaf = self._lost = False
+        self._lost = False
 
     def run(self) -> bool:
         """Catch; return whether all was done that was to be done.
@@ -172,17 +202,20 @@ class Session:
 
     def _caught(self) -> bool:
         """Wait, catch, stop, and wait again; say whether all was done that was to be done."""
+        loop = self._loop
         while self._waited():
             self._hear()
-            if not self._loop.counts.ticks:  # of throws before this session
+            if not loop.counts.ticks:  # of throws before this session
                 self._told, self._last, self._forces = Counter(), {}, []
             self._done = False
             self._tell("the arm moves")  # before it does: to tell may take time
-            self._loop.begin()
+            loop.begin()
             self._begun = monotonic()
             if self._caught_all():
+                if loop.why:  # brakes that do not answer
+                    self._tell(f"done{loop.why}")
                 return True
-            self._tell(f"stopped: {self._loop.why}; the brakes are engaged")
+            self._tell("; ".join(x for x in (f"stopped: {loop.why}", loop.brakes) if x))
             if self.signal or not self._person.keyboard:
                 return False
         return False
@@ -195,25 +228,25 @@ class Session:
     def _waited(self) -> bool:
         """Wait for a healthy robot and for a person's word; say whether both came."""
         spoken, asked, told = monotonic() - _LINES, False, ""
-        agreed, released, before = False, False, "nothing heard yet"
+        agreed, until, before = False, 0.0, "nothing heard yet"
         while not self.signal:
             trouble = self._loop.healthy()
+            if self._loop.disturbed and self._person.spend():
+                self._tell(f"--yes holds no more: {trouble}")
             if trouble != before:  # a word said before is no answer to this
                 self._person.forget()
-                agreed = agreed and not trouble
-                before = trouble
-                if released and trouble:
-                    released = False
-                    self._loop.finish()
+            over = agreed and trouble and (trouble != before or monotonic() > until)
+            before = trouble
+            if over:  # the stop that was acknowledged has not ended, or another has come
+                agreed = False
+                self._loop.finish()
             self._show()
             own = trouble != "" and trouble == self._robot.trouble()
             if not agreed and (own or not trouble) and self._person.agrees():
-                agreed = True
-                if own:  # a person has said that a protective stop is acknowledged
-                    failed = self._loop.acknowledge()
-                    agreed, released = not failed, not failed
-                    if failed:
-                        self._tell(failed)
+                agreed, until = True, monotonic() + _ENDS_IN
+                if own and (failed := self._loop.acknowledge()):
+                    agreed = False
+                    self._tell(failed)
             if agreed and not trouble:
                 self._person.spend()
                 return True
@@ -223,9 +256,13 @@ class Session:
                 spoken, asked, told = monotonic(), asked or not trouble, trouble
                 self._tell(f"waiting: {trouble}" if trouble
                            else "press Enter and the arm moves to its ready pose")  # fmt: skip
-                if not trouble and not self._person.can_speak:
-                    self._tell("nobody can say that the arm may move: say --yes")
-                    break
+            if not self._person.can_speak and (not trouble or self._loop.disturbed):
+                self._tell(
+                    "nobody can say that the arm may move: say --yes"
+                    if not trouble
+                    else "nobody can say that the arm may move then: see to it, start again"
+                )
+                break
         return False
 
     def _caught_all(self) -> bool:
@@ -255,13 +292,12 @@ class Session:
         if failed and self._loop.idle:  # to tell may take time
             self._lost = True
             self._tell(f"the recording is not whole: {failed}; the catch goes on")
+        heard, failed = list[dict[str, Any]](), ""
         try:
             heard = [news_of(raw) for raw in self._robot.news()]
         except Exception as error:  # a driver's own
-            heard = []
-            if not self._deaf:
-                self._deaf = True
-                self._loop.notes["news"] = f"what became of throws is not told: {error}"[:_WORDS]
+            failed = f"what became of throws is not told: {error}"[:_WORDS]
+        self._loop.note("news", failed)
         for said in heard:
             if said.get("status") in _ENDS:
                 self._told[said["status"]] += 1

@@ -268,6 +268,11 @@ class SimulatedCell:
         return self._base + self._world.t
 
     @property
+    def flying(self) -> bool:
+        """Whether a ball or a part comes, or has come and was not judged yet."""
+        return self._flying
+
+    @property
     def ends(self) -> tuple[str, ...]:
         """How balls or parts may end."""
         return self._feed.ends

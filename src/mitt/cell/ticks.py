@@ -20,6 +20,7 @@ from mitt.catcher.settings import BRAKE, FOLLOW
 from mitt.cell.frames import FrameSet, Sight
 from mitt.cell.readings import STRAY, Counts, Positions, Stamps
 from mitt.cell.recorder import Recorder
+from mitt.control.encoders import SIGMAS
 from mitt.errors import InputError
 from mitt.eyes.clock_offset import FARTHEST, Catch, ClockOffset, LearnedClock, caught_offset
 from mitt.signals import TICK, ArmState, Array, Command, Frame, Senses, Sighting
@@ -94,8 +95,10 @@ class Ticks:
         catcher: The one of this throw.
         stamps: The robot's stamps as a time that only goes on.
         recorded: Whether the ticks are recorded: those of a catch are.
-        repeating: How many of the last hundred readings, about, repeat the one before: of those that
-            tell, as of an arm that moves.
+        repeating: How many of the last hundred readings, about, repeat the one before, of those
+            that can tell: of an arm that moves.
+        repeats: Whether the newest does.
+        waited: How much older than it the oldest was that came with it [s].
         frozen: Whether they have for so long that no reading comes any more.
         clock: The eyes' clock as the catches so far say it; it corrects their stamps.
     """
@@ -117,7 +120,7 @@ class Ticks:
         self._positions, self._begun, self._last = positions, 0.0, 0.0
         self.clock, self._offset, self._notes = LearnedClock(), 0.0, CatchNotes(arm)
         self.repeating, self.frozen = 0.0, False
-        self._run, self._travel = 0, 0.0
+        self._run, self._travel, self.repeats, self.waited = 0, 0.0, False, 0.0
         self._read, self._moved, self._least = np.zeros(0), np.zeros(0), _MOVED + arm.encoder_step
 
     @property
@@ -183,13 +186,11 @@ class Ticks:
         Raises:
             InputError: A stamp is no number, or a first reading has joints without a number.
         """
-        newest, repeats = None, False
+        newest, self.waited = None, readings[-1].t - readings[0].t
         for reading in readings:
             if self._follows(reading, arrived):
-                newest, repeats = reading, self._repeats(reading)
-        if newest is None:
-            return None
-        return self._answered(newest, shown, repeats=repeats), newest.t
+                newest, self.repeats = reading, self._repeats(reading)
+        return None if newest is None else (self._answered(newest, shown), newest.t)
 
     def _follows(self, reading: ArmState, arrived: float) -> bool:
         """Let time go on to a reading and count those before it that are lost; say if it is new."""
@@ -201,8 +202,8 @@ class Ticks:
         self._last = t
         return True
 
-    def _answered(self, reading: ArmState, shown: FrameSet | None, *, repeats: bool) -> Command:
-        """Return the command that answers a reading; one that ``repeats`` says nothing."""
+    def _answered(self, reading: ArmState, shown: FrameSet | None) -> Command:
+        """Return the command that answers a reading; one that repeats says nothing."""
         t, shift = self.t, self.stamps.at(0.0) - self._begun
         seen = tuple(
             replace(p, t=p.t + shift + self._offset) for p in self._positions.upto(reading.t)
@@ -217,7 +218,7 @@ class Ticks:
             raise InputError("the first reading", "the angle of each joint", "NaN")
         self._counts.ticks += 1
         arm = ArmState(t=t, q=reading.q, dq=reading.dq)
-        if repeats:
+        if self.repeats:
             nothing = np.full(len(reading.q), np.nan)
             arm = ArmState(t=t, q=nothing, dq=nothing)
         watched = seen if self.recorded else ()  # on its way to the ready pose it follows nothing
@@ -227,12 +228,16 @@ class Ticks:
         """Say whether a reading is the one before under a new stamp: all joints, to the last digit.
 
         An arm at rest repeats itself. One that moves does not, once a joint has moved by more than
-        its encoder tells apart; it moves as it is estimated to, by the commands that were sent.
+        its encoder tells apart; it moves as it is surely estimated to, by the commands that were
+        sent: where this loop was late that is an estimate of before.
         """
         new = not self.catcher.begun or self.t < _SETTLES
-        speed = np.abs(self.catcher.estimated[1])
+        sigma = np.sqrt(self.catcher.state.monitor.joints["variance_dq"])
+        speed = np.maximum(np.abs(self.catcher.estimated[1]) - SIGMAS * sigma, 0.0)
         if new or not np.array_equal(reading.q, self._read):
-            if bool(np.any(self._period * speed > self._least)):  # it would have been seen to repeat
+            if bool(
+                np.any(self._period * speed > self._least)
+            ):  # it would have been seen to repeat
                 self.repeating *= 0.99
             self._read, self._moved = np.array(reading.q), np.zeros(len(reading.q))
             self._run, self._travel, self.frozen = 0, 0.0, False

@@ -1,8 +1,8 @@
 """``mitt run`` and ``mitt sim``: catch with the robot of a cell; be that cell in simulation."""
 
 import re
-from collections.abc import Mapping
-from contextlib import AbstractContextManager, closing, nullcontext
+from collections.abc import Iterator, Mapping
+from contextlib import closing, contextmanager, nullcontext
 from typing import Any
 
 import mitt
@@ -33,7 +33,7 @@ from mitt.cli.screen import checked, live_table, print_json, show, tell_of_kerne
 from mitt.clock import hurried, pinned, timekeeping, uncollected
 from mitt.errors import InputError
 from mitt.files.cell import read_cell
-from mitt.files.writing import Leaves, check_folder, check_ours, claim_folder, file_name
+from mitt.files.writing import Leaves, check_folder, check_ours, claim_folder, file_name, locked
 from mitt.interrupts import notice, status_of, tell
 from mitt.trials.result import spread_words
 
@@ -109,15 +109,20 @@ def _value_in_words(value: object) -> str:
     return "unknown" if value is None else str(value)
 
 
-def recording(
-    prepared: PreparedCell, f: CellMap, options: RunOptions
-) -> AbstractContextManager[Recorder | None]:
-    """Return what records the catches, for ``mitt replay`` and ``mitt view``, if there is a DIR."""
+@contextmanager
+def recording(prepared: PreparedCell, f: CellMap, options: RunOptions) -> Iterator[Recorder | None]:
+    """Give what records the catches, for ``mitt replay`` and ``mitt view``, if there is a DIR.
+
+    The folder is ours alone until the recording is written to its end.
+    """
     out = options.out
     if out is None:
-        return nullcontext()
-    claim_folder(out, _leaves(prepared), overwrite=options.overwrite)
-    return Recorder(out / _name(prepared), about_of(prepared, f))
+        yield None
+        return
+    with locked(out):
+        claim_folder(out, _leaves(prepared), overwrite=options.overwrite)
+        with Recorder(out / _name(prepared), about_of(prepared, f)) as recorder:
+            yield recorder
 
 
 def _name(prepared: PreparedCell) -> str:
