@@ -152,10 +152,9 @@ class Joints:
 
     def _find(self, names: tuple[str, ...]) -> _Places:
         """Find the arm's joints; a message without any is another's."""
-        given = ", ".join(names)[:200]
-        if len(set(names)) != len(names):
+        given, mine = ", ".join(names)[:200], [k for k, x in enumerate(self.names) if x in names]
+        if mine and len(set(names)) != len(names):
             raise InputError("joint names", "each once", given)
-        mine = [k for k, name in enumerate(self.names) if name in names]
         unknown = [x for x in names if x not in self.names and x not in self._others]
         if mine and unknown:
             lacks = [x for x in self.names if x not in names]
