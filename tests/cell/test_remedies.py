@@ -2,6 +2,7 @@
 
 import ast
 import re
+import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from socket import if_nameindex
@@ -101,15 +102,16 @@ def joined(cell: Cell) -> str:
             node.subscribe("/there/hand/commands", dds.MultiArray, "command"),
             node.publish("/there/ball", dds.PointStamped, "sensor")]  # fmt: skip
     status, said = node.publish("/there/diagnostics", dds.Diagnostics, "command"), "at first"
-    for _ in range(300):
+    begun = time.monotonic()
+    while said and time.monotonic() < begun + 10.0:
         state.send(messages.joint_state(1.0, NAMES, q, q))
         status.send(messages.diagnostics(1.0, "arm", 0, "ready"))
+        time.sleep(0.01)
         robot.read(0.02)
         robot.trouble()
         said = robot.conflict() or robot.waits()
-        if not said or (
-            said.count(" ") > 6 and "looking" not in said and "nobody publishes /st" not in said
-        ):
+        lasts = time.monotonic() > begun + 1.5  # all have found each other
+        if lasts and set(SETTING.findall(said)) - {"robot.options.interface"}:
             break
     assert kept
     robot.close()

@@ -215,8 +215,7 @@ class Recorder(AbstractContextManager["Recorder"]):
         assert self._process.stdin is not None
         self._process.stdin.write(json.dumps(heading).encode() + b"\n")
         self._process.stdin.flush()
-        # How long an interpreter takes to start says nothing of the disk: it is waited for.
-        said = self._line() and self._last_words()
+        said = self._line()  # an interpreter may take long to start; nothing moves yet
         if said != "ready":
             self._process.kill()
             self._process.wait()
@@ -454,8 +453,7 @@ class _Writer:
 
 
 def main(words: list[str]) -> int:
-    """Write a file; say ``there``, ``ready``, and in the end ``written``, or what went wrong."""
-    _say("there")
+    """Write a file; say ``ready``, and in the end ``written``, or what went wrong."""
     fd, size, path = int(words[0]), int(words[1]), Path(words[2])
     _be_ordinary()
     try:
