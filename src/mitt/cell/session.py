@@ -10,7 +10,6 @@ import select
 import signal
 import sys
 import threading
-import time
 from collections import Counter
 from collections.abc import Callable, Iterator, MutableSequence
 from contextlib import contextmanager, suppress
@@ -123,7 +122,7 @@ class Person:
             while True:
                 select.select([key], [], [])
                 if os.tcgetpgrp(key) != os.getpgrp():
-                    time.sleep(0.2)
+                    select.select([], [], [], 0.2)
                     continue
                 typed = os.read(key, 4096)
                 if not typed:
