@@ -23,6 +23,8 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 #: How long the main thread may take to notice a signal [s].
 _PATIENCE = 0.5
+#: Variable by which Python leaves the working folder out of its path.
+_SAFE_PATH = "PYTHONSAFEPATH"
 
 _noticed = threading.Event()
 #: Held by whoever decides which thread ends the process: only one of them does.
@@ -66,6 +68,25 @@ def end_with_parent() -> None:
     parent = multiprocessing.parent_process()
     if parent is not None:
         threading.Thread(target=_follow, args=(parent.sentinel,), daemon=True).start()
+
+
+@contextmanager
+def safe_path() -> Iterator[None]:
+    """Let no Python that is started in the block import anything from the working folder.
+
+    One that is started by ``-m`` or ``-c`` looks there first, so that a user's json.py or numpy.py
+    would be run in the place of the module. Multiprocessing begins by ``-c``, its tracker of
+    resources as well, which is started with the first lock that is made.
+    """
+    before = os.environ.get(_SAFE_PATH)
+    os.environ[_SAFE_PATH] = "1"
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[_SAFE_PATH]
+        else:
+            os.environ[_SAFE_PATH] = before
 
 
 def _follow(sentinel: int) -> None:

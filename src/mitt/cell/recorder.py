@@ -56,6 +56,7 @@ from mitt.files.messages import (
 )
 from mitt.files.recordings import Heading, RecordingWriter, heading_of
 from mitt.files.robot_description import Frame as Drawn
+from mitt.interrupts import safe_path
 from mitt.signals import Array, Command, Frame, Senses, all_of
 
 #: Kinds of entries: a tick, what the catcher was told, what happened, the background.
@@ -206,12 +207,13 @@ class Recorder(AbstractContextManager["Recorder"]):
         self._ring = Ring.new(64_000_000 if images else 8_000_000)
         self._lay_out(about)
         heading = asdict(heading_of(about, texts))
-        self._process = subprocess.Popen(  # noqa: S603 (this interpreter, our module)
-            [sys.executable, "-m", "mitt.cell.recorder", str(self._ring.fd),
-             str(self._ring.size), str(path.resolve())],
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
-            pass_fds=(self._ring.fd,), start_new_session=True,
-        )  # fmt: skip
+        with safe_path():
+            self._process = subprocess.Popen(  # noqa: S603 (this interpreter, our module)
+                [sys.executable, "-m", "mitt.cell.recorder", str(self._ring.fd),
+                 str(self._ring.size), str(path.resolve())],
+                stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+                pass_fds=(self._ring.fd,), start_new_session=True,
+            )  # fmt: skip
         assert self._process.stdin is not None
         self._process.stdin.write(json.dumps(heading).encode() + b"\n")
         self._process.stdin.flush()

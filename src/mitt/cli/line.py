@@ -17,6 +17,7 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 import mitt
 from mitt.cli.options import COMMANDS, Arg, Options
 from mitt.errors import FileError, InputError, MittError, UnknownNameError, meant
+from mitt.interrupts import safe_path
 
 _INTEGER = re.compile(r"[+-]?\d+")
 #: Columns of a screen, and of what an option is called.
@@ -36,7 +37,8 @@ def run(words: list[str]) -> int:
         print(said, flush=True)  # noqa: T201
         return 0
     name, options = parse(words)
-    module = import_module(f"mitt.cli.{options.module}")  # heavy: only now
+    with safe_path():  # GLFW, which MuJoCo imports, starts a Python that looks for a library
+        module = import_module(f"mitt.cli.{options.module}")  # heavy: only now
     try:
         status: int = vars(module)[name](options)
     except InputError as error:

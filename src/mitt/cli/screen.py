@@ -23,7 +23,7 @@ from mitt.cli.options import BatOptions, CatchOptions, MeetOptions
 from mitt.clock import Pace, Progress
 from mitt.errors import InputError, printable
 from mitt.files.writing import check_folder, check_own, file_name, new_folder, overlaps
-from mitt.interrupts import end_with_parent, tell
+from mitt.interrupts import end_with_parent, safe_path, tell
 
 
 class _Ended(Protocol):
@@ -282,7 +282,8 @@ def live_table(
     drawer = get_context("spawn").Process(
         target=_draw, args=(shown, said, states, counted), daemon=True
     )
-    drawer.start()
+    with safe_path():
+        drawer.start()
     try:
         yield
     finally:

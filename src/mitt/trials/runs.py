@@ -38,7 +38,7 @@ from mitt.errors import InputError, StoppedError
 from mitt.eyes.clock_offset import ClockOffset, LearnedClock, caught_offset
 from mitt.files.about import About
 from mitt.files.recordings import write_recording
-from mitt.interrupts import end_with_parent, notice, status_of
+from mitt.interrupts import end_with_parent, notice, safe_path, status_of
 from mitt.kernels import cache_folder, is_cold
 from mitt.map.learn import Learned
 from mitt.map.map_design import MapDesign
@@ -77,13 +77,15 @@ def warming(
         yield
         return
     context, over = get_context("spawn"), Event()
-    begun, done = context.Value("i"), context.Value("i")
+    with safe_path():
+        begun, done = context.Value("i"), context.Value("i")
     job = unlearned(arm, design), scene, ball, pixels, begun, done
     other = context.Process(target=_compile_beside, args=job, daemon=True)
     watch = Thread(target=_watch, args=(over, progress, done), daemon=True)
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # for the second process, for good
     try:
-        other.start()
+        with safe_path():
+            other.start()
     finally:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     watch.start()

@@ -25,7 +25,7 @@ from typing import Protocol, TypeVar, final
 
 from mitt.clock import settle
 from mitt.errors import InputError, MissingPackageError, MittError
-from mitt.interrupts import end_with_parent
+from mitt.interrupts import end_with_parent, safe_path
 
 _Task = TypeVar("_Task")
 
@@ -84,7 +84,8 @@ class Processes:
         # A process that is started here is not to be interrupted either while it is starting.
         usual = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
-            future = self._pool.executor.submit(work, *given)
+            with safe_path():
+                future = self._pool.executor.submit(work, *given)
         except OSError as error:
             raise _no_workers(str(error)) from None
         finally:
@@ -130,9 +131,10 @@ class _Pool:
         """Prepare them for the work of a module."""
         context = multiprocessing.get_context("spawn")
         self._said, self._told = context.Pipe(duplex=False)
-        self.executor = ProcessPoolExecutor(
-            workers, mp_context=context, initializer=_begin, initargs=(module, self._told)
-        )
+        with safe_path():
+            self.executor = ProcessPoolExecutor(
+                workers, mp_context=context, initializer=_begin, initargs=(module, self._told)
+            )
 
     def close(self, *, at_once: bool) -> Sequence[BaseProcess]:
         """Let the processes go; return those that there were."""
