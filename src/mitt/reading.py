@@ -1,4 +1,4 @@
-"""Reading files that somebody else wrote, without trusting their kind, their size or their nesting.
+"""Reading files and numbers that somebody else wrote, whatever their kind, size or nesting.
 
 Only regular files are read: a device has no end and a pipe may never begin. At most as many bytes
 as are wanted are taken, whatever size the file claims to have. A TOML file is looked through before
@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from mitt import checks
-from mitt.errors import FileError
+from mitt.errors import FileError, InputError
 
 #: Largest TOML and JSON file that is read [bytes]; JSON may take twenty times as much memory.
 MAX_TOML_BYTES, MAX_JSON_BYTES = 1_000_000, 10_000_000
@@ -35,6 +35,9 @@ _PIECE = re.compile(
     re.DOTALL,
 )
 
+
+#: A whole number: its sign, and its digits without leading zeros.
+_WHOLE = re.compile(r"([+-]?)0*([0-9]+)")
 
 #: Where what comes with mitt is.
 _PACKAGE = Path(__file__).parent
@@ -62,6 +65,47 @@ def difference(was: Mapping[str, str], now: Mapping[str, str]) -> str:
     """Return the name of the first file that holds something else than before; nothing if none."""
     pairs = zip_longest(was.items(), now.items(), fillvalue=("", ""))
     return next((b[0] or a[0] for a, b in pairs if a[1] != b[1]), "")
+
+
+def whole_of(text: str) -> int | None:
+    """Return the whole number that a user's text is; None where it is none.
+
+    Digits are those of ASCII, as many as one likes: of a number of more than 100 digits the first
+    100 are taken, which is beyond any range as well.
+    """
+    found = _WHOLE.fullmatch(text.strip(" \t"))
+    return None if found is None else int(found[1] + found[2][:100])
+
+
+def real_of(text: str) -> float | None:
+    """Return the real number that a user's text is, infinity and NaN included; None if none."""
+    if not text.isascii() or "_" in text:
+        return None
+    try:
+        return float(text)
+    except ValueError:
+        return None
+
+
+def reals_of(name: str, text: str, count: int, *, most: float) -> tuple[float, ...]:
+    """Return numbers that a user's text says with commas between them.
+
+    Args:
+        name: What an error calls it.
+        text: The text.
+        count: How many there are.
+        most: Largest magnitude of one.
+
+    Raises:
+        InputError: They are not as many, or too large.
+    """
+    read = [real_of(x) for x in text.split(",")]
+    numbers = tuple(x for x in read if x is not None)
+    if len(numbers) != len(read) or len(numbers) != count:
+        raise InputError(name, f"{count} numbers with commas between them", repr(text))
+    if not all(abs(x) <= most for x in numbers):
+        raise InputError(name, f"numbers from -{most:g} to {most:g}", repr(text))
+    return numbers
 
 
 def read_bytes(path: Path, *, max_bytes: int, wanted: str = "a readable file") -> bytes:

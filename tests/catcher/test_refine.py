@@ -10,10 +10,11 @@ from mitt.catcher.generators import Direct, refining
 from mitt.catcher.refine import refine
 from mitt.errors import InputError
 from mitt.map.demand import demand
+from mitt.map.foresight import foresee
 from mitt.map.learn import Flight, Learned
 from mitt.map.map_design import MapDesign
 from mitt.map.mapping import DirectMap, unlearned
-from mitt.map.prediction import flown, foresee
+from mitt.map.prediction import flown
 from mitt.signals import Array, BallState
 from mitt.verdict.feasibility import Outcome
 

@@ -9,9 +9,10 @@ from hypothesis import strategies as st
 from support import ball_state
 
 from mitt.ball.flight import forecast
+from mitt.map.foresight import foresee, sharpness
 from mitt.map.learn import Learned
 from mitt.map.mapping import DirectMap
-from mitt.map.prediction import FADES, flown, foresee, sharpness, spread
+from mitt.map.prediction import FADES, flown, spread
 from mitt.signals import Array, BallState, MapStatus
 
 G = np.array([0.0, 0.0, -9.81])

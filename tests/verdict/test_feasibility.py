@@ -9,9 +9,10 @@ from hypothesis import strategies as st
 from support import ball_state
 
 from mitt.map.demand import Tolerance, demand
+from mitt.map.foresight import sharpness
 from mitt.map.learn import Learned
 from mitt.map.mapping import DirectMap
-from mitt.map.prediction import flown, sharpness
+from mitt.map.prediction import flown
 from mitt.signals import BallState
 from mitt.verdict.feasibility import (
     Outcome,

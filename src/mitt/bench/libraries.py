@@ -15,8 +15,9 @@ from mitt.arm.description import ArmModel, transform
 from mitt.arm.plant import add_arm
 from mitt.ball.flight import acceleration, advance
 from mitt.eyes.camera import fixed_rig
+from mitt.map.foresight import foresee
 from mitt.map.mapping import DirectMap
-from mitt.map.prediction import flown, foresee
+from mitt.map.prediction import flown
 from mitt.signals import GRAVITY, TICK, Array, BallState, Frame
 from mitt.world.throws import Throw
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from mitt.clock import monotonic
 from mitt.errors import FileError, InputError, check_package, heard
-from mitt.reading import read_bytes
+from mitt.reading import read_bytes, whole_of
 from mitt.signals import Frame, Image
 
 #: Largest image file that is read [bytes].
@@ -26,14 +26,14 @@ _MAX_BYTES = 100_000_000
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".webp")
 
-_SECONDS = re.compile(r"(\d+\.\d+)\D*$")
-_DIGITS = re.compile(r"(?<!\d)(\d+)\D*$")
+_SECONDS = re.compile(r"([0-9]+\.[0-9]+)[^0-9]*$")
+_DIGITS = re.compile(r"(?<![0-9])([0-9]+)[^0-9]*$")
 #: Units of whole numbers since 1970 [s], by their digits, and the times that are believed [s]: from
 #: 2001 to 2096, so that a date written out, or a counter, is none. Nanoseconds may count from
 #: anywhere.
 _UNITS = {13: 1e-3, 16: 1e-6, 19: 1e-9}
 _BELIEVED = (1e9, 4e9)
-_PARTS = re.compile(r"(\d+)")
+_PARTS = re.compile(r"([0-9]+)")
 #: Channels of the formats of GenICam that are read, and longest wait for a live frame [s].
 _CHANNELS = {"Mono8": 1, "RGB8": 3, "BGR8": 3, "RGBa8": 4, "BGRa8": 4}
 _TIMEOUT = 2.0
@@ -278,7 +278,7 @@ def images_in(path: Path) -> list[Path]:
         raise FileError(str(path), "a folder of images", error.strerror or "an error") from error
     if not found:
         raise FileError(str(path), f"images ({', '.join(SUFFIXES)})", "none")
-    return sorted(found, key=lambda x: [(int(p) if p.isdigit() else -1, p)
+    return sorted(found, key=lambda x: [(-1 if (k := whole_of(p)) is None else k, p)
                                         for p in _PARTS.split(x.stem)])  # fmt: skip
 
 
@@ -469,8 +469,9 @@ def _opened(spec: str, camera: int, producers: Producers, fps: float | None) -> 
         return Basler(rest or "0", camera, fps=fps)
     if kind == "genicam":
         producer, _, index = rest.partition("#")
-        if not (index or "0").isdecimal():
+        number = whole_of(index or "0")
+        if number is None or not 0 <= number < 100:
             raise InputError("genicam", "PRODUCER.cti#INDEX", spec)
-        return GenICam(producers, (Path(producer), int(index or "0")), camera, fps=fps)
+        return GenICam(producers, (Path(producer), number), camera, fps=fps)
     path = Path(spec)
     return Folder(path, camera, fps=fps) if path.is_dir() else Video(path, camera, fps=fps)

@@ -16,9 +16,10 @@ from mitt.catcher.refine import certify, refine
 from mitt.errors import InputError, answered_by
 from mitt.fields import brief
 from mitt.map.demand import Tolerance
+from mitt.map.foresight import sharpness
 from mitt.map.learn import Learned
 from mitt.map.mapping import DirectMap
-from mitt.map.prediction import sharpness, state_of
+from mitt.map.prediction import state_of
 from mitt.signals import Array, BallState, JointReference, MapStatus
 from mitt.verdict.feasibility import (
     Approach,

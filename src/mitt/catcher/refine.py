@@ -19,9 +19,10 @@ from typing import NamedTuple
 import numpy as np
 
 from mitt.map.demand import FOLLOWED, Tolerance, shares_of
+from mitt.map.foresight import foresee
 from mitt.map.learn import Flight, LearnSettings, Lifted, lift_flight, refined
 from mitt.map.mapping import DirectMap, project
-from mitt.map.prediction import flown, foresee
+from mitt.map.prediction import flown
 from mitt.signals import Array, BallState
 from mitt.verdict.feasibility import Verdict, weigh
 from mitt.verdict.impact import GRASP

@@ -14,6 +14,7 @@ from socket import if_nameindex
 from typing import Any, Literal, final
 
 from mitt.errors import InputError
+from mitt.reading import whole_of
 
 try:
     from cyclonedds.core import (
@@ -107,9 +108,10 @@ Diagnostics = _message(_diagnostic, "DiagnosticArray", header=Header, status=_se
 def domain_id() -> int:
     """Return the domain that ``ROS_DOMAIN_ID`` names, 0 without it."""
     said = os.environ.get("ROS_DOMAIN_ID", "0").strip() or "0"
-    if not said.isdigit() or int(said) > 232:
+    number = whole_of(said)
+    if number is None or not 0 <= number <= 232:
         raise InputError("ROS_DOMAIN_ID", "a number in 0..232", repr(said[:40]))
-    return int(said)
+    return number
 
 
 def _configuration(interface: str) -> str:

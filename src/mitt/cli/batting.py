@@ -31,6 +31,7 @@ from mitt.errors import InputError
 from mitt.files.arm_file import arm_of_task
 from mitt.files.writing import locked, write_json
 from mitt.interrupts import notice, status_of, words_of
+from mitt.reading import reals_of
 from mitt.signals import Array
 from mitt.trials.bat_station import (
     TARGET,
@@ -115,16 +116,20 @@ def bat(options: BatOptions) -> int:
 def _asked(options: BatOptions) -> _Asked:
     """Read and check what was said."""
     if options.shield and options.target is not None:
-        raise InputError("target", "none for a shield", options.target, do="leave one of them out")
+        raise InputError(
+            "--target", "none for a shield", options.target, do="leave one of them out"
+        )
     rival = "" if options.generator == "direct" else f"-{options.generator}"
     out = run_folder(options, f"bat-{options.seed}{rival}")
     name, flights = options.scene or DEFAULT_SCENE, options.flights is not None
-    speed = None if options.speed is None else _numbers("speed", options.speed, 2)
+    speed = None if options.speed is None else reals_of("--speed", options.speed, 2, most=100.0)
     if speed is not None and not 1.0 <= speed[0] <= speed[1] <= 20.0:
-        raise InputError("speed", "MIN,MAX with 1 <= MIN <= MAX <= 20 m/s", options.speed)
+        raise InputError("--speed", "MIN,MAX with 1 <= MIN <= MAX <= 20 m/s", options.speed)
     target = None
     if not options.shield:
-        given = None if options.target is None else _numbers("target", options.target, 3)
+        given = (
+            None if options.target is None else reals_of("--target", options.target, 3, most=100.0)
+        )
         target = np.array(TARGET if given is None else given)
     return _Asked(
         target=target,
@@ -148,17 +153,6 @@ def _recordings(name: str | None) -> tuple[Recording, ...]:
     if name is None:
         return ()
     return builtin_flights() if name == _SHIPPED else read_flights(Path(name))
-
-
-def _numbers(name: str, text: str, count: int) -> tuple[float, ...]:
-    """Return so many finite numbers with commas between them."""
-    try:
-        numbers = tuple(float(x) for x in text.split(","))
-    except ValueError:
-        numbers = ()
-    if len(numbers) != count or not all(abs(x) < 100.0 for x in numbers):
-        raise InputError(name, f"{count} numbers with commas between them", text)
-    return numbers
 
 
 def _source(options: BatOptions, asked: _Asked, station: BatStation) -> Source:

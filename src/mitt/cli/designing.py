@@ -36,7 +36,7 @@ from mitt.errors import InputError, MittError, UnknownNameError
 from mitt.files.arm_file import ArmFile, design_of, hand_of, is_arm_file, write_arm_file
 from mitt.files.writing import check_own
 from mitt.interrupts import finally_do, notice, status_of, tell, words_of
-from mitt.reading import MAX_TOML_BYTES, read_text
+from mitt.reading import MAX_TOML_BYTES, read_text, reals_of
 from mitt.trials.workers import engine_of
 from mitt.world.flights import read_flights
 from mitt.world.scene import DEFAULT_SCENE, Scene, read_scene
@@ -283,15 +283,7 @@ def _joints(options: DesignOptions, whole: Arm) -> list[str] | None:
 
 def _aim(options: DesignOptions) -> list[float] | None:
     """Return the point that balls are aimed at [m]; None where the design chooses."""
-    if options.aim is None:
-        return None
-    try:
-        aim = [float(x) for x in options.aim.split(",")]
-    except ValueError:
-        aim = []
-    if len(aim) != 3 or not all(abs(x) <= 100.0 for x in aim):
-        raise InputError("--aim", "a point X,Y,Z [m]", repr(options.aim))
-    return aim
+    return None if options.aim is None else list(reals_of("--aim", options.aim, 3, most=100.0))
 
 
 def _rate(options: DesignOptions) -> float:

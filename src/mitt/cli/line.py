@@ -18,8 +18,8 @@ import mitt
 from mitt.cli.options import COMMANDS, Arg, Options
 from mitt.errors import FileError, InputError, MittError, UnknownNameError, meant
 from mitt.interrupts import safe_path
+from mitt.reading import real_of, whole_of
 
-_INTEGER = re.compile(r"[+-]?\d+")
 #: Columns of a screen, and of what an option is called.
 _WIDE, _CALLED = 80, 22
 #: Where a text may end early.
@@ -116,11 +116,16 @@ class Option:
             if given not in known:
                 raise UnknownNameError(self.name, given, known)
             return known[given]
-        if self.kind is int and not _INTEGER.fullmatch(given):
-            raise InputError(self.name, "a whole number", repr(given))
-        if self.kind is float and not _is_number(given):
-            raise InputError(self.name, "a number", repr(given))
-        value, arg = self.kind(given), self.arg
+        if self.kind in (int, float):
+            return self._number(given)
+        return self.kind(given)
+
+    def _number(self, given: str) -> float:
+        """Return the number that a word stands for, within the option's range."""
+        value, arg = whole_of(given) if self.kind is int else real_of(given), self.arg
+        if value is None:
+            raise InputError(self.name, "a whole number" if self.kind is int else "a number",
+                             repr(given))  # fmt: skip
         if arg.range is not None and not arg.range[0] <= value <= arg.range[1]:
             low, high = arg.range
             wanted = f"at least {low}" if high == inf else f"a number in {low}..{high}"
@@ -165,7 +170,7 @@ def parse(words: Sequence[str]) -> tuple[str, Options]:
     values, placed, rest = dict[str, object](), list[str](), list(words[1:])
     while rest:
         word = rest.pop(0)
-        if not word.startswith("-") or _is_number(word):
+        if not word.startswith("-") or real_of(word) is not None:
             placed.append(word)
             continue
         option, given = _option(name, word, options)
@@ -208,15 +213,6 @@ def _by_place(name: str, placed: Sequence[str], places: Sequence[Option]) -> dic
         raise InputError(name, wanted, f"{placed[len(places)]!r} as well",
                          do=f"see mitt {name} --help")  # fmt: skip
     return {x.field: x.read(given) for x, given in zip(places, placed, strict=False)}
-
-
-def _is_number(text: str) -> bool:
-    """Say whether a text is a number."""
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def overview() -> str:

@@ -5,7 +5,6 @@ Its docstring is its help.
 """
 
 from dataclasses import dataclass
-from math import inf
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
@@ -30,10 +29,10 @@ class Arg:
 Csv = Annotated[Path | None, Arg("CSV")]
 Images = Annotated[str | None, Arg("IMAGES")]
 Metres = Annotated[float, Arg("M")]
-Whole = Annotated[int | None, Arg("N")]
+Workers = Annotated[int | None, Arg("N", range=(1, 1024))]
 _OF_SEEDS = Arg("S", range=(0, 2**63 - 1))
 Seed = Annotated[int, _OF_SEEDS]
-Count = Annotated[int | None, Arg("N", range=(1, inf))]
+Count = Annotated[int | None, Arg("N", range=(1, 2**31 - 1))]
 Trials = Annotated[int | None, Arg("N", range=(1, 100_000))]
 Scene = Annotated[str | None, Arg("NAME|TOML")]
 Folder = Annotated[Path | None, Arg("DIR")]
@@ -315,7 +314,7 @@ class DesignOptions(Options):
     scene: Scene = None
     effort: Literal["quick", "full", "refine"] = "full"
     seed: Seed = 0
-    workers: Whole = None
+    workers: Workers = None
     resume: bool = False
     overwrite: bool = False
 
@@ -398,7 +397,7 @@ class StudyOptions(Options):
     study: Annotated[Path, Arg("STUDY.toml", place=True)]
     out: Annotated[Path, Arg("DIR")]
     engine: Annotated[str, Arg("local|dask://HOST:PORT")] = "local"
-    workers: Whole = None
+    workers: Workers = None
     resume: bool = False
     overwrite: bool = False
 

@@ -57,6 +57,7 @@ from mitt.files.arm_file import load_arm
 from mitt.files.csv_table import header_of
 from mitt.files.rig import CalibratedRig, read_rig, write_rig
 from mitt.interrupts import notice
+from mitt.reading import whole_of
 from mitt.world.fall import WANTED, doubt_of
 
 #: Largest standard deviation of a coordinate that makes sense [m].
@@ -333,10 +334,11 @@ def _recordings(path: Path) -> list[Path]:
 def _spec(options: CalibrateOptions) -> BoardSpec:
     """Return the board that the options describe."""
     columns, cross, rows = options.board.lower().partition("x")
-    if not (cross and columns.isdecimal() and rows.isdecimal()):
-        raise InputError("--board", "squares across and down as 9x6", options.board)
+    across, down = whole_of(columns), whole_of(rows)
+    if not cross or across is None or down is None:
+        raise InputError("--board", "squares across and down as 9x6", repr(options.board))
     return BoardSpec(
-        columns=int(columns), rows=int(rows), square=options.square, marker=options.marker,
+        columns=across, rows=down, square=options.square, marker=options.marker,
         dictionary=options.dictionary,
     )  # fmt: skip
 

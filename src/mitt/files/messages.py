@@ -1,6 +1,7 @@
 """Messages of a recording: topics, ROS 2 definitions, and what each says, as rows of arrays."""
 
 from collections.abc import Iterable, Sequence
+from math import isfinite, nan
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 from mitt.catcher.state import Result, fresh_result
 from mitt.files.cdr import Field, Rows, layout, text
 from mitt.files.robot_description import Frame as Drawn
+from mitt.reading import real_of
 from mitt.signals import Array, Frame, Senses, Sighting
 
 #: Topics, and the frame in which all points are given (REP 105 has no name for a shoulder frame).
@@ -260,10 +262,7 @@ def torques_call(torques: Array) -> str:
 def torques_in(call: str, n: int) -> Array | None:
     """Return the torques that a call says were taken over [N m], (n,); None for another."""
     kind, *values = call.split() or [""]
-    try:
-        torques = np.array([float(x) for x in values])
-    except ValueError:
-        return None
+    torques = np.array([nan if (x := real_of(text)) is None else x for text in values])
     whole = kind == _TORQUES and len(torques) == n and bool(np.all(np.isfinite(torques)))
     return torques if whole else None
 
@@ -277,10 +276,8 @@ def clock_in(calls: Iterable[str]) -> float:
     """Return what stamps were corrected by, as the newest of the calls says [s]; 0 without one."""
     said = [name.split() for name in calls]
     given = [words[1] for words in said if len(words) == 2 and words[0] == _CLOCK]
-    try:
-        return float(given[-1]) if given else 0.0
-    except ValueError:
-        return 0.0
+    offset = real_of(given[-1]) if given else 0.0
+    return offset if offset is not None and isfinite(offset) else 0.0
 
 
 def notice_message(topic: str, said: str) -> Said:

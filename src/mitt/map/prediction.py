@@ -11,20 +11,14 @@ One that falls although it is led is in the air, but pushed, as by a gust: the p
 | ``path`` | r_o, dr_o, ddr_o at given times                | m, m/s, m/s^2        | (K, 3, 3) |
 """
 
-from dataclasses import dataclass
 from math import exp
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mitt import checks
 from mitt.ball.flight import STATES, MotionModel, acceleration, advance, advance_uncertain
 from mitt.kernels import big_kernel, copy, kernel, view
 from mitt.map.tangent import MapArrays, coordinate, invert, lift, to_go, unfold, unpack
 from mitt.signals import GRAVITY, PASSED, Array, BallState
-
-if TYPE_CHECKING:  # the map asks this module for the time to its catch
-    from mitt.map.mapping import DirectMap
 
 #: How far ahead a ball is flown [s], in what steps, and halvings of the step of the catch.
 HORIZON, STRIDE, _HALVINGS = 1.0, 0.01, 12
@@ -42,43 +36,9 @@ FADES = 0.2
 """Time in which the acceleration of what is led fades by 1/e [s]; ``FilterConfig.driven_time``."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Foresight:
-    """A predicted catch.
-
-    Attributes:
-        after: Time until q_o,i reaches q_alpha [s]; infinite where it does not.
-        q_o: Virtual joints then: where the catch will be [rad], shape (n,).
-        below: Whether the ball, not caught, passes over reachable ground below the shoulder.
-    """
-
-    after: float
-    q_o: Array
-    below: bool
-
-
-def foresee(f: "DirectMap", ball: BallState) -> Foresight:
-    """Fly the ball on to the catch."""
-    q_o, end = f.start.copy(), np.zeros((3, 3))
-    reach = float(np.linalg.norm(f.arm.position(f.start)))
-    state = state_of(ball)
-    after = catch_time(f.arrays, state, q_o, end)
-    below = after == np.inf and bool(_passes_below(state, reach))
-    return Foresight(after=after, q_o=q_o, below=below)
-
-
 def spread(ball: BallState, after: float) -> float:
     """Return the largest 1-sigma of the position some time ahead [m]."""
     return float(_spread(state_of(ball), ball.drag, ball.covariance, after))
-
-
-def sharpness(f: "DirectMap", ball: BallState) -> float:
-    """Return the predicted 1-sigma of the ball at the catch [m].
-
-    Infinite without a catch where the map is trusted.
-    """
-    ball = checks.instance("ball", ball, BallState)
-    return float(sigma_at_catch(f.arrays, state_of(ball), ball.drag, ball.covariance))
 
 
 def state_of(ball: BallState) -> Array:
@@ -270,7 +230,7 @@ def _time_ahead(f: MapArrays, s: float, t: float, of: tuple[Array, float, bool])
 
 
 @kernel
-def _passes_below(state: Array, reach: float) -> bool:
+def passes_below(state: Array, reach: float) -> bool:
     """Say whether the ball comes over ground within reach of the shoulder, but below it."""
     ball, t = np.empty((3, 3)), 0.0
     fly_on(state, 0.0, ball)

@@ -26,6 +26,7 @@ from typing import Protocol, TypeVar, final
 from mitt.clock import settle
 from mitt.errors import InputError, MissingPackageError, MittError
 from mitt.interrupts import end_with_parent, safe_path
+from mitt.reading import whole_of
 
 _Task = TypeVar("_Task")
 
@@ -279,8 +280,10 @@ def check_engine(name: str) -> str:
     Raises:
         InputError: It is neither ``local`` nor an address.
     """
-    _, colon, port = name.removeprefix("dask://").rpartition(":")
-    if name != "local" and not (name.startswith("dask://") and colon and port.isdigit()):
+    host, _, said = name.removeprefix("dask://").rpartition(":")
+    port = whole_of(said)
+    known = name.startswith("dask://") and host and port is not None and 0 < port < 65536
+    if name != "local" and not known:
         raise InputError("--engine", "local or dask://HOST:PORT", repr(name))
     return name
 

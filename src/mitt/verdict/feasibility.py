@@ -13,8 +13,9 @@ from mitt import checks
 from mitt.fields import brief
 from mitt.kernels import kernel
 from mitt.map.demand import Tolerance, shares_of
+from mitt.map.foresight import Foresight, foresee
 from mitt.map.mapping import DirectMap
-from mitt.map.prediction import HORIZON, STRIDE, Foresight, flown, foresee, spread
+from mitt.map.prediction import HORIZON, STRIDE, flown, spread
 from mitt.map.tangent import to_go
 from mitt.signals import Array, BallState
 
