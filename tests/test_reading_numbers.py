@@ -44,7 +44,7 @@ def test_an_odd_number_is_refused_at_every_door(
         with pytest.raises(InputError, match=r"ROS_DOMAIN_ID: wanted a number in 0\.\.232"):
             domain_id()
     with pytest.raises(InputError, match="--engine: wanted local or dask"):
-        check_engine(f"dask://x:{text}")
+        check_engine(f"dask://x:{text}", None)
     with pytest.raises(InputError):
         reals_of("--target", f"{text},1" if text != "1e3" else "x,1", 2, most=100.0)
     for name in (f"{text[:20].replace('/', '')}a.png", "b2.png", "b10.png"):

@@ -24,9 +24,11 @@ robot's own controller holds the arm.
 """
 
 from collections.abc import Callable, Sequence
+from importlib.util import find_spec
 from typing import Any, final
 
 import numpy as np
+from numpy.typing import NDArray
 from robot_clock import RobotClock  # type: ignore[import-not-found]
 
 from mitt.arm.arm import Arm
@@ -34,7 +36,8 @@ from mitt.errors import InputError
 from mitt.files.cell import Cell
 from mitt.signals import ArmState, Command, Sighting
 
-NAMES = tuple(f"panda_joint{k}" for k in range(1, 8))
+#: Names of the joints in the vendor's descriptions of the arms that the library drives.
+NAMES = {kind: tuple(f"{kind}_joint{k}" for k in range(1, 8)) for kind in ("panda", "fr3")}
 #: Largest change of a torque in a millisecond [N m]; spring [N m/rad] and damper [N m s/rad] of
 #: the joints that are held.
 RATE, SPRING, DAMPER = 1.0, 600.0, 40.0
@@ -42,14 +45,41 @@ RATE, SPRING, DAMPER = 1.0, 600.0, 40.0
 _FINE = ("Idle", "Move", "Other")
 
 
-def franka(cell: Cell, arm: Arm) -> "FrankaRobot":
-    """Return the robot of a cell: the entry point."""
-    import pylibfranka  # type: ignore[import-not-found]  # noqa: PLC0415 (the vendor's)
+def check(cell: Cell, arm: Arm) -> list[str]:
+    """Refuse a cell that this driver cannot be for; connects to nothing: the entry point."""
+    index_of(cell, arm)
+    address_of(cell)
+    if find_spec("pylibfranka") is None:
+        raise InputError("driver 'franka'", "the library pylibfranka", "a Python without it",
+                         do="pip install pylibfranka")  # fmt: skip
+    return []
 
+
+def address_of(cell: Cell) -> str:
+    """Return the address of the robot."""
     address = cell.robot.options.get("address")
     if not isinstance(address, str):
         raise InputError("robot.options.address", "the address of the robot", repr(address))
-    return FrankaRobot(pylibfranka, address, cell, arm)
+    return address
+
+
+def index_of(cell: Cell, arm: Arm) -> NDArray[np.int64]:
+    """Return which of the robot's joints the arm's are, by the names of a Panda or of an FR3."""
+    names, takes = tuple(cell.robot.joints or arm.names), cell.robot.takes
+    known = next((x for x in NAMES.values() if set(names) <= set(x)), None)
+    if known is None or takes != "torque":
+        wanted = " or of ".join(", ".join(x) for x in NAMES.values())
+        raise InputError("robot.joints", f"some of {wanted}; takes = torque",
+                         f"{', '.join(names)}; {takes}")  # fmt: skip
+    return np.array([known.index(x) for x in names])
+
+
+def franka(cell: Cell, arm: Arm) -> "FrankaRobot":
+    """Return the robot of a cell: the entry point."""
+    check(cell, arm)
+    import pylibfranka  # type: ignore[import-not-found]  # noqa: PLC0415 (the vendor's)
+
+    return FrankaRobot(pylibfranka, address_of(cell), cell, arm)
 
 
 @final
@@ -79,10 +109,7 @@ class FrankaRobot:
             hand: Takes the closing angle [rad].
             rate: Largest change of a torque in a millisecond [N m].
         """
-        names = tuple(cell.robot.joints or arm.names)
-        if not set(names) <= set(NAMES):
-            raise InputError("robot.joints", f"some of {', '.join(NAMES)}", ", ".join(names))
-        self._index = np.array([NAMES.index(x) for x in names])
+        self._index = index_of(cell, arm)
         self._torques, self._robot = vendor.Torques, vendor.Robot(address)
         self._model, self._control = self._robot.load_model(), None
         self._state = self._robot.read_once()

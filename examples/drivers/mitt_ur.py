@@ -24,9 +24,11 @@ in operation: ``engage_brakes`` lets it stop and be held by its drives.
 """
 
 from collections.abc import Callable, Sequence
+from importlib.util import find_spec
 from typing import Any, final
 
 import numpy as np
+from numpy.typing import NDArray
 from robot_clock import RobotClock, wait  # type: ignore[import-not-found]
 
 from mitt.arm.arm import Arm
@@ -43,15 +45,42 @@ FASTEST, STOP, PERIOD = 40.0, 10.0, 0.002
 _LOOK = 1e-4
 
 
+def check(cell: Cell, arm: Arm) -> list[str]:
+    """Refuse a cell that this driver cannot be for; connects to nothing: the entry point."""
+    index_of(cell, arm)
+    address_of(cell)
+    for library in ("dashboard_client", "rtde_control", "rtde_receive"):
+        if find_spec(library) is None:
+            raise InputError("driver 'ur'", f"the library {library}", "a Python without it",
+                             do="pip install ur_rtde")  # fmt: skip
+    return []
+
+
+def address_of(cell: Cell) -> str:
+    """Return the address of the robot."""
+    address = cell.robot.options.get("address")
+    if not isinstance(address, str):
+        raise InputError("robot.options.address", "the address of the robot", repr(address))
+    return address
+
+
+def index_of(cell: Cell, arm: Arm) -> NDArray[np.int64]:
+    """Return which of the robot's joints the arm's are."""
+    names, takes = tuple(cell.robot.joints or arm.names), cell.robot.takes
+    if not set(names) <= set(NAMES) or takes != "velocity":
+        wanted = f"some of {', '.join(NAMES)}; takes = velocity"
+        raise InputError("robot.joints", wanted, f"{', '.join(names)}; {takes}")
+    return np.array([NAMES.index(x) for x in names])
+
+
 def ur(cell: Cell, arm: Arm) -> "UrRobot":
     """Return the robot of a cell: the entry point."""
+    check(cell, arm)
     import dashboard_client  # type: ignore[import-not-found]  # noqa: PLC0415 (of ur_rtde)
     import rtde_control  # type: ignore[import-not-found]  # noqa: PLC0415
     import rtde_receive  # type: ignore[import-not-found]  # noqa: PLC0415
 
-    address = cell.robot.options.get("address")
-    if not isinstance(address, str):
-        raise InputError("robot.options.address", "the address of the robot", repr(address))
+    address = address_of(cell)
     dashboard = dashboard_client.DashboardClient(address)
     dashboard.connect()
     return UrRobot(
@@ -89,11 +118,7 @@ class UrRobot:
             hand: Takes the closing angle [rad].
             acceleration: Of ``speedJ`` [rad/s^2].
         """
-        names = tuple(cell.robot.joints or arm.names)
-        if not set(names) <= set(NAMES) or cell.robot.takes != "velocity":
-            wanted = f"some of {', '.join(NAMES)}, takes = velocity"
-            raise InputError("robot.joints", wanted, f"{', '.join(names)}, {cell.robot.takes}")
-        self._index = np.array([NAMES.index(x) for x in names])
+        self._index = index_of(cell, arm)
         self._control, self._receive, self._unlock = control, receive, unlock
         self._clock, self._ball, self._hand = clock or RobotClock(), ball, hand
         self._acceleration, self._watchdog = acceleration, cell.robot.watchdog

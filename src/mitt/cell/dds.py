@@ -6,6 +6,7 @@ ROS topic ``/name`` is DDS topic ``rt/name``, type ``pkg/Type`` is ``pkg::msg::d
 """
 
 import os
+import re
 import socket
 import sys
 from collections.abc import Iterator
@@ -39,6 +40,8 @@ except ImportError as missing:
 Kind = Literal["command", "sensor"]
 """QoS as ROS 2 users set it: reliable, or best effort."""
 
+#: Name of a topic, from the root on.
+_TOPIC = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 #: Messages that wait to be taken.
 _DEPTH = {"command": 10, "sensor": 40}
 _ANY = SampleState.Any | ViewState.Any | InstanceState.Any
@@ -112,6 +115,32 @@ def domain_id() -> int:
     if number is None or not 0 <= number <= 232:
         raise InputError("ROS_DOMAIN_ID", "a number in 0..232", repr(said[:40]))
     return number
+
+
+def check_network(interface: str) -> int:
+    """Return the domain of a node on an interface; joins nothing.
+
+    Raises:
+        InputError: ``ROS_DOMAIN_ID`` is no domain, or the interface is not there.
+    """
+    number = domain_id()
+    if not interface.replace("-", "").replace(".", "").replace("_", "").isalnum():
+        raise InputError("robot.options.interface", "the name of an interface", repr(interface))
+    known = [name for _, name in if_nameindex()]
+    if interface not in known:  # DDS would take all networks instead
+        raise InputError("robot.options.interface", f"one of {', '.join(known)}", interface)
+    return number
+
+
+def check_topic(name: str) -> None:
+    """Refuse what is no name of a ROS topic.
+
+    Raises:
+        InputError: It is none.
+    """
+    if not _TOPIC.fullmatch(name):
+        wanted = "a name that begins with /, of letters, digits and _"
+        raise InputError("a ROS topic", wanted, repr(name[:60]))
 
 
 def _configuration(interface: str) -> str:
@@ -238,12 +267,7 @@ class Node:
 
     def __init__(self, interface: str = "lo") -> None:
         """Join the domain on one network interface."""
-        number = domain_id()
-        if not interface.replace("-", "").replace(".", "").replace("_", "").isalnum():
-            raise InputError("robot.options.interface", "the name of an interface", repr(interface))
-        known = [name for _, name in if_nameindex()]
-        if interface not in known:  # DDS would take all networks instead
-            raise InputError("robot.options.interface", f"one of {', '.join(known)}", interface)
+        number = check_network(interface)
         with kept_to(interface) if interface == "lo" else nullcontext():
             with suppress(DDSException):  # this process is in the domain already
                 self._domain = Domain(number, _configuration(interface))
@@ -293,6 +317,5 @@ class Node:
 
     def _topic(self, name: str, kind: type[Any]) -> Any:  # noqa: ANN401 (Cyclone's)
         """Return the DDS topic of a ROS topic."""
-        if not name.startswith("/") or len(name) < 2:
-            raise InputError("a ROS topic", "a name that begins with /", repr(name))
+        check_topic(name)
         return Topic(self._participant, "rt" + name, kind)

@@ -9,9 +9,9 @@ from typing import NamedTuple, final
 import numpy as np
 
 from mitt.arm.arm import Arm
-from mitt.cell.frames import FrameSet, FrameSource, SharedFrames
+from mitt.cell.frames import FrameSet, FrameSource, SharedFrames, memory_name
 from mitt.cell.prepare import PreparedCell, feed_of, scene_of_cell
-from mitt.cell.robot import ReceivedCommand, Robot, driver_named
+from mitt.cell.robot import ReceivedCommand, Robot, check_added, driver_named
 from mitt.cell.simulated import SimulatedCell
 from mitt.clock import monotonic
 from mitt.files.cell import Cell
@@ -177,6 +177,7 @@ def connect(prepared: PreparedCell) -> Connection:
         InputError: It does not load, its library is not there, or an option is not one.
     """
     cell, arm = prepared.cell, prepared.arm
+    check_driver(cell, arm)
     if cell.robot.driver == "sim":
         local = local_robot(prepared, seed=0, count=cell.throws)
         return local_connection(cell, local)
@@ -190,12 +191,18 @@ def connect(prepared: PreparedCell) -> Connection:
 
 
 def check_driver(cell: Cell, arm: Arm) -> list[str]:
-    """Return what the robot's controllers have to be, a line each; joins no network."""
-    if cell.robot.driver == "ros2":
-        from mitt.cell.ros2 import options_of  # noqa: PLC0415 (needs the extra ros2)
-        from mitt.cell.ros2_messages import Orders  # noqa: PLC0415
+    """Return what the robot's controllers have to be, a line each; joins no network.
 
-        return Orders(cell, arm, options_of(cell)).wanted()
-    if cell.robot.driver != "sim":
-        driver_named(cell.robot.driver)
-    return []
+    It judges for ``--check`` and for the start alike: :func:`connect` calls it first.
+
+    Raises:
+        UnknownNameError: No driver is called that.
+        InputError: The robot cannot be made, whatever is there to be connected to.
+    """
+    if cell.source.kind == "images":
+        memory_name(cell.source.memory)
+    if cell.robot.driver == "ros2":
+        from mitt.cell.ros2 import check_cell  # noqa: PLC0415 (needs the extra ros2)
+
+        return check_cell(cell, arm).wanted()
+    return [] if cell.robot.driver == "sim" else check_added(cell, arm)

@@ -64,7 +64,7 @@ def frames_of(seen: FrameSet, t: float) -> tuple[Frame, ...]:
     )
 
 
-def _checked(name: str) -> str:
+def memory_name(name: str) -> str:
     """Return a name that a shared memory can have."""
     if not name.replace("-", "").replace("_", "").isalnum() or len(name) > 60:
         raise InputError("source.memory", "a name of letters, digits, - and _", repr(name[:60]))
@@ -88,7 +88,7 @@ class FrameWriter:
     def __init__(self, name: str, cameras: int, height: int, width: int) -> None:
         """Make the ring; one that a writer left when it was killed is replaced."""
         size = _size_of(cameras, height, width, SLOTS)
-        self._file, self._shape = _FOLDER / _checked(name), (cameras, height, width)
+        self._file, self._shape = _FOLDER / memory_name(name), (cameras, height, width)
         try:
             self._remove_left()
             self._fd = os.open(_FOLDER, os.O_RDWR | os.O_TMPFILE, 0o600)
@@ -155,7 +155,9 @@ class FrameReader:
     def __init__(self, name: str, shapes: Sequence[tuple[int, int]]) -> None:
         """Begin with the next frame of a ring whose images are those of a rig."""
         try:
-            self._fd = os.open(_FOLDER / _checked(name), os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+            self._fd = os.open(
+                _FOLDER / memory_name(name), os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC
+            )
         except OSError:
             given = f"none called {name}"
             raise InputError("source.memory", "a shared memory that the cameras write", given,

@@ -5,27 +5,31 @@ doubt nothing else holds the arm. What has no brakes is therefore refused when t
 unless the caller says that the arm stays where it is without its drives.
 
 Drivers of other packages are entry points of the group ``mitt.robots``: a function from a
-:class:`mitt.files.cell.Cell` and its :class:`mitt.arm.arm.Arm` to a :class:`Robot`.
+:class:`mitt.files.cell.Cell` and its :class:`mitt.arm.arm.Arm` to a :class:`Robot`. One of the same
+name of the group ``mitt.robot_checks`` says whether it can be made, for ``--check`` and before the
+start: from cell and arm to lines that say what the robot has to be; it connects to nothing.
 """
 
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from functools import partial
 from importlib.metadata import entry_points
 from math import inf
-from typing import NamedTuple, ParamSpec, Protocol, TypeVar, final, runtime_checkable
+from typing import Any, NamedTuple, ParamSpec, Protocol, TypeVar, final, runtime_checkable
 
 import numpy as np
 
 from mitt import checks
 from mitt.arm.arm import Arm
 from mitt.control.setpoints import Setpoints
-from mitt.errors import InputError, UnknownNameError, answered_by
+from mitt.errors import InputError, MittError, UnknownNameError, answered_by
 from mitt.files.cell import Cell
 from mitt.signals import TICK, ArmState, Array, Command, Sighting
 
-#: Group of the entry points.
-GROUP = "mitt.robots"
+#: Groups of the entry points: drivers, and their checks.
+GROUP, CHECKS = "mitt.robots", "mitt.robot_checks"
+#: Where the example drivers are.
+_EXAMPLES = " (franka and ur: pip install ./examples/drivers in the repository of mitt)"
 P = ParamSpec("P")
 R = TypeVar("R")
 #: Time after which a setpoint says nothing of the next [s].
@@ -87,6 +91,9 @@ class Robot(Protocol):
 Driver = Callable[[Cell, Arm], Robot]
 """Makes the robot of a cell."""
 
+DriverCheck = Callable[[Cell, Arm], Sequence[str]]
+"""Says what the robot of a cell has to be, a line each; InputError where it cannot be made."""
+
 
 @final
 class ReceivedCommand(NamedTuple):
@@ -126,10 +133,7 @@ class RobotLink:
         """
         if not isinstance(robot, Robot):
             raise InputError("robot", "a driver (mitt.cell.robot.Robot)", checks.shown(robot))
-        if not robot.brakes and not unbraked:
-            do = ("if the arm stays where it is without its drives, say unbraked=True, in a cell's"
-                  " file robot.options.unbraked = true")  # fmt: skip
-            raise InputError("robot", "brakes that a stop can engage", "none", do=do)
+        check_brakes(robot.brakes, unbraked=unbraked)
         self.robot, self.braked, self.released = robot, False, False
         self._setpoints, self._answered = setpoints, -inf
 
@@ -177,6 +181,18 @@ class RobotLink:
         self.robot.release()
 
 
+def check_brakes(brakes: bool, *, unbraked: bool) -> None:
+    """Refuse a robot without brakes, unless its arm stays where it is without its drives.
+
+    Raises:
+        InputError: It has none.
+    """
+    if not brakes and not unbraked:
+        do = ("if the arm stays where it is without its drives, say unbraked=True, in a cell's"
+              " file robot.options.unbraked = true")  # fmt: skip
+        raise InputError("robot", "brakes that a stop can engage", "none", do=do)
+
+
 def driver_named(name: str) -> Driver:
     """Return a driver of another package.
 
@@ -184,20 +200,65 @@ def driver_named(name: str) -> Driver:
         UnknownNameError: No driver is called that.
         InputError: It does not load.
     """
-    added = {entry.name: entry for entry in entry_points(group=GROUP)}
+    return partial(_added, f"driver {name!r}", _entry(name, GROUP))
+
+
+def check_added(cell: Cell, arm: Arm) -> list[str]:
+    """Return what the robot of a driver of another package has to be, a line each.
+
+    The driver is loaded, and its check is called if it has one; no robot is connected.
+
+    Raises:
+        UnknownNameError: No driver is called that.
+        InputError: It does not load, a library is missing, or the check refuses the cell.
+    """
+    name = cell.robot.driver
+    _entry(name, GROUP)
+    if name not in {entry.name for entry in entry_points(group=CHECKS)}:
+        return []
+    check: DriverCheck = _entry(name, CHECKS)
+    with _libraries(f"driver {name!r}"):
+        try:
+            return [checks.text("robot", line) for line in check(cell, arm)]
+        except InputError:  # it is about the cell
+            raise
+        except MittError as error:
+            raise InputError(f"driver {name!r}", "a cell that its check takes", error) from error
+
+
+def _entry(name: str, group: str) -> Any:  # noqa: ANN401 (whatever the package has there)
+    """Return what the entry point of a driver stands for."""
+    added = {entry.name: entry for entry in entry_points(group=group)}
     if name not in added:
-        raise UnknownNameError("robot.driver", name, ("ros2", "sim", *sorted(added)))
+        raise UnknownNameError(
+            "robot.driver", name, ("ros2", "sim", *sorted(added)),
+            do="a driver comes with a package: pip install it into the Python of mitt"
+            + (_EXAMPLES if name in ("franka", "ur") else ""),
+        )  # fmt: skip
+    where = f"driver {name!r}"
+    with _libraries(where):
+        try:
+            return added[name].load()
+        except AttributeError as error:
+            raise InputError(where, f"the entry point {added[name].value} to load", error,
+                             do="repair that package") from error  # fmt: skip
+
+
+@contextmanager
+def _libraries(where: str) -> Iterator[None]:
+    """Name a library that a driver needs and that is not installed."""
     try:
-        driver: Driver = added[name].load()
-    except (ImportError, AttributeError) as error:
-        raise InputError(f"driver {name!r}", f"the entry point {added[name].value} to load", error,
-                         do="repair that package") from error  # fmt: skip
-    return partial(_added, f"driver {name!r}", driver)
+        yield
+    except ImportError as error:
+        missing = error.name or str(error)
+        raise InputError(where, f"the library {missing}", "a Python without it",
+                         do=f"pip install what has {missing}, into the Python of mitt",
+                         ) from error  # fmt: skip
 
 
 def _added(name: str, driver: Driver, cell: Cell, arm: Arm) -> Robot:
     """Return the robot that a driver of another package makes, its exceptions named after it."""
-    with answered_by(name):
+    with answered_by(name), _libraries(name):
         robot = checks.instance("robot", driver(cell, arm), Robot)  # type: ignore[type-abstract]
     return _Added(name, robot)
 

@@ -32,7 +32,7 @@ from mitt.arm.description import roll_pitch_yaw
 from mitt.cell import dds
 from mitt.cell import ros2_messages as messages
 from mitt.cell.frames import FrameWriter
-from mitt.cell.robot import ReceivedCommand
+from mitt.cell.robot import ReceivedCommand, check_brakes
 from mitt.cell.ros2_messages import Orders, joints_of
 from mitt.clock import monotonic
 from mitt.errors import InputError, MittError
@@ -78,6 +78,24 @@ def options_of(cell: Cell) -> dict[str, Any]:
 
 _Places: TypeAlias = tuple[NDArray[np.int64], NDArray[np.int64]]
 """Where in a message joints of the arm stand, and which these are."""
+
+
+def check_cell(cell: Cell, arm: Arm) -> Orders:
+    """Return the commands of a cell that can be joined; joins no network.
+
+    Raises:
+        InputError: An option, a topic, the interface or the domain cannot be.
+    """
+    of = options_of(cell)
+    dds.check_network(of["interface"])
+    topics = [cell.source.topic, of["state"], of["command"], of["brake"],
+              of["diagnostics"] if of["status"] else "",
+              of["hand_command"] if of["hand"] else ""]  # fmt: skip
+    for name in topics:
+        if name:
+            dds.check_topic(name)
+    check_brakes(bool(of["brake"]), unbraked=of["unbraked"])
+    return Orders(cell, arm, of)
 
 
 @final
@@ -224,7 +242,7 @@ class Ros2Robot:
 
     def __init__(self, cell: Cell, arm: Arm) -> None:
         """Join the graph."""
-        of, source = options_of(cell), cell.source
+        of, source, orders = options_of(cell), cell.source, check_cell(cell, arm)
         self._node = node = dds.Node(of["interface"])
         self._joints = Joints(cell, arm, of["others"], of["hand"])
         self._cell, self._of = cell, of
@@ -236,7 +254,7 @@ class Ros2Robot:
                              if of["status"] else None)  # fmt: skip
         self._search: Iterator[tuple[int, str] | None] | None = None
         self._results = node.subscribe(RESULTS, dds.String, "command")
-        self._orders = Orders(cell, arm, of)
+        self._orders = orders
         self._told = _kind_of(self._orders.plain)
         self._foreign = node.subscribe(of["command"], self._told, "sensor", others=True)
         self._command: dds.Publisher | None = None

@@ -37,7 +37,7 @@ from mitt.files.arm_file import ArmFile, design_of, hand_of, is_arm_file, write_
 from mitt.files.writing import check_own
 from mitt.interrupts import finally_do, notice, status_of, tell, words_of
 from mitt.reading import MAX_TOML_BYTES, read_text, reals_of
-from mitt.trials.workers import engine_of
+from mitt.trials.workers import check_engine, engine_of
 from mitt.world.flights import read_flights
 from mitt.world.scene import DEFAULT_SCENE, Scene, read_scene
 from mitt.world.throws import read_throws
@@ -64,12 +64,13 @@ def design(options: DesignOptions) -> int:
     check_floor(whole.model, scene.floor)
     task = _task(options, whole, scene)
     rate = _rate(options)
+    check_engine("local", options.workers)
     _check_outputs(options)
+    effort = effort_of(options.effort, whole.n if joints is None else len(joints))
+    search = search_of(whole, task, effort, joints=joints, rate=rate, start=start)
     if options.check:
         return checked(f"{whole.model.name}, {whole.n} joints, output to {options.out}")
     tell_of_kernels()
-    effort = effort_of(options.effort, whole.n if joints is None else len(joints))
-    search = search_of(whole, task, effort, joints=joints, rate=rate, start=start)
     engine = None if options.workers == 1 else engine_of("local", options.workers)
     answers = Answers.open(_search(options), search, resume=options.resume)
 

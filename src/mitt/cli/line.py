@@ -9,7 +9,6 @@ import re
 from collections.abc import Sequence
 from dataclasses import MISSING, dataclass, fields
 from importlib import import_module
-from math import inf
 from textwrap import wrap
 from types import NoneType
 from typing import Any, Literal, get_args, get_origin, get_type_hints
@@ -127,9 +126,7 @@ class Option:
             raise InputError(self.name, "a whole number" if self.kind is int else "a number",
                              repr(given))  # fmt: skip
         if arg.range is not None and not arg.range[0] <= value <= arg.range[1]:
-            low, high = arg.range
-            wanted = f"at least {low}" if high == inf else f"a number in {low}..{high}"
-            raise InputError(self.name, wanted, value)
+            raise InputError(self.name, f"a number in {arg.range[0]}..{arg.range[1]}", value)
         return value
 
 

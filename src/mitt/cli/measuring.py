@@ -94,7 +94,7 @@ def _study_of_task(options: StudyOptions, study: TaskStudy) -> int:
 
 def _folder(options: StudyOptions, study: AnyStudy) -> Folder:
     """Return the folder of a study, after a look at whether it may be written."""
-    check_engine(options.engine)
+    check_engine(options.engine, options.workers)
     if options.resume and options.overwrite:
         raise InputError("--resume and --overwrite", "one of them", "both")
     folder = Folder(options.out)

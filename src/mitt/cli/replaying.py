@@ -3,6 +3,7 @@
 import os
 import re
 import shlex
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -28,15 +29,15 @@ def replay(options: ReplayOptions) -> int:
         raise InputError("recordings", f"1 to {_MOST} of them", len(options.recordings))
     if options.generator is not None:
         check_generator(options.generator)
+    if options.out is not None:
+        check_folder(options.out, overwrite=options.overwrite or options.check)
+        if not options.check or options.overwrite:
+            check_ours(options.out, _pages(options))
     if options.check:
         ticks = sum(len(_read(path, options)[0].ticks) for path in options.recordings)
         return checked(f"{len(options.recordings)} recordings, {ticks} ticks")
-    if options.out is not None:
-        with locked(options.out):
-            check_folder(options.out, overwrite=options.overwrite)
-            check_ours(options.out, _pages(options))
-            return _replay(options)
-    return _replay(options)
+    with nullcontext() if options.out is None else locked(options.out):
+        return _replay(options)
 
 
 def _pages(options: ReplayOptions) -> Leaves:

@@ -24,7 +24,7 @@ from threading import Event, Thread
 from typing import Protocol, TypeVar, final
 
 from mitt.clock import settle
-from mitt.errors import InputError, MissingPackageError, MittError
+from mitt.errors import InputError, MittError, check_package
 from mitt.interrupts import end_with_parent, safe_path
 from mitt.reading import whole_of
 
@@ -224,12 +224,10 @@ class Cluster:
         """Connect to a scheduler.
 
         Raises:
-            InputError: Nothing answers there, or the package is not installed.
+            InputError: Nothing answers there.
         """
-        try:
-            from distributed import Client  # noqa: PLC0415 (optional)
-        except ImportError:
-            raise MissingPackageError("--engine", "distributed", "cluster") from None
+        from distributed import Client  # noqa: PLC0415 (optional)
+
         logging.getLogger("distributed").setLevel(logging.CRITICAL)
         place = f"tcp://{address.removeprefix('dask://')}"
         try:
@@ -265,27 +263,30 @@ def engine_of(name: str, workers: int | None) -> Engine:
     """Return an engine: ``local``, or ``dask://HOST:PORT``.
 
     Raises:
-        InputError: The name is neither, the number cannot be meant, or no scheduler answers.
+        InputError: As of :func:`check_engine`, or no scheduler answers.
+    """
+    check_engine(name, workers)
+    if name == "local":
+        return Processes(workers or len(os.sched_getaffinity(0)))
+    return Cluster(name)
+
+
+def check_engine(name: str, workers: int | None) -> None:
+    """Refuse an engine that cannot be; nothing is started, and nobody is asked.
+
+    Raises:
+        InputError: It is neither ``local`` nor an address, its package is not installed, or the
+            number of workers cannot be meant.
     """
     if workers is not None and not 1 <= workers <= 1024:
         raise InputError("--workers", "a number in 1..1024", workers)
     if name == "local":
-        return Processes(workers or len(os.sched_getaffinity(0)))
-    return Cluster(check_engine(name))
-
-
-def check_engine(name: str) -> str:
-    """Return the name of an engine that may exist.
-
-    Raises:
-        InputError: It is neither ``local`` nor an address.
-    """
+        return
     host, _, said = name.removeprefix("dask://").rpartition(":")
     port = whole_of(said)
-    known = name.startswith("dask://") and host and port is not None and 0 < port < 65536
-    if name != "local" and not known:
+    if not (name.startswith("dask://") and host and port is not None and 0 < port < 65536):
         raise InputError("--engine", "local or dask://HOST:PORT", repr(name))
-    return name
+    check_package("--engine", "distributed", "distributed", "cluster")
 
 
 def run_tasks(
