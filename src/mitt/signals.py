@@ -38,6 +38,9 @@ GRAVITY: Final = 9.81
 _ROUNDED: Final = 1e-9
 """Relative error that rounding may bring into a covariance."""
 
+_UNSAID: Final[Array] = np.empty((0, 0))
+"""Stands where a covariance was left out."""
+
 _keep = object.__setattr__
 """Writes a field of a frozen value while it is made."""
 
@@ -120,13 +123,14 @@ class Sighting:
         r_o: Position [m], shape (3,); one that is not finite, as trackers send for a ball that they
             do not see, tells nothing.
         covariance: Covariance of ``r_o`` [m^2], shape (3, 3); zero where it is known exactly, as in
-            a simulation: it counts as known to 10 um.
+            a simulation: it counts as known to 10 um. Of a ball that was not found it may be left
+            out.
     """
 
     t: float
     found: bool
     r_o: Array
-    covariance: Array
+    covariance: Array = field(default_factory=lambda: _UNSAID)
 
     __repr__ = brief
 
@@ -141,6 +145,12 @@ class Sighting:
         _keep(self, "t", checks.number("sighting.t", self.t))
         _keep(self, "found", checks.flag("sighting.found", self.found))
         _keep(self, "r_o", checks.vector("sighting.r_o", self.r_o, 3))
+        if self.covariance is _UNSAID:
+            if self.found:
+                raise InputError("sighting.covariance", "that of the position [m^2], shape (3, 3)",
+                                 "none", do="say sigma**2 * np.eye(3), where sigma is the standard"
+                                 " deviation of a coordinate [m]")  # fmt: skip
+            _keep(self, "covariance", np.zeros((3, 3)))
         covariance = checks.array("sighting.covariance", self.covariance, (3, 3))
         if self.found and not _is_covariance(covariance.tolist()):
             raise InputError("sighting.covariance", "a covariance: finite, symmetric, not negative",

@@ -141,7 +141,7 @@ def test_an_arm_by_name(tmp_path: Path) -> None:
         ('limits = "own.toml"', 'limits = "none.toml"', "none.toml"),
         ('limits = "own.toml"', 'limits = "franka"', "franka-fr3"),
         ('limits = "own.toml"', 'limits = "ur5e"', "shoulder_pan_joint"),
-        ('limits = "own.toml"', 'limits = "wam-80v"', "limits of an arm from a file"),
+        ('limits = "own.toml"', 'limits = "wam-80v"', "paper, wam-48v, wam-80v are of the WAM"),
         ('tip = "l5"', f'tip = "l5"\nsha256 = "{"0" * 64}"', "SHA-256 0000"),
         ('tip = "l5"', 'tip = "l5"\nsha256 = "abc"', "sha256"),
     ],

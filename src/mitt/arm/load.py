@@ -179,8 +179,11 @@ def _from_file(
     names, ready = wanted.joints, wanted.ready
     check_described(path)
     if isinstance(limits, str) and limits != "model":
-        known = ("model",) if limits in LIMIT_SETS else ("model", *LIMIT_SETS)
-        raise UnknownNameError("limits of an arm from a file", limits, known)
+        raise UnknownNameError(
+            "limits", limits, ("model",),
+            do=f"{', '.join(LIMIT_SETS)} are of the WAM; leave them out for the arm's own, or name"
+            " those of another arm that ships (mitt arms), or a TOML file",
+        )  # fmt: skip
     stated = read_described(path)
     if ships:
         tip = stated.tree.flange if tip is None else tip

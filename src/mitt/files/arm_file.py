@@ -22,7 +22,7 @@ from mitt.arm.description import Hand
 from mitt.arm.description_files import MAX_BYTES
 from mitt.arm.hands import HandModel
 from mitt.arm.limits import KINDS, LimitSet
-from mitt.arm.load import Mount, build_arm, is_shipped, with_encoders, with_hand
+from mitt.arm.load import Mount, arm_names, build_arm, is_shipped, with_encoders, with_hand
 from mitt.arm.wam import LIMIT_SETS
 from mitt.errors import FileError, InputError, MittError, UnknownNameError, printable
 from mitt.files.schema import Finite, Part, Settings, from_plain, parsed
@@ -627,7 +627,9 @@ class ArmSpec(Settings):
     def _known(cls, value: str | None) -> str | None:
         """Refuse a name that is none of a limit set, before anything is learned."""
         if value is not None and not value.endswith(".toml") and value not in known_limits():
-            raise ValueError(f"one of {', '.join(known_limits())}, or a .toml file")
+            alone = ", ".join(x for x in shipped("limits") if x not in arm_names())
+            raise ValueError(f"one of {', '.join(known_limits())}, or a .toml file"
+                             f" ({alone}: of arms that do not come with mitt)")  # fmt: skip
         return value
 
     def read(self, *, was: Mapping[str, str] | None = None) -> "ChosenArm":

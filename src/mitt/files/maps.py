@@ -89,14 +89,14 @@ def map_content(learned: Learned, *, version: str) -> dict[str, object]:
     return content | {"checksum": json_digest(content)}
 
 
-def read_map(path: Path, arm: Arm) -> Learned:
+def read_map(path: str | Path, arm: Arm) -> Learned:
     """Return a learned map for an arm.
 
     Raises:
         FileError: The file is missing, cut short, altered, of another schema or of a later
             version, or was learned for another arm or other limits.
     """
-    arm = checks.instance("arm", arm, Arm)
+    path, arm = checks.path("path", path), checks.instance("arm", arm, Arm)
     return map_of(read_json(path), arm, place=str(path))
 
 
