@@ -122,3 +122,33 @@ def test_no_module_draws_from_global_randomness() -> None:
             if name.startswith("np.random."):
                 allowed = ("np.random.default_rng", "np.random.SeedSequence")
                 assert name.startswith(allowed), (path, name)
+
+
+def _imports(path: Path) -> set[str]:
+    """Return the modules of mitt that a module imports as it is loaded, or for types alone."""
+    found = set[str]()
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    inside = {id(x) for f in ast.walk(tree) if isinstance(f, ast.FunctionDef) for x in ast.walk(f)}
+    for node in ast.walk(tree):
+        if id(node) in inside:
+            continue
+        if isinstance(node, ast.Import):
+            found |= {x.name for x in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            found |= {node.module, *(f"{node.module}.{x.name}" for x in node.names)}
+    return found
+
+
+def test_no_module_imports_another_in_a_circle_not_even_for_types() -> None:
+    """The package itself, which names all that is public, is left out."""
+    files = {path.relative_to(SOURCE.parent).with_suffix("").as_posix().replace("/", "."): path
+             for path in SOURCE.rglob("*.py") if path.name != "__init__.py"}  # fmt: skip
+    of = {name: _imports(path) & files.keys() for name, path in files.items()}
+    assert sum(map(len, of.values())) > 500
+    while leaves := [name for name, needs in of.items() if not needs & of.keys()]:
+        for name in leaves:
+            del of[name]
+    circle = list(of)[:1]  # whoever is left leads into a circle
+    while circle and circle[-1] not in circle[:-1]:
+        circle.append(min(of[circle[-1]] & of.keys()))
+    assert circle == []

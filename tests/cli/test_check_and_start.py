@@ -44,7 +44,7 @@ GOOD: dict[str, tuple[list[str], str]] = {
     "calibrate": (["calibrate", "--rig", "RIG.toml", "--hand", "HAND.csv", "--out", "NEW.toml"],
                   "mitt.cli.seeing._calibrate"),
     "replay": (["replay", "REC.mcap", "--out", "OUT"], "mitt.cli.replaying.played"),
-    "view": (["view", "REC.mcap"], "mitt.cli.replaying.watch"),
+    "view": (["view", "REC.mcap"], "mitt.report.viewer.served"),
     "bench": (["bench"], "mitt.cli.measuring.measure"),
     "report": (["report", "OUT"], "mitt.cli.measuring.progress"),
     "arms": (["arms"], "mitt.cli.listing.show"),
@@ -74,6 +74,7 @@ def judge(
     monkeypatch.setattr("mitt.clock._WATCHED", 20)
     for name in ("rehearse", "map_of"):
         monkeypatch.setattr(f"mitt.cli.cells.{name}", lambda *_: None)
+    monkeypatch.setattr("mitt.cli.cells.about_of", _start)  # of a recording
     monkeypatch.setattr("mitt.trials.bat_station.learn_strikes", lambda g, *_, **__: (g,))
 
     def verdict(name: str, words: list[str]) -> tuple[str, str]:
@@ -116,6 +117,7 @@ def test_what_is_good_is_good_for_both(name: str, judge: Judge) -> None:
         assert judge(name, GOOD[name][0]) == ("good", "good")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "option"), ALL, ids=[f"{x} {y.name}" for x, y in ALL])
 def test_a_bad_value_of_an_option_is_refused_alike(name: str, option: Option, judge: Judge) -> None:
     words = GOOD[name][0]
@@ -151,6 +153,7 @@ OPTIONS = [("robot", "options", x) for x in ("state", "command", "brake", "inter
            "hand_command", "diagnostics", "others", "controller", "unbraked", "more")]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("key", [*keys(Cell), *OPTIONS], ids=".".join)
 def test_a_bad_value_of_a_cell_is_refused_alike(
     key: tuple[str, ...], judge: Judge, here: Path
@@ -208,8 +211,8 @@ def test_a_library_that_a_driver_lacks_is_named_with_what_installs_it(
     install(ROOT / "examples" / "drivers", tmp_path, monkeypatch)
     takes = 'takes = "velocity"\nservo = 8.0\ndelay = 0.006\n' if driver == "ur" else ""
     (here / "cell.toml").write_text(
-        f'schema = "mitt.cell/1"\nname = "x"\n[arm]\nfile = "{known}"\n[robot]\ndriver = "{driver}"\n'
-        f'{takes}[robot.options]\naddress = "192.0.2.1"\n'
+        f'schema = "mitt.cell/1"\nname = "x"\n[arm]\nfile = "{known}"\n[robot]\n'
+        f'driver = "{driver}"\n{takes}[robot.options]\naddress = "192.0.2.1"\n'
     )
     check, start = judge("run", ["run", "cell.toml"])
     assert check == start
