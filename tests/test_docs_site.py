@@ -369,10 +369,10 @@ def test_the_reference_has_every_public_name(site: Path) -> None:
 def test_the_page_of_commands_has_every_option(
     site: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Each option that ``--help-all`` names stands on the page, below its command."""
+    """Each option that ``--help`` names stands on the page, below its command."""
     text = re.sub(r"<[^>]+>", "", (site / "commands.html").read_text(encoding="utf-8"))
     for name in COMMANDS:
-        assert main([name, "--help-all"]) == 0
+        assert main([name, "--help"]) == 0
         said = capsys.readouterr().out
         begins = text.rindex(f"mitt {name}¶")
         ends = text.find("¶", begins + len(name) + 8)

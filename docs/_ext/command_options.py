@@ -1,4 +1,4 @@
-"""The directive ``command-options NAME``: what ``mitt NAME --help-all`` says, and examples."""
+"""The directive ``command-options NAME``: what ``mitt NAME --help`` says, and examples."""
 
 import re
 from typing import Any

@@ -1,4 +1,4 @@
-"""``--help``: one screen and an example for every command; ``--help-all``: all of it."""
+"""``--help``: all of every option, and an example for every command."""
 
 import re
 import shlex
@@ -8,13 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from mitt.cli.line import options_of, parse
+from mitt.cli.line import options_of, paragraphs, parse
 from mitt.cli.main import main
 from mitt.cli.options import COMMANDS
 
 ROOT = Path(__file__).parents[2]
-#: A screen.
-LINES, COLUMNS = 40, 80
+#: Columns of a terminal.
+COLUMNS = 80
 
 
 def said(capsys: pytest.CaptureFixture[str], *words: str) -> str:
@@ -26,33 +26,43 @@ def said(capsys: pytest.CaptureFixture[str], *words: str) -> str:
 
 
 @pytest.mark.parametrize("name", [*COMMANDS, ""])
-def test_help_is_one_screen_with_an_example(capsys: pytest.CaptureFixture[str], name: str) -> None:
+def test_help_fits_a_terminal_and_has_an_example(
+    capsys: pytest.CaptureFixture[str], name: str
+) -> None:
     """Usage first, then what it is for and an example, then every option."""
     text = said(capsys, *name.split(), "--help")
     lines = text.splitlines()
-    assert len(lines) <= LINES
     assert max(map(len, lines)) < COLUMNS
     assert lines[0].startswith(f"usage: mitt {name}".rstrip())
     assert f"  mitt {name or 'catch'}" in lines[lines.index("examples:") + 1]
     assert said(capsys, *name.split(), "-h") == text
 
 
+def flat(text: str) -> str:
+    """Return a text without what wrapping changes."""
+    return re.sub(r"\s+", "", text)
+
+
 @pytest.mark.parametrize("name", COMMANDS)
-def test_help_names_every_option_and_help_all_says_all_of_it(
-    capsys: pytest.CaptureFixture[str], name: str
-) -> None:
-    """The class of the options, the short help and the long one know the same options."""
-    short, long = said(capsys, name, "--help"), said(capsys, name, "--help-all")
+def test_help_says_all_of_every_option(capsys: pytest.CaptureFixture[str], name: str) -> None:
+    """Nothing is cut, at whatever length."""
+    text = said(capsys, name, "--help")
     options = {x.name for x in options_of(COMMANDS[name]) if not x.place}
     assert len(options_of(COMMANDS[name])) == len(fields(COMMANDS[name]))
-    for text in (short, long):
-        assert set(re.findall(r"^  (--[a-z-]+)", text, re.MULTILINE)) == options
-    flat = re.sub(r"\s+", "", long)
+    assert set(re.findall(r"^  (--[a-z-]+)", text, re.MULTILINE)) == options
     for option in options_of(COMMANDS[name]):
         assert option.text
-        assert re.sub(r"\s+", "", option.text.rstrip(".")) in flat, option.called
-    lines = [line for line in short.splitlines() if line.startswith("  -")]
-    assert all(len(line.split(maxsplit=2)) > 1 for line in lines)
+        assert flat(option.text.rstrip(".")) in flat(text), option.called
+    assert all(flat(part) in flat(text) for part in paragraphs(COMMANDS[name]))
+    assert not any(line.endswith(" ...") for line in text.splitlines())
+
+
+def test_the_overview_says_all_of_what_each_command_is_for(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    text = flat(said(capsys, "--help"))
+    for name, options in COMMANDS.items():
+        assert flat(name + paragraphs(options)[0].removesuffix(".")) in text
 
 
 @pytest.mark.usefixtures("watched_shortly")

@@ -1,8 +1,7 @@
 """The command line: words in, exit status out; the work is done elsewhere.
 
 Words are held to the options of their command, and help is made from the same options. What is
-wrong is told as everything else is: what was wanted, what was given, what to do. ``--help`` is one
-screen: a text that is longer than its line ends early, with dots; ``--help-all`` has all of it.
+wrong is told as everything else is: what was wanted, what was given, what to do.
 """
 
 import re
@@ -21,8 +20,6 @@ from mitt.reading import real_of, whole_of
 
 #: Columns of a screen, and of what an option is called.
 _WIDE, _CALLED = 80, 22
-#: Where a text may end early.
-_ENDS = re.compile(r"(?=[;:,.]? \(|[;:,.] )")
 
 
 def run(words: list[str]) -> int:
@@ -49,12 +46,9 @@ def _answer(words: list[str]) -> str | None:
     """Return version or help where it is asked for; None where something is to be done."""
     if "--version" in words:
         return mitt.__version__
-    whole = "--help-all" in words
-    if words and not whole and not {"--help", "-h"} & set(words):
+    if words and not {"--help", "-h"} & set(words):
         return None
-    if words and words[0] in COMMANDS:
-        return screen(words[0], whole=whole)
-    return overview()
+    return screen(words[0]) if words and words[0] in COMMANDS else overview()
 
 
 def _as_said(options: Options, error: InputError) -> MittError:
@@ -195,7 +189,7 @@ def _option(name: str, word: str, options: Sequence[Option]) -> tuple[Option, st
     known = {x.name: x for x in options if not x.place}
     option = known.get(called.replace("_", "-"))
     if option is None:
-        near = meant(called, (*known, "--help", "--help-all"))
+        near = meant(called, (*known, "--help"))
         raise InputError(name, "options of its own", called,
                          do=near or f"see mitt {name} --help")  # fmt: skip
     return option, given if equals else None
@@ -225,18 +219,16 @@ def overview() -> str:
     ])  # fmt: skip
 
 
-def screen(name: str, *, whole: bool = False) -> str:
-    """Return what ``mitt COMMAND --help`` says of a command, or ``--help-all``."""
+def screen(name: str) -> str:
+    """Return what ``mitt COMMAND --help`` says of a command: all of it."""
     command, options = COMMANDS[name], options_of(COMMANDS[name])
     rows = [(x.called, text_of(x)) for x in options]
     first = " ".join(x.name for x in options if x.place)
-    said = paragraphs(command)
-    about = [line for part in said if whole or part is said[0] for line in wrap(part, _WIDE - 1)]
-    end = ["", f"mitt {name} --help-all    all that is to be said of each option"]
+    about = "\n\n".join("\n".join(wrap(part, _WIDE - 1)) for part in paragraphs(command))
     return "\n".join([
-        f"usage: mitt {name} {first} [options]".replace("  ", " "), "", *about, "",
+        f"usage: mitt {name} {first} [options]".replace("  ", " "), "", about, "",
         "examples:", *(f"  {line}" for line in command.examples), "",
-        "options:", *_table(rows, whole=whole), *([] if whole else end),
+        "options:", *_table(rows),
     ])  # fmt: skip
 
 
@@ -266,28 +258,16 @@ def _attributes(command: type[Any]) -> dict[str, str]:
     return said
 
 
-def _table(rows: list[tuple[str, str]], *, whole: bool = False) -> list[str]:
-    """Return names and texts in columns: a line each, or the whole of each text."""
+def _table(rows: list[tuple[str, str]]) -> list[str]:
+    """Return names and texts in columns, each text whole; a long name has a line of its own."""
     column = min(max(len(name) for name, _ in rows), _CALLED)
-    lines = []
+    left, lines = " " * (column + 4), list[str]()
     for name, text in rows:
         head = f"  {name.ljust(column)}  "
-        room = _WIDE - 1 - len(head)
-        if whole:
-            lines += [head.rstrip(), *wrap(text, _WIDE - 1, initial_indent="      ",
-                                           subsequent_indent="      ")]  # fmt: skip
-        else:
-            lines.append((head + _fitting(text, room)).rstrip())
+        if len(name) > column:
+            lines.append(head.rstrip())
+            head = left
+        told = wrap(text.removesuffix("."), _WIDE - 1, initial_indent=head,
+                    subsequent_indent=left, break_on_hyphens=False)  # fmt: skip
+        lines += told or [head.rstrip()]
     return lines
-
-
-def _fitting(text: str, room: int) -> str:
-    """Return a text as it fits on a line; shortened where a sentence or a part of one ends."""
-    text = text.removesuffix(".")
-    if len(text) <= room:
-        return text
-    ends = [end.start() for end in _ENDS.finditer(text) if 0 < end.start() <= room - 4]
-    closed = [end for end in ends if text[:end].count("(") == text[:end].count(")")]
-    if closed and closed[-1] > room // 3:
-        return text[: closed[-1]] + " ..."
-    return text[: room - 4].rsplit(" ", 1)[0] + " ..."
