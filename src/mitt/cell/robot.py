@@ -235,13 +235,14 @@ def _entry(name: str, group: str) -> Any:  # noqa: ANN401 (whatever the package 
             do="a driver comes with a package: pip install it into the Python of mitt"
             + (_EXAMPLES if name in ("franka", "ur") else ""),
         )  # fmt: skip
-    where = f"driver {name!r}"
-    with _libraries(where):
-        try:
-            return added[name].load()
-        except AttributeError as error:
-            raise InputError(where, f"the entry point {added[name].value} to load", error,
-                             do="repair that package") from error  # fmt: skip
+    entry, where = added[name], f"driver {name!r}"
+    try:
+        return entry.load()
+    except (ImportError, AttributeError) as error:
+        if isinstance(error, ImportError) and not entry.module.startswith(error.name or ""):
+            raise _lacking(where, error) from error
+        raise InputError(where, f"the entry point {entry.value} to load", error,
+                         do="repair that package") from error  # fmt: skip
 
 
 @contextmanager
@@ -250,10 +251,14 @@ def _libraries(where: str) -> Iterator[None]:
     try:
         yield
     except ImportError as error:
-        missing = error.name or str(error)
-        raise InputError(where, f"the library {missing}", "a Python without it",
-                         do=f"pip install what has {missing}, into the Python of mitt",
-                         ) from error  # fmt: skip
+        raise _lacking(where, error) from error
+
+
+def _lacking(where: str, error: ImportError) -> InputError:
+    """Return the error of a library that is not there."""
+    missing = error.name or str(error)
+    return InputError(where, f"the library {missing}", "a Python without it",
+                      do=f"pip install what has {missing}, into the Python of mitt")  # fmt: skip
 
 
 def _added(name: str, driver: Driver, cell: Cell, arm: Arm) -> Robot:
