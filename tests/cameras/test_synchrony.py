@@ -65,7 +65,7 @@ def delays(name: str, period: float) -> Delay:
     """Return how late the right images are, as a function of time."""
     first, last = {
         "first frame lost": (-1.0, 9.0), "one lost on the way": (0.3, 9.0),
-        "each lost one": (0.12, 0.45),
+        "each lost one": (0.12, 0.45), "each lost one, soon": (0.3, 0.3 + 6.5 * abs(period)),
     }.get(name, (-1.0, 9.0))  # fmt: skip
     size = {"the left one lost it": -period, "stamps 25 ms apart": 0.025,
             "started between frames": 0.5 * period, "rates that differ": 0.0}  # fmt: skip
@@ -76,6 +76,7 @@ def delays(name: str, period: float) -> Delay:
 
 
 SHIFTS = ("first frame lost", "the left one lost it", "one lost on the way", "each lost one",
+          "each lost one, soon",
           "stamps 25 ms apart", "rates that differ", "started between frames")  # fmt: skip
 
 

@@ -56,6 +56,11 @@ _PUSH = 1.0
 #: Sigmas from which a record's offset is one, and a window's, of which there are many.
 _SURE = 4.0
 _SURE_WINDOW = 5.0
+#: Errors in noise, and instants in a row with such, that a lost frame may leave in a window; what
+#: they may differ from a whole number of frames, in it.
+_STRAY = 3.0
+_STRAYS = 4
+_WHOLE = 0.3
 #: Times the prior's pose error that a wrong rig may have, and errors that offsets may leave, in
 #: those that such a rig leaves and in noise, to be believed.
 _WRONG = 30.0
@@ -70,11 +75,10 @@ class Synchrony:
     Attributes:
         t: Times of the instants [s], shape (n,).
         slope: What one second of offset moves the ball by [m/s], shape (n, 3).
-        window: Window of each instant, shape (n,).
-        offset: Right camera's delay behind its stamps in each window [s], shape (W,): the mean
-            where no window is certain to differ from it.
-        sigma: Their standard deviations [s], shape (W,).
-        mean: The same for all windows together [s].
+        offset: Right camera's delay behind its stamps at each instant [s], shape (n,): that of its
+            window, or the mean where no window is certain to differ from it.
+        sigma: Its standard deviation [s], shape (n,).
+        mean: The same for all instants together [s].
         mean_sigma: Its standard deviation [s].
         shifted: Whether an offset is certain that explains what the lines of sight are apart, and
             better than a rig that is another's.
@@ -82,7 +86,6 @@ class Synchrony:
 
     t: Array
     slope: Array
-    window: Indices
     offset: Array
     sigma: Array
     mean: float
@@ -92,25 +95,23 @@ class Synchrony:
     __repr__ = brief
 
     @property
-    def worst(self) -> int:
-        """The window with the largest certain offset."""
-        return int(np.argmax(np.abs(self.offset) - self.sigma))
-
-    @property
     def speed(self) -> float:
         """What one second of offset moves the ball by, in the median [m/s]."""
         return float(np.median(np.linalg.norm(self.slope, axis=1)))
 
-    def moved(self, w: int) -> float:
-        """Return what the offset of a window moves the ball by [m]."""
-        slope = np.linalg.norm(self.slope[self.window == w], axis=1)
-        return float(np.median(slope)) * abs(float(self.offset[w]))
+    @property
+    def worst(self) -> int:
+        """The instant with the largest certain offset."""
+        return int(np.argmax(np.abs(self.offset) - self.sigma))
+
+    def moved(self, k: int) -> float:
+        """Return what the offset of an instant moves the ball by [m]."""
+        return float(np.linalg.norm(self.slope[k])) * abs(float(self.offset[k]))
 
     def error(self, t: float) -> Array:
         """Return what the position at a time is off, one sigma an axis [m], shape (3,)."""
         k = int(np.argmin(np.abs(self.t - t)))
-        w = int(self.window[k])
-        return np.asarray(np.abs(self.slope[k]) * np.hypot(self.offset[w], self.sigma[w]))
+        return np.asarray(np.abs(self.slope[k]) * np.hypot(self.offset[k], self.sigma[k]))
 
 
 def synchrony(points: Array, rig: Rig, *, radius: float, noise: float) -> Synchrony | None:
@@ -299,11 +300,26 @@ class _Offsets:
         if np.all(np.abs(offset - mean) <= _SURE_WINDOW * apart):  # one offset for all windows
             offset, sigma = np.full_like(offset, mean), np.full_like(sigma, np.sqrt(mean_variance))
             certain = abs(mean) > _SURE * float(np.sqrt(mean_variance))
+        beside = self._right - self._rows[:, 0] * offset[self._window] - self._rows[:, 1:] @ pose
+        here = offset[self._window] + self._lost(beside * self._sigma)
+        certain = certain or bool(np.any(here != offset[self._window]))
         return Synchrony(
-            t=self._t, slope=self.slope, window=self._window, offset=offset, sigma=sigma,
+            t=self._t, slope=self.slope, offset=here, sigma=sigma[self._window],
             mean=float(mean), mean_sigma=float(np.sqrt(mean_variance)),
             shifted=certain and self._explained(left * self._sigma),
         )  # fmt: skip
+
+    def _lost(self, left: Array) -> Array:
+        """Return offsets of less than a window that errors [px] show, whole frames [s], (n,)."""
+        out, s = np.zeros(len(left)), self._rows[:, 0] * self._sigma
+        side = np.sign(left) * (np.abs(left) > _STRAY * self._noise)
+        period = float(np.median(np.diff(self._t)))
+        for run in np.split(np.arange(len(left)), np.flatnonzero(np.diff(side)) + 1):
+            if len(run) >= _STRAYS and side[run[0]] != 0.0:
+                frames = float(left[run] @ s[run] / (s[run] @ s[run])) / period
+                if round(frames) and abs(frames - round(frames)) < _WHOLE * abs(frames):
+                    out[run] = round(frames) * period
+        return out
 
     def _explained(self, left: Array) -> bool:
         """Say whether offsets leave little [px], shape (n,), also beside a rig of another pose."""

@@ -295,13 +295,13 @@ def _out_of_step(seen: Seen) -> Iterator[str]:
                    " standard deviations hold only if they are")  # fmt: skip
         return
     if seen.out_of_step:
-        w = found.worst
-        mine, offset = found.t[found.window == w], float(found.offset[w])
+        worst = found.worst
+        offset = float(found.offset[worst])
         frames = abs(offset) / float(np.median(np.diff(found.t)))
         side = "late" if offset > 0.0 else "early"
-        yield (f"the cameras are not in step: about {mine[0]:.2f} s the right images are"
+        yield (f"the cameras are not in step: about {found.t[worst]:.2f} s the right images are"
                f" {1e3 * abs(offset):.1f} ms ({frames:.1f} frames) {side}, which moves the ball by"
-               f" {1e3 * found.moved(w):.0f} mm: a lost frame, or starts, rates or clocks that"
+               f" {1e3 * found.moved(worst):.0f} mm: a lost frame, or starts, rates or clocks that"
                " differ; take one trigger, and images named by their own times")  # fmt: skip
     elif found.mean_sigma * found.speed > _UNKNOWN:
         yield (f"whether the cameras are in step shows to +-{2e3 * found.mean_sigma:.1f} ms only,"
