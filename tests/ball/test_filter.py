@@ -217,7 +217,7 @@ def test_what_is_not_news_changes_nothing() -> None:
     for sighting in useless:
         f.update(sighting)
     after = f.state(before.t)
-    assert f.counts.ignored == len(useless)
+    assert f.counts.unusable + f.counts.duplicate == len(useless)
     assert np.array_equal(before.r_o, after.r_o)
     assert np.array_equal(before.covariance, after.covariance)
 

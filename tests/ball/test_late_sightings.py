@@ -90,7 +90,7 @@ def test_repetitions_change_nothing_and_the_very_late_are_dropped() -> None:
         f.update(Sighting(t=s.t, found=True, r_o=s.r_o + 0.01, covariance=s.covariance))
     f.update(Sighting(t=0.3011, found=True, r_o=seen[150].r_o, covariance=seen[0].covariance))
     after = f.state(0.5)
-    assert (f.counts.ignored, f.counts.late) == (40, 1)
+    assert (f.counts.duplicate, f.counts.late) == (40, 1)
     assert np.array_equal(before.r_o, after.r_o)
     assert np.array_equal(before.covariance, after.covariance)
 

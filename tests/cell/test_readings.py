@@ -213,6 +213,18 @@ def test_a_source_of_no_use_is_named(name: str) -> None:
     assert kept.absent == ""
 
 
+def test_what_stands_still_goes_on_to_the_filter() -> None:
+    """To the last digit: for 50 ms it may be a slow source's, then the filter has each of them."""
+    kept, counts = positions()
+    passed = []
+    for k in range(300):
+        kept.take([at(NOW + k * TICK, [1.0, 0.001 * min(k, 100), 1.0])], NOW + k * TICK)
+        passed += [x.t for x in kept.upto(NOW + k * TICK)]
+    assert len(passed) + counts.repeated == 300
+    assert 45 <= counts.repeated <= 55
+    assert passed[-1] == NOW + 299 * TICK
+
+
 @pytest.mark.parametrize("away", [0.0, np.nan])
 def test_a_tracker_that_sends_nothing_between_throws_is_a_good_one(away: float) -> None:
     """Zeros or no numbers while no ball is there, whenever it comes."""

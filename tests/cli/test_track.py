@@ -71,8 +71,27 @@ def test_interleaved_flights_do_not_touch(
     assert main(["track", str(points), "--out", str(out), "--json"]) == 0
     said = json.loads(capsys.readouterr().out)
     assert (said["schema"], said["rows"], said["flights"]) == ("mitt.track/1", 2 * n, 2)
+    assert said["unused"] == {}
     woven = read(out)
     assert [woven[0::2], woven[1::2]] == alone
+
+
+def test_positions_that_were_not_used_are_counted_by_their_reason(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Origins of a tracker that lost the ball, one wild place, and one of another time."""
+    ball, n = builtin_flights()[3], 60
+    t, r = ball.t[:n].copy(), ball.r[:n].copy()
+    r[30:40] = 0.0
+    r[50] += 0.5
+    t = np.append(t, t[-1] + 100.0)
+    points, out = tmp_path / "points.csv", tmp_path / "track.csv"
+    points.write_text(HEADER + table(t, np.vstack((r, r[-1:]))))
+    assert main(["track", str(points), "--out", str(out), "--json"]) == 0
+    unused = json.loads(capsys.readouterr().out)["unused"]
+    assert unused == {"rejected": 2, "repeated": 9, "isolated": 1}
+    assert main(["track", str(points), "--out", str(out), "--overwrite"]) == 0
+    assert "not used: 2 rejected, 9 repeated, 1 isolated; written" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

@@ -8,13 +8,19 @@ least-squares fit with known gravity; it speaks after ``min_sightings``.
 A sighting counts at its own time, whatever the order of arrival: the ring keeps the newest
 sightings, each with the estimate before it; a late one is put in its place, and all after it are
 processed again. The result is that of the right order, bit for bit. A sighting too old for the
-ring is dropped; one whose time was seen before changes nothing.
+ring is dropped; one whose time was seen before changes nothing. Each sighting that is not used is
+counted, by why it is not (``FilterCounts``).
 
 No single sighting decides. One whose time is more than ``max_gap`` from the track's waits: where
 ``ROW`` of them come in a row, the clock was set or another throw has begun, and a new track begins
-with them; one alone is dropped when the next sighting fits the time. And a point that comes back to
-the last digit while the ball is elsewhere, as the origin that trackers send for a ball that they do
-not see, is no ball; that is judged when it arrives.
+with them; one alone is dropped when the next sighting fits the time.
+
+A place that comes again to the last digit, under a new stamp, is one of two things. A tracker that
+does not see the ball sends the origin, or what it saw last; a target that stops dead is sighted at
+one place from then on, where positions have few digits or no noise. Where the target was last, how
+far a kick carries it, and whether it flies tell them apart: the place is dropped if it was out of
+reach when it came first, or if it is the last one of a ball in flight, which does not stop in the
+air. Else it counts like any other. That is judged when it arrives.
 
 A bounce or a kick changes the velocity, not the position: after a few rejections the filter goes
 back to before the first of them, forgets the velocity, and processes the sightings since then
@@ -34,6 +40,7 @@ from typing import Annotated, final
 import numpy as np
 
 from mitt import checks
+from mitt.ball.counts import FilterCounts, counts_of
 from mitt.ball.flight import acceleration, advance_uncertain
 from mitt.ball.motion_models import (
     FILTER,
@@ -49,6 +56,7 @@ from mitt.ball.motion_models import (
     inverse,
     is_biased,
     is_sane,
+    is_set,
     reset_drag_and_push,
     reset_motion,
     tells_position,
@@ -70,6 +78,9 @@ SMALL_KICK = 1.0
 _ELSEWHERE = 0.05
 """Distance from a point, along an axis, at which another one lies elsewhere [m]: far beyond noise
 and steps of digits."""
+_FLYING = 1.0
+"""Speed above which what follows the flight model flies [m/s]: a ball that lies still before it is
+thrown follows that model, too, until gravity shows."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -161,29 +172,6 @@ TABLE_TENNIS_BALL = FilterConfig(
 """For table-tennis balls: 0.09 to 0.15 per metre, as fitted to flights, and visible spin."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FilterCounts:
-    """What became of the sightings.
-
-    Attributes:
-        used: Taken in.
-        ignored: Not found, not finite, absurd, with a stamp that was there before, or a point that
-            comes back to the last digit while the ball is elsewhere.
-        late: Too old to be put in their place.
-        rejected: Beyond the gate.
-        kicks: Times that the velocity was forgotten.
-        restarts: Times that a new track replaced an old one: sightings in a row, elsewhere or of
-            another time, agreed with one another.
-    """
-
-    used: int = 0
-    ignored: int = 0
-    late: int = 0
-    rejected: int = 0
-    kicks: int = 0
-    restarts: int = 0
-
-
 def fresh_filter(config: FilterConfig) -> Record:
     """Return a filter without a track, one record of type ``FILTER``, shape (1,)."""
     ball, c = np.zeros(1, FILTER), config
@@ -205,6 +193,7 @@ def fresh_filter(config: FilterConfig) -> Record:
 
 def _forget(ball: Record) -> None:
     """Forget the ball; the counts go on."""
+    ball["dropped"]["isolated"] += ball["waits"]
     ball["waits"] = ball["filled"] = 0
     for name in ("t", "t_seen", "t_first"):
         ball["now"][name] = -np.inf
@@ -234,10 +223,7 @@ class BallFilter:
     @property
     def counts(self) -> FilterCounts:
         """What became of the sightings so far."""
-        b = self._ball[0]
-        counts = {name: int(b["now"][f"all_{name}"])
-                  for name in ("used", "rejected", "kicks", "restarts")}  # fmt: skip
-        return FilterCounts(ignored=int(b["ignored"]), late=int(b["late"]), **counts)
+        return counts_of(self._ball)
 
     def update(self, sighting: Sighting) -> None:
         """Take a sighting in at its own time, whatever the order of arrival."""
@@ -245,7 +231,7 @@ class BallFilter:
         if s.found:
             update(self._ball, s.t, s.r_o, s.covariance)
         else:
-            self._ball["ignored"] += 1
+            self._ball["dropped"]["unusable"] += 1
 
     def state(self, t: float) -> BallState:
         """Return the estimate carried by the flight model to ``t`` [s], near or far.
@@ -283,7 +269,7 @@ def update(ball: Record, t: float, z: Array, R: Array) -> None:
     b = ball[0]
     now, seen = b.now, b.given
     if not (isfinite(t) and is_sane(z, R)):
-        b.ignored += 1
+        b.dropped.unusable += 1
         return
     seen.t = t
     copy(z, seen.z)
@@ -296,6 +282,7 @@ def update(ball: Record, t: float, z: Array, R: Array) -> None:
         for k in range(ROW):
             _take(b, b.waiting[k])
     else:
+        b.dropped.isolated += b.waits
         _take(b, seen)
     b.waits = 0
 
@@ -307,10 +294,11 @@ def _waited(b: Fields) -> bool:
     for k in range(count):
         apart = abs(b.given.t - b.waiting[k].t)
         if apart == 0.0:
-            b.ignored += 1
+            b.dropped.duplicate += 1
             return False
         if apart > b.settings.max_gap:
-            count = 0  # those before were single ones
+            b.dropped.isolated += count  # those before were single ones
+            count = 0
             break
     b.waiting[count] = b.given
     b.waits = count + 1
@@ -329,20 +317,23 @@ def _take(b: Fields, seen: Fields) -> None:
     age = 0
     while age < b.filled and _slot(b, age).seen.t > seen.t:
         age += 1
-    if (age < b.filled and _slot(b, age).seen.t == seen.t) or _comes_back(b, age, seen.z):
-        b.ignored += 1
+    if age < b.filled and _slot(b, age).seen.t == seen.t:
+        b.dropped.duplicate += 1
+        return
+    if _comes_back(b, b.now if age == 0 else _slot(b, age - 1).before, age, seen):
+        b.dropped.repeated += 1
         return
     if age > 0:
         after = _slot(b, age - 1)
         if b.filled == RING and age + after.before.doubtful >= RING:
-            b.late += 1  # the ring lacks what could change
+            b.dropped.late += 1  # the ring lacks what could change
             return
         b.now = after.before
     b.newest = (b.newest + 1) % RING
     b.filled = min(b.filled + 1, RING)
     for k in range(age):
         into, origin = _slot(b, k), _slot(b, k + 1)
-        into.seen, into.taken = origin.seen, origin.taken
+        into.seen = origin.seen
     slot = _slot(b, age)
     slot.seen = seen
     R = slot.seen.R
@@ -355,20 +346,44 @@ def _take(b: Fields, seen: Fields) -> None:
 
 
 @kernel
-def _comes_back(b: Fields, age: int, z: Array) -> bool:
-    """Say whether a point was seen before, to the last digit, and the ball elsewhere.
+def _comes_back(b: Fields, before: Fields, age: int, seen: Fields) -> bool:
+    """Say whether a place was seen before, to the last digit, and the ball can not be there.
 
-    That is: a known track has rejected it, or a sighting since then lies elsewhere.
+    Args:
+        b: The filter.
+        before: The estimate before the sighting.
+        age: Its place in the ring.
+        seen: The sighting.
     """
-    known, elsewhere = b.now.used >= b.settings.min_sightings, False
+    known, elsewhere = before.used >= b.settings.min_sightings, False
     for k in range(age, min(b.filled, age + LOOK_BACK)):
         slot, apart = _slot(b, k), 0.0
         for i in range(3):
-            apart = max(apart, abs(slot.seen.z[i] - z[i]))
-        if apart == 0.0 and (elsewhere or (known and not slot.taken)):
-            return True
+            apart = max(apart, abs(slot.seen.z[i] - seen.z[i]))
+        if apart == 0.0:
+            if elsewhere:
+                return not (known and _in_reach(b, before, seen))
+            if is_set(before.taken, k - age):
+                return bool(known and _flies(before))
+            return known and not is_set(before.reachable, k - age)
         elsewhere |= apart > _ELSEWHERE
     return False
+
+
+@kernel
+def _in_reach(b: Fields, of: Fields, seen: Fields) -> bool:
+    """Say whether a kick since its newest sighting that fits can have carried the ball there."""
+    dt, x, leap = seen.t - of.t, of.x[of.best], 0.0
+    for i in range(3):
+        leap += (x[i] + dt * x[3 + i] - seen.z[i]) ** 2
+    return bool(sqrt(leap) <= 1.5 * b.settings.kick_sigma * (seen.t - of.t_seen))
+
+
+@kernel
+def _flies(of: Fields) -> bool:
+    """Say whether an estimate is that of a ball in flight."""
+    v = of.x[0, 3:6]
+    return bool(of.best == 0 and v[0] * v[0] + v[1] * v[1] + v[2] * v[2] > _FLYING * _FLYING)
 
 
 @kernel
@@ -376,12 +391,15 @@ def _process(b: Fields, age: int) -> None:
     """Process the sighting of a slot, after keeping the estimate before it."""
     slot = _slot(b, age)
     slot.before = b.now
-    slot.taken = False
+    b.now.taken <<= 1
+    b.now.reachable <<= 1
     if b.now.used == 0:
         if tells_position(slot.seen):
-            _begin(b, slot)
+            _begin(b, slot, 0)
+        else:
+            b.now.all_vague += 1
     elif _try(b, slot):
-        _on_accepted(b, slot)
+        _on_accepted(b, slot, 0)
         if is_biased(b.now):
             _reconsider(b, age)
     else:
@@ -396,8 +414,8 @@ def _try(b: Fields, slot: Fields) -> bool:
 
 
 @kernel
-def _begin(b: Fields, slot: Fields) -> None:
-    """Begin a new track at a sighting."""
+def _begin(b: Fields, slot: Fields, back: int) -> None:
+    """Begin a new track at a sighting, which came ``back`` places before the newest."""
     now = b.now
     if now.used > 0:
         now.all_restarts += 1
@@ -411,14 +429,15 @@ def _begin(b: Fields, slot: Fields) -> None:
             now.weight[model] = b.models[model].prior
     now.t = now.t_first = slot.seen.t
     now.used = now.doubtful = 0
-    _on_accepted(b, slot)
+    _on_accepted(b, slot, back)
 
 
 @kernel
-def _on_accepted(b: Fields, slot: Fields) -> None:
-    """Count a sighting that fits; three in a row end a doubt."""
+def _on_accepted(b: Fields, slot: Fields, back: int) -> None:
+    """Count a sighting that fits, ``back`` places before the newest; three end a doubt."""
     now = b.now
-    slot.taken, now.t_seen, now.run = True, slot.seen.t, 0
+    now.taken |= 1 << back
+    now.t_seen, now.run = slot.seen.t, 0
     now.used += 1
     now.all_used += 1
     if now.doubtful > 0:
@@ -432,6 +451,8 @@ def _on_accepted(b: Fields, slot: Fields) -> None:
 def _on_rejected(b: Fields, age: int) -> None:
     """Count a rejected sighting; act when they are too many or last too long."""
     now, limits, most = b.now, b.settings, min(b.filled - age, MAX_DOUBTFUL)
+    slot = _slot(b, age)
+    now.reachable |= int(_in_reach(b, now, slot.seen))
     now.all_rejected += 1
     if now.doubtful == 0:
         now.rejected = 0
@@ -440,7 +461,7 @@ def _on_rejected(b: Fields, age: int) -> None:
     now.run += 1
     now.in_a_row = 0
     run, doubtful = min(now.run, most), min(now.doubtful, most)
-    lasts = _slot(b, age).seen.t - _slot(b, age + run - 1).seen.t
+    lasts = slot.seen.t - _slot(b, age + run - 1).seen.t
     if now.used < limits.min_sightings:
         depth = _telling(b, age, run)
         if run >= min(max(now.used, 2), limits.max_rejections) and depth > 0:
@@ -462,7 +483,8 @@ def _telling(b: Fields, age: int, depth: int) -> int:
 @kernel
 def _begin_with(b: Fields, age: int, depth: int) -> int:
     """Begin a new track at the oldest of ``depth`` sightings; return how many of them fit it."""
-    _begin(b, _slot(b, age + depth - 1))
+    _take_back(b, depth - 1)
+    _begin(b, _slot(b, age + depth - 1), depth - 1)
     return 1 + int(_fit_again(b, age, depth - 1))
 
 
@@ -472,11 +494,24 @@ def _fit_again(b: Fields, age: int, depth: int) -> int:
     fitting = 0
     for k in range(age + depth - 1, age - 1, -1):
         slot = _slot(b, k)
-        slot.taken = False
+        _take_back(b, k - age)
         if _try(b, slot):
-            _on_accepted(b, slot)
+            _on_accepted(b, slot, k - age)
             fitting += 1
+        else:
+            b.now.all_rejected += 1
     return fitting
+
+
+@kernel
+def _take_back(b: Fields, back: int) -> None:
+    """Count a sighting out, ``back`` places before the newest, to process it again."""
+    now = b.now
+    if is_set(now.taken, back):
+        now.all_used -= 1
+        now.taken ^= 1 << back
+    else:
+        now.all_rejected -= 1
 
 
 @kernel
@@ -488,10 +523,7 @@ def _reacquire(b: Fields, age: int, depth: int, run: int) -> None:
     now, newest, first = b.now, _slot(b, age), _slot(b, age + depth - 1)
     kick, most = b.settings.kick_sigma, b.settings.max_rejections
     fitted = 0 if depth == run else depth - now.rejected
-    leap = 0.0
-    for i in range(3):
-        leap += (now.x[now.best, i] - newest.seen.z[i]) ** 2
-    reach = 1.5 * kick * (newest.seen.t - now.t_seen)
+    far = not _in_reach(b, now, newest.seen)
     b.spare = b.now
     now.doubtful = 0
     _go_back(b, first, kick)
@@ -501,7 +533,7 @@ def _reacquire(b: Fields, age: int, depth: int, run: int) -> None:
         return
     b.now = b.spare
     if run >= most and tells_position(newest.seen):
-        far, size = sqrt(leap) > reach, _telling(b, age, most)
+        size = _telling(b, age, most)
         agreeing = _begin_with(b, age, size)
         if far and 2 * agreeing > most:
             return
@@ -512,7 +544,8 @@ def _reacquire(b: Fields, age: int, depth: int, run: int) -> None:
         reset_motion(now.x[now.best], now.P[now.best], newest.seen, kick)
         activate(b)
         now.doubtful = 0
-        _on_accepted(b, newest)
+        _take_back(b, 0)
+        _on_accepted(b, newest, 0)
     elif depth != run:
         now.doubtful = 0
 

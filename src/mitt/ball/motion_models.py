@@ -57,8 +57,11 @@ ESTIMATE = np.dtype(
         ("in_a_row", int),  # accepted in a row in this doubt
         ("doubtful", int),  # sightings since the doubt began; 0 without one
         ("run", int),  # rejected in a row
+        ("taken", int),  # bit k: whether the sighting k places before the newest was accepted
+        ("reachable", int),  # the same: rejected, and a kick can have carried the ball there
         ("all_used", int),  # counts over all tracks
         ("all_rejected", int),
+        ("all_vague", int),  # where a track was to begin, without a position
         ("all_kicks", int),
         ("all_restarts", int),
         ("active", bool),  # whether the other models are weighted, too
@@ -83,11 +86,14 @@ SIGHTING = np.dtype(
 SLOT = np.dtype(
     [
         ("seen", SIGHTING),
-        ("taken", bool),  # whether it was accepted
         ("before", ESTIMATE),  # the estimate before it
     ],
     align=True,
 )
+DROPPED = np.dtype(
+    [(name, int) for name in ("unusable", "untimely", "duplicate", "repeated", "isolated", "late")]
+)
+#: Sightings that no estimate has to do with; see :class:`mitt.ball.filter.FilterCounts`.
 MODEL = np.dtype(
     [(name, float) for name in (*MotionModel._fields, "drag_mean", "drag_sigma", "prior")]
 )
@@ -133,8 +139,7 @@ FILTER = np.dtype(
         ("given", SIGHTING),  # the one that is processed
         ("waiting", SIGHTING, (ROW,)),  # sightings of another time than the track's
         ("waits", int),  # how many there are
-        ("ignored", int),  # counts outside the estimate
-        ("late", int),
+        ("dropped", DROPPED),
         ("drag", float),  # drag coefficient of the last prediction [1/m]
         ("work", WORK),
     ],
@@ -205,6 +210,12 @@ def is_sane(z: Array, R: Array) -> bool:
             if not R[i, j] * R[i, j] <= R[i, i] * R[j, j] * _ROUNDED:
                 return False
     return True
+
+
+@kernel
+def is_set(bits: int, k: int) -> bool:
+    """Say whether bit ``k`` is set."""
+    return bool((bits >> k) & 1)
 
 
 @kernel

@@ -5,6 +5,7 @@ Each row of a track uses only rows up to itself.
 
 import csv
 import io
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 from math import isfinite
@@ -13,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mitt.ball.counts import counts_of
 from mitt.ball.filter import FilterConfig, doubt, fresh_filter, predict, update
 from mitt.errors import FileError
 from mitt.files.csv_table import measured, number, read_rows
@@ -116,6 +118,7 @@ class Track(NamedTuple):
         ddr: Acceleration [m/s^2].
         sigma: Standard deviation of the position [m].
         ahead: Predicted position, a while later [m].
+        unused: Positions that were not used, by why (:class:`mitt.ball.counts.FilterCounts`).
     """
 
     r: Array
@@ -123,6 +126,7 @@ class Track(NamedTuple):
     ddr: Array
     sigma: Array
     ahead: Array
+    unused: dict[str, int]
 
 
 def follow(
@@ -142,9 +146,10 @@ def follow(
         sigma: Standard deviation of each coordinate [m]; learned from the positions if None.
         config: What is assumed of the ball.
     """
-    rows = np.zeros((len(t), 5, 3))
-    _follow(t, points, ahead, sigma or 0.0, fresh_filter(config), fresh_noise(), rows)
-    return Track(*rows.transpose(1, 0, 2))
+    rows, ball = np.zeros((len(t), 5, 3)), fresh_filter(config)
+    _follow(t, points, ahead, sigma or 0.0, ball, fresh_noise(), rows)
+    r, dr, ddr, spread, later = rows.transpose(1, 0, 2)
+    return Track(r, dr, ddr, spread, later, counts_of(ball).unused)
 
 
 def follow_all(
@@ -155,11 +160,13 @@ def follow_all(
     Samples are times and positions [s, m], shape (n, 4); flights the indices of their rows. The
     rows of the track are in the order of the samples.
     """
-    rows = np.zeros((5, len(samples), 3))
+    rows, unused = np.zeros((5, len(samples), 3)), Counter[str]()
     for flight in flights:
         t, points = samples[flight, 0], samples[flight, 1:]
-        rows[:, flight] = follow(t - t[0], points, ahead=ahead, sigma=sigma)
-    return Track(*rows)
+        *rows[:, flight], left = follow(t - t[0], points, ahead=ahead, sigma=sigma)
+        unused.update(left)
+    r, dr, ddr, spread, later = rows
+    return Track(r, dr, ddr, spread, later, dict(unused))
 
 
 @kernel

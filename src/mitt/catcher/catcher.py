@@ -20,6 +20,7 @@ import numpy as np
 
 from mitt import checks
 from mitt.arm.arm import Arm
+from mitt.ball.counts import FilterCounts, counts_of
 from mitt.ball.motion_models import LOOSE
 from mitt.catcher.generators import (
     Direct,
@@ -235,6 +236,11 @@ class Catcher:
         if self.stopped_by is not None:
             return self.stopped_by.hint or None
         return self._sightings.hint if self._planner.phase == WATCH else None
+
+    @property
+    def counts(self) -> FilterCounts:
+        """What became of the sightings of this throw, each counted by its reason."""
+        return counts_of(self.state.ball_filter)
 
     @property
     def certificate(self) -> Verdict | None:

@@ -148,6 +148,8 @@ def perceive(seen: Seen, read: Read, state: CatcherState, result: Result) -> Non
     _guide(images, t_exposed, beside, state, result)
     found = localize(images, backgrounds, apart, state.eyes, state.z, state.R)
     out.sighted, out.t_sighted = found and is_of_now(t_exposed, t, state), t_exposed
+    if found and not out.sighted:
+        state.ball_filter[0].dropped.untimely += 1
     if out.sighted:
         if beside:
             for k in range(3):
@@ -626,6 +628,11 @@ def is_of_now(t_seen: float, t: float, state: CatcherState) -> bool:
 def take(points: tuple[Sighting, ...], t: float, state: CatcherState) -> None:
     """Take in positions from another source than images, seen about ``t`` [s]."""
     oldest = t - state.ball_filter[0]["settings"]["max_gap"]
+    dropped = state.ball_filter[0]["dropped"]
     for point in points:
-        if point.found and not (point.t > t + TICK or point.t < oldest):
+        if not point.found:
+            dropped["unusable"] += 1
+        elif point.t > t + TICK or point.t < oldest:
+            dropped["untimely"] += 1
+        else:
             update(state.ball_filter, point.t, point.r_o, point.covariance)

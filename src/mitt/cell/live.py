@@ -61,6 +61,8 @@ class Rules:
     held: float = 0.6
 
 
+#: Share of a ball's sightings from which it is said that they were not used.
+_UNUSED = 0.1
 _PARTS = Rules(slowest=0.05, longest=60.0, held=0.05)
 
 
@@ -457,6 +459,7 @@ class LiveLoop:
 
     def _over(self, *, refused: bool = False) -> None:
         """Count a throw, or a part, and put a part down, then go to the ready pose."""
+        self._note_unused()
         took = self._placing is not None and self._ticks.closed
         if took or self._fastest > self._rules.slowest:
             self.counts.throws += 1
@@ -470,6 +473,15 @@ class LiveLoop:
         self._fastest, self._missed = 0.0, False
         self.mode = Mode.PLACING if took else Mode.MOVING
         self._leg, self._until = Leg.BACK, np.inf
+
+    def _note_unused(self) -> None:
+        """Note why many sightings of this ball were not used; those of a good one all are."""
+        counts = self._ticks.catcher.counts
+        unused = sum(counts.unused.values())
+        self.notes.pop("unused", None)
+        if unused > max(_UNUSED * (counts.used + unused), 5.0):
+            self.notes["unused"] = (f"of the last ball's {counts.used + unused} sightings"
+                                    f" {unused} were not used: {counts.words}")  # fmt: skip
 
     def _halt(self) -> None:
         """Engage the brakes and stay; a ball in flight then is one that was not caught."""

@@ -45,6 +45,10 @@ LATER = 0.01
 DRIFT = 5e-4
 #: Age, or time in the future, from which a position or an image has an impossible stamp [s].
 STRAY = 0.4
+#: How long a position that repeats itself may be one that its source has not replaced yet [s]: the
+#: slowest that is of use sends 30 a second. What repeats for longer stands still, or its source
+#: does, and the ball filter tells which.
+_STANDS = 0.05
 #: Positions that are looked at together: a flight has 30 of a camera with 60 images a second.
 WINDOW = 25
 #: By how much all may be stamped ahead of the joint states before it is said, and before it is a
@@ -72,8 +76,8 @@ class Counts:
         refused: Those that the catcher refused.
         stopped: Those in which it stopped.
         stray: Positions of the ball, and images, with impossible stamps.
-        repeated: Readings of a moving arm, and positions of the ball, that repeat the ones before
-            to the last digit: their source is slower than its publisher.
+        repeated: Readings of a moving arm, and for 50 ms positions of the ball, that repeat the
+            ones before to the last digit: their source is slower than its publisher.
         stops: Why the arm was stopped and stayed so, each time.
         empty: Parts that the tool closed on and did not take, as they are seen afterwards.
     """
@@ -219,6 +223,7 @@ class Positions:
         self._waiting.clear()
         self.fault, self.note, self._judged = "", "", -inf
         self._last: Array | None = None
+        self._since = inf
         self._window, self._away, self.absent = _Window(), 0, ""
 
     def take(self, points: Sequence[Sighting], newest: float) -> None:
@@ -247,7 +252,7 @@ class Positions:
         return known
 
     def _take(self, point: Sighting, newest: float) -> None:
-        """Keep a position, unless it is none, is stray, or repeats the one before."""
+        """Keep a position, unless it is none, is stray, or just repeats the one before."""
         r_o = _checked(point)
         seen = point.found and bool(np.all(np.isfinite(r_o))) and bool(np.any(r_o))
         if not seen or not isfinite(point.t):  # nothing is seen: no number, or all zero
@@ -264,11 +269,12 @@ class Positions:
         window.gaps.append(gap)
         window.squares.append(float(r_o @ r_o))
         same = self._last is not None and np.array_equal(self._last, r_o)
-        self._last = r_o
+        if not same:
+            self._last, self._since = r_o, point.t
+        window.same += same
         if not abs(gap) < STRAY:
             self._counts.stray += 1
-        elif same:  # to the last digit: no measurement of its own
-            window.same += 1
+        elif same and not point.t - self._since > _STANDS:  # no measurement of its own
             self._counts.repeated += 1
         else:
             self._waiting.append(point)
@@ -298,7 +304,9 @@ class Positions:
             self.note = (f"the positions come {-1e3 * most:.0f} ms after their stamps: where"
                          " that is not how long they take, their clock is behind")  # fmt: skip
         elif same == len(gaps):
-            self.note = "the positions are one and the same: their source is stuck"
+            self.note = (
+                "the positions are one and the same: their source is stuck, or the ball rests"
+            )
         elif 3 * same > WINDOW:
             self.note = "the positions repeat: their source is slower than its publisher"
         elif 2 * none > WINDOW:

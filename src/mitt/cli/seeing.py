@@ -89,11 +89,14 @@ def track(options: TrackOptions) -> int:
             "flights": flights,
             "ahead_s": ahead,
             "sigma_m": sigma,
+            "unused": track.unused,
             "warnings": warnings,
             "out": str(options.out),
         })  # fmt: skip
     else:
-        show(f"{rows} rows, {flights} flights; written: {options.out}")
+        unused = ", ".join(f"{count} {why}" for why, count in track.unused.items())
+        left = f", not used: {unused}" if unused else ""
+        show(f"{rows} rows, {flights} flights{left}; written: {options.out}")
     return 0
 
 
