@@ -165,3 +165,15 @@ def test_a_person_is_warned_beyond_two_milliseconds(offset: float, said: str) ->
     warning = learned([offset]).warning
     assert (abs(offset) > WARNED) == bool(warning)
     assert said in warning
+
+
+def test_balls_lost_on_one_side_are_counted() -> None:
+    """In a row: one of the other side begins anew, a held one ends it."""
+    clock = LearnedClock()
+    held, unsure = ClockOffset(sigma=5e-4), ClockOffset(unknown="hardly seen")
+    lost = {side: ClockOffset(unknown="lost", side=side) for side in (-1, 1)}
+    counts = []
+    for found in (lost[1], lost[1], unsure, lost[-1], lost[-1], lost[-1], held, lost[1]):
+        clock.take(found, 0.0)
+        counts.append(clock.struck)
+    assert counts == [1, 2, 2, -1, -2, -3, 0, 1]

@@ -10,7 +10,6 @@ The catcher takes senses and gives commands, so it does not know whether a simul
 arm is at the other end.
 """
 
-from collections import deque
 from collections.abc import Sequence
 from copy import copy, deepcopy
 from dataclasses import replace
@@ -21,7 +20,7 @@ import numpy as np
 from mitt import checks
 from mitt.arm.arm import Arm
 from mitt.ball.counts import FilterCounts, counts_of
-from mitt.ball.motion_models import LOOSE
+from mitt.catcher.catch_notes import CatchNotes
 from mitt.catcher.generators import (
     Direct,
     Generator,
@@ -41,6 +40,7 @@ from mitt.catcher.settings import (
     CatcherSettings,
     Phase,
 )
+from mitt.catcher.sightings import Sightings
 from mitt.catcher.state import (
     CatcherState,
     Memory,
@@ -58,19 +58,12 @@ from mitt.control.encoders import check_recovered
 from mitt.control.envelope import check_motion
 from mitt.control.health import Reason, StoppedBy
 from mitt.errors import InputError
+from mitt.eyes.clock_offset import ClockOffset, LearnedClock, load_fit
 from mitt.eyes.eyes import Eyes, closed_eyes
-from mitt.signals import TICK, Array, Command, Frame, Image, Senses, Sighting
+from mitt.signals import TICK, Array, Command, Frame, Image, Senses
 from mitt.verdict.feasibility import Verdict
 
 __all__ = ["Catcher", "CatcherSettings", "Phase", "Tick"]
-
-#: Distance beyond which a ball is none that an arm could catch [m].
-FAR = 50.0
-#: How far a sighting's stamp may lie behind its tick [s], and time without a sighting [s], from
-#: which something is said.
-_BEHIND, _NOTHING = 0.6, 3.0
-#: Sightings in a row that have the same fault, and that are equal.
-_FAULTS, _EQUALS = 5, 20
 
 
 @final
@@ -112,6 +105,8 @@ class Catcher:
         self._begin(generator, copy(eyes))
         flight_begun(*self._memory.handles)
         looks(*self._memory.handles)  # loaded now, not in the middle of a throw
+        load_fit(arm)
+        self._clock = LearnedClock()  # of all throws
 
     def __copy__(self) -> "Catcher":
         """Return a catcher that goes on from here on its own; the arm is shared."""
@@ -154,6 +149,8 @@ class Catcher:
         self._memory = Memory(self._blank, eyes)
         self._planner = Planner(self._arm, generator, self._settings, self.state, self.result)
         self._todo, self._ticked, self._sightings = 0, False, Sightings()
+        self._notes, self._hint = CatchNotes(self._arm), False
+        self._said: str | None = None
         self.stopped_by: StoppedBy | None = None
         self.t_0 = np.inf
 
@@ -228,14 +225,29 @@ class Catcher:
 
     @property
     def hint(self) -> str | None:
-        """Why it stopped, or why it may never see its ball, as far as a likely cause is known.
+        """Why it stopped, may never see its ball or not catch it, where a likely cause is known.
 
-        One line: sightings in other units, of another clock, too uncertain, always the same, or
-        none for some seconds. None while there is nothing to say.
+        One line: sightings in other units, of another clock, too uncertain, always the same, none
+        for some seconds, or noisier than they say; and once a throw is over, sightings whose stamps
+        are some milliseconds off. None while there is nothing to say.
         """
-        if self.stopped_by is not None:
-            return self.stopped_by.hint or None
-        return self._sightings.hint if self._planner.phase == WATCH else None
+        if self.stopped_by is not None and self.stopped_by.hint:
+            return self.stopped_by.hint
+        watched = self._sightings.hint if self._planner.phase == WATCH else None
+        return watched or self._sightings.scatter or self._hint_of_catch()
+
+    def _hint_of_catch(self) -> str | None:
+        """Return what the catch says of a mistake, once the arm rests."""
+        if self._planner.phase != BRAKE or not self.done:
+            return None
+        if not self._hint:
+            self._hint, self._said = True, self._notes.hint(self.state, self._clock)
+        return self._said
+
+    @property
+    def clock_offset(self) -> ClockOffset:
+        """What the catch says of the clocks of eyes and arm, once the arm rests."""
+        return self._notes.offset(self.state)
 
     @property
     def counts(self) -> FilterCounts:
@@ -295,6 +307,7 @@ class Catcher:
         else:
             self._todo = tick(seen, read, brake, state, out)
         self._ticked = True
+        self._notes.note(senses, self.state, self.result)
         if flying:
             self._sightings.note(senses.points, bool(memory.out["sighted"]), memory.t)
         if self._todo & STOPS:
@@ -428,64 +441,4 @@ class Catcher:
         self._memory.restart(self._blank, self._eyes)
         self._planner.begin()
         self._todo, self.t_0, self.stopped_by = 0, np.inf, None
-        self._sightings = Sightings()
-
-
-@final
-class Sightings:
-    """The newest sightings of a throw, each with the time of its tick."""
-
-    def __init__(self) -> None:
-        """Begin with none."""
-        self._newest: deque[tuple[float, Sighting]] = deque(maxlen=_EQUALS)
-        self._t_begin: float | None = None
-        self._t_seen = self._t = 0.0
-
-    def note(self, points: tuple[Sighting, ...], sighted: bool, t: float) -> None:
-        """Keep what a tick was given.
-
-        Args:
-            points: Positions from another source than images.
-            sighted: Whether the eyes found the ball in images.
-            t: Time of the tick [s].
-        """
-        self._t = t
-        if self._t_begin is None:
-            self._t_begin = self._t_seen = t
-        for point in points:
-            if point.found:
-                self._newest.append((t, point))
-                self._t_seen = t
-        if sighted:
-            self._newest.clear()
-            self._t_seen = t
-
-    @property
-    def hint(self) -> str | None:
-        """Why no ball may ever be seen, in one line; None where nothing is known to be wrong."""
-        if self._t - self._t_seen > _NOTHING:
-            return (f"no sighting for {self._t - self._t_seen:.1f} s: do the points, or the images,"
-                    " reach step, and is the ball in view?")  # fmt: skip
-        faults = [_fault(t, point) for t, point in list(self._newest)[-_FAULTS:]]
-        if len(faults) == _FAULTS and all(faults):
-            return faults[-1]
-        if len(self._newest) == _EQUALS and len({x.r_o.tobytes() for _, x in self._newest}) == 1:
-            return (f"the last {_EQUALS} sightings are at the same place: does the tracker repeat"
-                    " an old one, with a new stamp?")  # fmt: skip
-        return None
-
-
-def _fault(t: float, point: Sighting) -> str:
-    """Return what is wrong with a sighting in the tick of a time [s]; nothing if it is well."""
-    ahead, far = point.t - t, float(np.linalg.norm(point.r_o))
-    if not -_BEHIND <= ahead <= TICK:
-        side = "ahead of" if ahead > 0.0 else "behind"
-        return (f"sightings are stamped {abs(ahead):.6g} s {side} their ticks: stamps and ticks"
-                " need one clock, in seconds")  # fmt: skip
-    if not far <= FAR:
-        return (f"a sighting is {far:.6g} m from the arm's base: positions are in metres, in the"
-                " frame of the base; are these in millimetres?")  # fmt: skip
-    if not (spread := float(np.trace(point.covariance))) <= LOOSE:
-        return (f"a sighting's covariance, for errors of {np.sqrt(spread):.3g} m, has no position"
-                " in it: covariances are in m^2; are these in mm^2?")  # fmt: skip
-    return ""
+        self._sightings, self._notes, self._hint = Sightings(), CatchNotes(self._arm), False

@@ -27,7 +27,7 @@ from typing import final
 import numpy as np
 
 from mitt.arm.arm import Arm
-from mitt.catcher.catcher import FAR
+from mitt.catcher.sightings import FAR
 from mitt.cell.robot import Robot
 from mitt.errors import InputError
 from mitt.signals import TICK, ArmState, Array, Sighting

@@ -16,13 +16,12 @@ import numpy as np
 
 from mitt.arm.arm import Arm
 from mitt.catcher.catcher import Catcher
-from mitt.catcher.settings import BRAKE, FOLLOW
 from mitt.cell.frames import FrameSet, Sight
 from mitt.cell.readings import STRAY, Counts, Positions, Stamps
 from mitt.cell.recorder import Recorder
 from mitt.control.encoders import SIGMAS
 from mitt.errors import InputError
-from mitt.eyes.clock_offset import FARTHEST, Catch, ClockOffset, LearnedClock, caught_offset
+from mitt.eyes.clock_offset import ClockOffset, LearnedClock
 from mitt.signals import TICK, ArmState, Array, Command, Frame, Senses, Sighting
 
 #: How far a joint has to have moved before a row of angles that repeats is no reading [rad], beside
@@ -34,57 +33,6 @@ _SETTLES = 0.03
 #: Age to which a sighting says where a part is [s], and how far from the tool one that it holds may
 #: be seen [m].
 _RECENT, _AT_TOOL = 0.3, 0.06
-#: Ticks and sightings that are kept: the longest brake takes a second, and a clock may be off.
-_KEPT = 1500
-
-
-@final
-class CatchNotes:
-    """The newest readings and sightings of a throw, until its arm rests."""
-
-    def __init__(self, arm: Arm) -> None:
-        """Make room for an arm's readings."""
-        self._arm, self._read, self._saw = arm, 0, 0
-        self._readings = np.zeros(_KEPT, [("t", float), ("q", float, arm.n)])
-        self._sightings = np.zeros(_KEPT, [("t", float), ("r_o", float, 3), ("cov", float, (3, 3))])
-        t = np.linspace(0.0, 0.1, 100)  # what is compiled is loaded now, not beside a moving arm
-        caught_offset(arm, Catch(
-            t_arm=t, q=np.tile(arm.q_ready, (100, 1)), t_seen=t, seen=np.zeros((100, 3)),
-            covariance=np.tile(np.eye(3), (100, 1, 1)), t_brake=0.0, t_rest=0.1,
-        ))  # fmt: skip
-
-    def clear(self) -> None:
-        """Begin for another throw."""
-        self._read = self._saw = 0
-
-    def note(self, senses: Senses, catcher: Catcher) -> None:
-        """Keep what a tick was given and has found."""
-        out, s = catcher.result.scalars[0], catcher.state.scalars[0]
-        if out["phase"] not in (FOLLOW, BRAKE) or out["t"] > s["t_rest"] + FARTHEST > 0.0:
-            return
-        self._readings[self._read % _KEPT] = senses.arm.t, senses.arm.q
-        self._read += 1
-        if out["sighted"]:
-            self._see(out["t_sighted"], catcher.result.sighting[0], catcher.result.sighting[1:])
-        for point in senses.points:
-            if point.found:
-                self._see(point.t, point.r_o, point.covariance)
-
-    def _see(self, t: float, r_o: Array, covariance: Array) -> None:
-        """Keep a sighting."""
-        self._sightings[self._saw % _KEPT] = t, r_o, covariance
-        self._saw += 1
-
-    def offset(self, catcher: Catcher) -> ClockOffset:
-        """Return what they say of the clocks, once the arm rests."""
-        s = catcher.state.scalars[0]
-        read, saw = self._readings[: self._read], self._sightings[: self._saw]
-        read = read[np.argsort(read["t"], kind="stable")]
-        rising = read[np.diff(read["t"], prepend=-np.inf) > 0.1 * TICK]
-        return caught_offset(self._arm, Catch(
-            t_arm=rising["t"], q=rising["q"], t_seen=saw["t"], seen=saw["r_o"],
-            covariance=saw["cov"], t_brake=s["t_brake"].item(), t_rest=s["t_rest"].item(),
-        ))  # fmt: skip
 
 
 @final
@@ -118,7 +66,7 @@ class Ticks:
         self.catcher, self.stamps, self.recorded = first, Stamps(), False
         self._again, self._sight, self._counts, self._recorder = again, sight, counts, recorder
         self._positions, self._begun, self._last = positions, 0.0, 0.0
-        self.clock, self._offset, self._notes = LearnedClock(), 0.0, CatchNotes(arm)
+        self.clock, self._offset = LearnedClock(), 0.0
         self.repeating, self.frozen = 0.0, False
         self._run, self._travel, self.repeats, self.waited = 0, 0.0, False, 0.0
         self._read, self._moved, self._least = np.zeros(0), np.zeros(0), _MOVED + arm.encoder_step
@@ -256,8 +204,6 @@ class Ticks:
     def _step(self, senses: Senses) -> Command:
         """Let the catcher make a tick; recorded unless it is on its way to the ready pose."""
         command = self.catcher.step(senses)
-        if self.recorded:
-            self._notes.note(senses, self.catcher)
         if self._recorder is not None and self.recorded:
             self._recorder.tick(senses, command, self.catcher.result)
         return command
@@ -270,7 +216,6 @@ class Ticks:
     def record(self) -> None:
         """Record from now on: a catch begins, with the clock as it is known."""
         self.recorded, self._offset = True, self.clock.offset
-        self._notes.clear()
         self._note("again")
         if self._recorder is not None and self._taken is not None:
             self._recorder.torques(self._taken)
@@ -279,7 +224,7 @@ class Ticks:
 
     def learn(self) -> ClockOffset:
         """Learn from the catch that is over what it says of the clocks, and return that."""
-        found = self._notes.offset(self.catcher)
+        found = self.catcher.clock_offset
         self.clock.take(found, self._offset)
         return found
 

@@ -292,6 +292,15 @@ def caught_offset(arm: Arm, of: Catch) -> ClockOffset:
     )  # fmt: skip
 
 
+def load_fit(arm: Arm) -> None:
+    """Load what is compiled of :func:`caught_offset`, so that no later call waits for it."""
+    t = np.linspace(0.0, 0.1, 100)
+    caught_offset(arm, Catch(
+        t_arm=t, q=np.tile(arm.q_ready, (100, 1)), t_seen=t, seen=np.zeros((100, 3)),
+        covariance=np.tile(np.eye(3), (100, 1, 1)), t_brake=0.0, t_rest=0.1,
+    ))  # fmt: skip
+
+
 def _side(arm: Arm, of: Catch) -> int:
     """Return which part of the hand struck the ball out of its flight; see ``ClockOffset.side``."""
     since = of.t_seen - of.t_brake
@@ -326,11 +335,13 @@ class LearnedClock:
         offset: Arm's clock minus the eyes', or what is tried [s]; stamps are corrected by it.
         sigma: Its standard deviation [s]; infinite while nothing is known.
         count: Catches that it rests on.
+        struck: Balls in a row that were struck and lost on one side, of the sign of that side
+            (``ClockOffset.side``); 0 after one that was held.
     """
 
     def __init__(self) -> None:
         """Know nothing."""
-        self.offset, self.sigma, self.count = 0.0, np.inf, 0
+        self.offset, self.sigma, self.count, self.struck = 0.0, np.inf, 0, 0
         self._doubtful: float | None = None
         self._tried = 0
 
@@ -341,6 +352,10 @@ class LearnedClock:
             found: What it said.
             used: What its stamps were corrected by [s].
         """
+        if not found.unknown:
+            self.struck = 0
+        elif found.side != 0:
+            self.struck = found.side + (self.struck if self.struck * found.side > 0 else 0)
         if found.unknown:
             if self.count == 0 and (found.side != 0 or self.offset != 0.0):
                 self._try(found.side)
