@@ -93,7 +93,8 @@ class MeetTrial:
         placed: Whether the part lies on its tray, the tool open and the arm back where it waits;
             None where nothing was met, or there is no tray.
         tool_speed_m_s: Largest speed of the tool.
-        over_force: Whether a contact pressed harder than the tool takes; None without a contact.
+        over_force: Whether the contacts together, or one of them, pressed harder than the tool takes;
+            None without a contact.
         hand_force_n: Largest force on the hand that handed the part over; None without one.
         at_rest: Whether the arm rests at the end.
         stopped_by: Why the catcher stopped; None where it did not.
@@ -346,7 +347,7 @@ class MeetRunner:
             limit_violations=measure(self._station.arm, ticks, truth).limit_violations,
             binding_limit=why,
             tool_speed_m_s=float(np.linalg.norm(truth.velocity, axis=1).max()),
-            over_force=None if contact is None or hand is None else world.peak_force > hand.force,
+            over_force=None if contact is None or hand is None else world.peak_load > hand.force,
             hand_force_n=None if contact is None else world.hand_force,
             at_rest=bool(np.ptp(truth.q[-_STILL:], axis=0).max() < _RESTS),
             stopped_by=stopped,

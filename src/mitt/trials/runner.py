@@ -206,7 +206,7 @@ class TrialRunner:
             position_error_mm=None if contact is None else 1e3 * contact.position_error,
             velocity_error_m_s=None if contact is None else contact.velocity_error,
             peak_contact_force_n=None if contact is None else world.peak_force,
-            over_force=world.peak_force > most if known else None,
+            over_force=world.peak_load > most if known else None,
             binding_limit="unseen" if verdict is None else verdict.binding_limit,
             certificate=certificate_of(verdict),
             certificate_last=certificate_of(catcher.certificate),

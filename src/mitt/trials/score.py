@@ -143,8 +143,8 @@ class Trial:
         stopped_by: Why the catcher stopped: ``state``, ``reason``, ``joint`` (whose encoder
             failed), ``t_s``, ``brakes``, and at that tick ``q``, ``dq`` as estimated, ``q_read``,
             ``dq_read`` as read, ``command_q``, ``command_dq``, ``command_ddq``, ``command_tau``.
-        over_force: Whether the largest contact force is more than hand and arm take; None without
-            a contact, or where nothing is known of what they take.
+        over_force: Whether the contacts together, or one of them, are more than hand and arm take;
+            None without a contact, or where nothing is known of what they take.
         clock: With ``--learn-clock``: what stamps were corrected by in this throw
             (``offset_s``), what it says of the whole offset (``found_s``, ``sigma_s``), or why
             nothing (``unknown``). Left out of results where it is not learned.

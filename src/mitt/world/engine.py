@@ -41,7 +41,7 @@ BALL_ANY = BALL_HAND | BALL_ARM | BALL_FLOOR
 #: What ``Plant.state`` is at the release of a ball.
 _RELEASED = {
     "ticks": 0, "steps": 1, "seen": 0, "broken": False, "prescribed": False, "force": 0.0,
-    "peak": 0.0, "touched": -1.0, "braked": -1.0, "stopped": -1.0,
+    "peak": 0.0, "load": 0.0, "touched": -1.0, "braked": -1.0, "stopped": -1.0,
 }  # fmt: skip
 
 # The library is in the process already; this makes its names known to compiled code.
@@ -95,6 +95,8 @@ class Plant(NamedTuple):
             prescribed: Whether the ball follows a path; not after it has touched anything.
             force, peak: Largest contact force on the ball in the last tick, and in the trial [N];
             of a hand without fingers the resultant of all its contacts.
+            load: Largest load on the hand in the trial [N]: the resultant of all contacts of a ball
+            that it touches, or one of them where that is larger, as between two fingers.
             touched: Time of the first contact of ball and hand [s]; negative before.
             braked: When the brakes were commanded to engage [s]; negative before.
             stopped: When the catcher stopped [s]; negative before.

@@ -106,10 +106,13 @@ def leave(plant: Plant) -> None:
     if alone:
         return
     touched, force = survey(plant, True)
+    x, y, z = plant.constraint[ball], plant.constraint[ball + 1], plant.constraint[ball + 2]
+    resultant = np.sqrt(x * x + y * y + z * z)
     state.force = max(state.force, force)
     if len(plant.ctrl) == len(plant.slides):  # many cords share the force of a net: it is one thing
-        x, y, z = plant.constraint[ball], plant.constraint[ball + 1], plant.constraint[ball + 2]
-        state.force = max(state.force, np.sqrt(x * x + y * y + z * z))
+        state.force = max(state.force, resultant)
+    if touched & BALL_HAND:
+        state.load = max(state.load, force, resultant)
     state.seen |= touched
     if not touched & BALL_ANY:
         for i in range(3):

@@ -162,6 +162,11 @@ class World:
         return float(self._plant.state["peak"][0])
 
     @property
+    def peak_load(self) -> float:
+        """Largest load on the hand so far [N]: of all contacts together, or of one if larger."""
+        return float(self._plant.state["load"][0])
+
+    @property
     def ride(self) -> Ride | None:
         """How the part rides on the belt in this trial; None without one."""
         return self._ride
