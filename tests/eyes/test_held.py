@@ -56,12 +56,15 @@ def found_at(
 def test_a_ball_is_found_where_it_is_though_a_part_is_hidden(
     r: tuple[float, float, float], hidden: tuple[float, float]
 ) -> None:
-    """Within a fifth of its radius; the middle of what is in sight would be up to 12 mm off."""
+    """Within a fifth of its radius; the middle of what is in sight would be up to 12 mm off.
+
+    The error is one of 99 in a hundred of the covariance that is told (chi-squared, 3 degrees).
+    """
     found, place, P = found_at(np.array(r), hidden)
     assert found
     error = place - np.array(r)
-    assert np.linalg.norm(error[1:]) < 0.2 * RADIUS
-    assert error @ np.linalg.solve(P, error) < 30.0
+    assert np.linalg.norm(error) < 0.2 * RADIUS
+    assert error @ np.linalg.solve(P, error) < 11.3
 
 
 def test_what_one_camera_sees_alone_lies_on_its_ray() -> None:

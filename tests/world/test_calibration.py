@@ -37,35 +37,35 @@ def errors_at(rig: Rig, root: Array, p: Array, count: int = 200) -> Array:
 
 
 def test_a_calibrated_rig_sees_well_where_the_hand_is_and_worse_far_away(rig: Rig) -> None:
-    """A ball in the hand placed it: 1 to 2 mm at the catch.
+    """A ball in the hand placed it: 1.8 mm at the catch, within a fifth.
 
-    Corners of 0.2 px leave a centimetre or two at 3.8 m, where nobody held anything.
+    Corners of 0.2 px leave 23 mm at 3.8 m, where nobody held anything.
     """
     root = error_root(rig, 20, 0.2, BEND)
     near, far = errors_at(rig, root, CATCH), errors_at(rig, root, np.array([3.8, 0.2, 0.3]))
-    assert 0.5e-3 < np.sqrt(np.mean(np.sum(near**2, axis=1))) < 3e-3
-    assert 5e-3 < np.sqrt(np.mean(np.sum(far**2, axis=1))) < 40e-3
-    assert np.abs(near.mean(axis=0)).max() < 0.5e-3
+    assert 1.4e-3 < np.sqrt(np.mean(np.sum(near**2, axis=1))) < 2.1e-3
+    assert 18e-3 < np.sqrt(np.mean(np.sum(far**2, axis=1))) < 27e-3
+    assert np.abs(near.mean(axis=0)).max() < 0.22e-3
 
 
 def test_errors_grow_with_the_noise_and_shrink_with_views(rig: Rig) -> None:
-    """In proportion to the noise; four times the views at least halve the volume of the errors."""
+    """In proportion to the noise; four times the views leave a quarter of the variance."""
     root = error_root(rig, 20, 0.2, BEND)
     assert np.allclose(error_root(rig, 20, 0.4, BEND), 2.0 * root)
     more = error_root(rig, 80, 0.2, BEND)
-    assert np.trace(more @ more.T) < 0.5 * np.trace(root @ root.T)
+    assert 0.22 < np.trace(more @ more.T) / np.trace(root @ root.T) < 0.28
 
 
 def test_the_ball_in_the_hand_fits_the_placed_rig(rig: Rig) -> None:
     """The errors of the cameras' poses hang together so that balls near the hand are seen well.
 
-    One camera moved by as much without the other errs more than twice as much there.
+    One camera moved by as much without the other errs more than ten times as much there.
     """
     root = error_root(rig, 20, 0.2, BEND)
     alone = root.copy()
     alone[6:12] = 0.0  # the left camera as if it were known, the right one as it was found
     placed = np.std(errors_at(rig, root, CATCH))
-    assert placed < 0.5 * np.std(errors_at(rig, alone, CATCH))
+    assert placed < 0.1 * np.std(errors_at(rig, alone, CATCH))
 
 
 def test_a_lens_moves_image_points_as_its_derivatives_say(rig: Rig) -> None:

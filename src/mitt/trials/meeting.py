@@ -93,8 +93,8 @@ class MeetTrial:
         placed: Whether the part lies on its tray, the tool open and the arm back where it waits;
             None where nothing was met, or there is no tray.
         tool_speed_m_s: Largest speed of the tool.
-        over_force: Whether the contacts together, or one of them, pressed harder than the tool takes;
-            None without a contact.
+        over_force: Whether the contacts together, or one of them, pressed harder than the tool
+            takes; None without a contact.
         hand_force_n: Largest force on the hand that handed the part over; None without one.
         at_rest: Whether the arm rests at the end.
         stopped_by: Why the catcher stopped; None where it did not.
