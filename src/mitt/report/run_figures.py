@@ -292,8 +292,11 @@ def _end(log: TrialLog) -> float:
     return min(log.t_catch + 0.2, float(log.t[-1]))
 
 
-#: Points of one kind that are drawn at most; throws below which each is drawn, without bars.
-_MOST, _FEW = 2000, 40
+#: Points of one kind that are drawn at most, marks of one kind below a histogram, and throws below
+#: which each is drawn, without bars.
+_MOST = 2000
+_MARKS = 300
+_FEW = 40
 #: Field of a trial, and what it is called on the axis.
 _ERRORS = (
     ("position_error_mm", "position error at first contact [mm]"),
@@ -356,8 +359,11 @@ def _draw_bars(axes: Axes, groups: Mapping[str, list[tuple[float, int]]], most: 
     )  # fmt: skip
     top = axes.get_ylim()[1]
     for of, colour in zip(values, colours, strict=True):
-        marks = np.array(of[:300])
+        marks = np.array(of[:_MARKS])
         axes.plot(marks, np.full(len(marks), -0.05 * top), "|", color=colour, ms=7, mew=1.0)
+    if max(map(len, values)) > _MARKS:
+        axes.annotate(f"marks: the first {_MARKS} of each", (0.99, 0.86), xycoords="axes fraction",
+                      ha="right", va="top", fontsize=8.5, color=INK)  # fmt: skip
     axes.set(ylabel="throws", ylim=(-0.1 * top, 1.25 * top))
     ticks = MaxNLocator(nbins=5, integer=True).tick_values(0.0, top)
     axes.set_yticks([y for y in ticks if 0.0 <= y <= 1.25 * top])
@@ -403,7 +409,8 @@ def _draw_releases(axes: Axes, trials: Sequence[dict[str, Any]], points: Array, 
     for order, (status, (colour, mark)) in enumerate(STATUS.items()):
         of = [k for k, trial in enumerate(trials) if trial["status"] == status]
         if of:
+            shown = f", the first {_MOST} shown" if len(of) > _MOST else ""
             axes.plot(
                 points[of[:_MOST], 0], points[of[:_MOST], row], mark, color=colour, ms=5.5,
-                mec="white", mew=0.5, label=f"{status} ({len(of)})", zorder=3 + order,
+                mec="white", mew=0.5, label=f"{status} ({len(of)}{shown})", zorder=3 + order,
             )  # fmt: skip
