@@ -14,7 +14,8 @@ from mitt.catcher.generators import Direct
 from mitt.catcher.sightings import Sightings, scatter_of
 from mitt.map.learn import Learned
 from mitt.signals import GRAVITY, TICK, Array, Senses, Sighting
-from mitt.trials.runner import HELD_AFTER, LONGEST, TrialRunner
+from mitt.trials.runner import LONGEST, TrialRunner
+from mitt.trials.score import HELD_AFTER
 from mitt.trials.source import source_of
 from mitt.world.scene import Scene, Sensing
 
@@ -58,7 +59,7 @@ def test_noise_that_is_as_it_says_is_not_complained_of(
 ) -> None:
     """With drag, spin and a bounce, at even times or others: nothing."""
     rng = np.random.default_rng(seed)
-    t = (np.arange(24) + (rng.uniform(-0.3, 0.3, 24) if jitter else 0.0)) / hz
+    t: Array = (np.arange(24.0) + (rng.uniform(-0.3, 0.3, 24) if jitter else 0.0)) / hz
     r = thrown(t, bounce=t[0] + bounce * (t[-1] - t[0])) + sigma * rng.standard_normal((24, 3))
     assert noted(t, r, sigma).scatter is None
 
