@@ -230,28 +230,23 @@ def test_forces_are_those_that_mujoco_reports(exact: World, arm: Arm) -> None:
 
 
 def test_the_load_on_a_hand_is_that_of_all_its_contacts(exact: World, arm: Arm) -> None:
-    """Of several at once the resultant, by mj_contactForce; never less than the largest one."""
-    target, g = arm.position(arm.q_ready), np.array([0.0, 0.0, -9.81])
-    dr = np.array([-4.0, 0.0, -4.0])
-    exact.reset(Throw(r=target - 0.2 * dr + 0.5 * g * 0.04, dr=dr - 0.2 * g), 0)
-    model, data, six = exact.model, exact.data, np.zeros(6)
-    ball, several, largest = model.geom("ball").id, 0, 0.0
-    for _ in range(300):
-        run(exact, arm, 1)
-        total = np.zeros(3)
-        for k, contact in enumerate(data.contact):
-            if ball in contact.geom:
-                mujoco.mj_contactForce(model, data, k, six)
-                side = 1.0 if contact.geom[1] == ball else -1.0
-                total += side * contact.frame.reshape(3, 3).T @ six[:3]
-        several += data.ncon > 1
-        largest = max(largest, float(np.linalg.norm(total)))
-        assert exact.peak_load >= exact.peak_force - 1e-12
-        if exact.truth().ball_on_floor:
-            break
-        assert exact.peak_load >= 0.999 * largest
-    assert several > 3
-    assert exact.peak_load > 1.02 * exact.peak_force
+    """What turns the ball round within a tick, on average: at times more than any one contact."""
+    rng, g, dr = np.random.default_rng(1), np.array([0.0, 0.0, -9.81]), np.array([-4.0, 0.0, -4.0])
+    mass, ball, more = exact.model.body("ball").mass[0], arm.n + 3, 0
+    for _ in range(12):
+        target = arm.position(arm.q_ready) + 0.02 * rng.standard_normal(3)
+        exact.reset(Throw(r=target - 0.2 * dr + 0.5 * g * 0.04, dr=dr - 0.2 * g), 0)
+        run(exact, arm, 180)
+        mean = 0.0
+        for _ in range(40):
+            before = exact.data.qvel[ball : ball + 3].copy()
+            run(exact, arm, 1)
+            change = (exact.data.qvel[ball : ball + 3] - before) / TICK - g
+            mean = max(mean, mass * float(np.linalg.norm(change)))
+            assert exact.peak_load >= exact.peak_force - 1e-12
+        assert exact.peak_load > 0.99 * mean - 0.1
+        more += exact.peak_load > 1.02 * exact.peak_force
+    assert more > 0
 
 
 def test_the_world_sees_the_arm_touch_itself(exact: World, arm: Arm) -> None:
