@@ -120,6 +120,22 @@ def test_a_stop_that_is_asked_for_is_latched() -> None:
     goes_on(cell)
 
 
+def test_notes_say_what_is_so_now_and_reasons_what_happened() -> None:
+    """An oddity that is over is not noted any more, and none is put beside the reason of a stop."""
+    cell = in_a_catch()
+    positions, ticks = cell.loop._positions, cell.loop._ticks
+    positions.note, ticks.repeating = "the positions repeat", 50.0
+    cell.loop.cycle()
+    assert set(cell.loop.notes) == {"ball", "readings"}
+    cell.loop.stop("asked for")
+    cell.until(lambda: cell.loop.mode is Mode.STOPPED)
+    assert cell.loop.why == "asked for"
+    assert cell.loop.counts.stops == ["asked for"]
+    positions.note, ticks.repeating = "", 0.0
+    cell.loop._look_at_ball(cell.simulated.t)
+    assert cell.loop.notes == {}
+
+
 def test_a_clock_that_is_set_back_stops_the_arm() -> None:
     """By an hour in flight; the reason says by how much."""
     cell = in_a_catch(throws=3)

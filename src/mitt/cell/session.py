@@ -336,7 +336,11 @@ class Session:
     def _odd(self) -> str:
         """What is odd in what the robot and the ball's source send; nothing if nothing is."""
         counts, notes = self._loop.counts, self._loop.notes
-        stray = f"{counts.stray} positions or images with impossible stamps" if counts.stray else ""
+        stray = (
+            f"{counts.stray} positions or images so far with impossible stamps"
+            if counts.stray
+            else ""
+        )
         return "; ".join(x for x in (*notes.values(), stray) if x)
 
     @property
