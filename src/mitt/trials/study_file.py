@@ -180,7 +180,15 @@ class Study(Settings):
             condition["flights"] = self.flights.get(condition["flights"], condition["flights"])
             if files := condition.pop("arm_files"):
                 condition["arm_files"] = list(files.values())
+            without_places(condition["arm"])
         return json_digest(decisive)
+
+
+def without_places(said: dict[str, Any]) -> None:
+    """Replace an arm and limits that are files by their kind: what they hold is said elsewhere."""
+    for name in {"arm", "limits"} & said.keys():
+        if isinstance(said[name], str):
+            said[name] = Path(said[name]).suffix or said[name]
 
 
 def extent(study: Study, throws: int) -> str:

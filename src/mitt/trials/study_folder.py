@@ -176,8 +176,8 @@ class Folder:
 
 
 def throw_name(generator: str, condition: str) -> str:
-    """Return what the files of a throw begin with."""
-    return f"{file_name(generator)}-{file_name(condition)}"
+    """Return what the files of a throw begin with: no other generator and condition have it."""
+    return f"{file_name(generator)}+{file_name(condition)}"  # no name of a file has a plus
 
 
 def _other(given: object, study: AnyStudy) -> str:

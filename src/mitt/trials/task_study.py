@@ -17,7 +17,7 @@ from mitt.errors import FileError, InputError, UnknownNameError
 from mitt.files.schema import Settings, validated
 from mitt.files.writing import json_digest
 from mitt.reading import difference, noted, read_toml
-from mitt.trials.study_file import Name, Table, study_path
+from mitt.trials.study_file import Name, Table, study_path, without_places
 from mitt.world.scene import Scene, scene_of
 
 Row = Mapping[str, Any]
@@ -147,8 +147,11 @@ class TaskStudy(Settings):
 
     @property
     def digest(self) -> str:
-        """SHA-256 of all that decides the results."""
-        return json_digest(self.model_dump(mode="json", exclude={"about"}))
+        """SHA-256 of all that decides the results; of files what they hold, not where they lie."""
+        decisive = self.model_dump(mode="json", exclude={"about"})
+        decisive["arm_files"] = list(self.arm_files.values())
+        without_places(decisive)
+        return json_digest(decisive)
 
     @property
     @abstractmethod
