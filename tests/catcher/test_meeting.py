@@ -211,21 +211,70 @@ def test_under_way_the_tool_is_with_the_part_whatever_it_does_and_lifts_it_to_re
 
 
 @pytest.mark.parametrize("leaves", [True, False])
-def test_the_tool_closes_at_once_where_the_part_leaves_not_where_it_enters(leaves: bool) -> None:
+def test_a_tool_in_step_closes_sooner_where_the_part_leaves_not_where_it_enters(
+    leaves: bool,
+) -> None:
     """Its work area; a belt that slows down brings a part there later than it was met."""
     ball = part(speed=0.3)
     g = meeting(settle=0.2, closing=0.05).adapt(ball, Q, np.zeros(6))
     met = ball.r_o[1] + 0.3 * g.after
     side: dict[str, Any] = (
-        {"high": (9.0, met + 0.01, 9.0)} if leaves else {"low": (-9.0, met + 0.05, -9.0)}
+        {"high": (9.0, met + 0.02, 9.0)} if leaves else {"low": (-9.0, met + 0.05, -9.0)}
     )
     g = replace(g, settings=replace(g.settings, **side))
-    for tick in range(1, round(g.after / TICK) + 3):
+    for tick in range(1, round(g.after / TICK) + 12):
         t = tick * TICK
         now = replace(ball, t=t, r_o=ball.r_o + t * ball.dr_o)
         left = g.reference(now).time_to_catch
     assert left < inf
     assert (left < 0.1) == leaves
+
+
+def led(g: Meeting, rng: np.random.Generator, speed: float, jumps: float) -> tuple[str, Array]:
+    """Lead a tool after a part whose estimate jumps with each sighting, until it closes or not.
+
+    Returns why it was given up, or nothing, and how far tool and estimate then were from each
+    other [m, m/s].
+    """
+    ball = part(speed=speed, ahead=0.35 * speed)
+    g = g.adapt(ball, Q, np.zeros(6))
+    assert g.start == 0.0
+    r, v, off, drift = ball.r_o.copy(), speed, np.zeros(3), np.zeros(3)
+    apart = np.full(2, np.inf)
+    for tick in range(1, 6000):
+        v += TICK * 1.5 * np.sin(9.0 * tick * TICK + rng.uniform(-0.3, 0.3))
+        r = r + np.array([0.0, TICK * v, 0.0])
+        if tick % 16 == 0:
+            off, drift = jumps * rng.standard_normal(3), 5.0 * jumps * rng.standard_normal(3)
+        now = replace(ball, t=tick * TICK, r_o=r + off, dr_o=np.array([0.0, v, 0.0]) + drift)
+        said = g.reference(now)
+        tool = [bare().position(said.q_d), bare().jacobian(said.q_d) @ said.dq_d]
+        estimate = g.known(now)
+        apart = np.array([np.linalg.norm(x - y) for x, y in zip(tool, estimate[:2], strict=True)])
+        if said.time_to_catch <= g.settings.closing:
+            return "", apart
+        if g.glide.ended:
+            break
+    return g.glide.ended, apart
+
+
+@pytest.mark.parametrize("gentle", [0.0, 6.0])
+@pytest.mark.parametrize("speed", [0.3, 1.0, 1.5])
+def test_a_tool_closes_in_step_or_not_at_all(speed: float, gentle: float) -> None:
+    """Whatever a belt or a hand does, and however badly it is seen; it ends with a reason."""
+    rng, ends = np.random.default_rng(round(10 * speed)), list[str]()
+    along = None if gentle else (0.0, 1.0, 0.0)
+    for k in range(8):
+        g = meeting(width=0.5, along=along, gentle=gentle, closing=0.05,
+                    settle=0.0 if gentle else 0.1)  # fmt: skip
+        why, apart = led(replace(g, tolerance=ENDLESS), rng, speed, 1e-4 * 2.0**k)
+        ends.append(why)
+        if not why:
+            assert apart[0] <= 0.003
+            assert apart[1] <= 0.035
+    assert "" in ends
+    assert set(ends) - {""} <= {"window", "area", "taken", "domain"}
+    assert gentle or "window" in ends
 
 
 @pytest.mark.parametrize("seed", range(4))

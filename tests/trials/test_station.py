@@ -90,6 +90,29 @@ def test_a_part_that_stops_before_it_is_in_reach_leads_no_arm_out_of_it() -> Non
     assert trial.at_rest
 
 
+def test_what_is_given_up_while_the_tool_closes_is_let_go() -> None:
+    """A thing that is pulled away from a slow jaw: the jaw opens again, and the arm brakes."""
+    at = station("ur5e", replace(TOOLS["jaw"], delay=1.0), "hand", named_scene("lab"))
+    catcher, place, told = offered(at, at.place), at.place.copy(), list[float]()
+    first = round(catcher.result.scalars[0]["t"] / TICK) + 1
+    for k in range(first, first + 6000):
+        q, dq = catcher.result.command[:2].copy()
+        if told and told[-1] > 0.0:
+            place = place + np.array([TICK * 0.6, 0.0, 0.0])
+        point = Sighting(t=k * TICK, found=True, r_o=place, covariance=1e-6 * np.eye(3))
+        arm = ArmState(t=k * TICK, q=q, dq=dq)
+        points = () if k % SEEN_EVERY else (point,)
+        told.append(catcher.step(Senses(t=k * TICK, arm=arm, points=points)).hand)
+        catcher.think()
+        if catcher.phase is Phase.BRAKE:
+            break
+    assert max(told) > 0.0
+    assert told[-1] == 0.0
+    assert catcher.phase is Phase.BRAKE
+    assert catcher.verdict is not None
+    assert catcher.verdict.binding_limit in ("tool", "taken", "area")
+
+
 def offered(at: Station, r_o: Array, zones: tuple[Capsule, ...] = ()) -> Catcher:
     """Return the catcher of an arm that rests and is offered a thing in a place, among zones."""
     settings = at.catcher

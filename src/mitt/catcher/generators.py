@@ -165,7 +165,8 @@ class Paced(Generator, Protocol):
 class Leaving(Generator, Protocol):
     """A generator that says how the arm goes away with what it has grasped.
 
-    Where its reference has a motion but no catch ahead, the arm brakes at once.
+    Where its reference has a motion but no catch ahead, the arm brakes at once, and a hand that was
+    closing opens.
     """
 
     def leaving(self, motion: Array) -> Array | None:

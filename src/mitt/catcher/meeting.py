@@ -8,7 +8,8 @@ start on nothing rests on that belief: the tool follows where the target *is*
 The tool comes to a place ``above`` the target first, and goes down on it along its own axis in the
 last part of the time: so it does not touch it from the side. From the meeting on it stays with the
 target while the tool closes, which may take long; that is when the catch is over for the catcher,
-whose ``time_to_catch`` counts to the end of the closing.
+whose ``time_to_catch`` counts to the end of the closing. It closes in step or not at all: a target
+that leaves the work area first is given up, and what is given up while the tool closes is let go.
 
 Under way the tool keeps its largest ``speed``, whatever the target does: what its way does not take
 of it is left to the followed target. What runs away, leaves the work area, falls or jumps is given
@@ -30,7 +31,7 @@ from mitt.kernels import kernel
 from mitt.map.demand import Tolerance, shares_of
 from mitt.map.meeting import MeetingMap
 from mitt.map.prediction import flown, spread
-from mitt.signals import TICK, Array, BallState, JointReference, MapStatus
+from mitt.signals import TICK, Array, BallState, JointReference, MapStatus, reference_of
 from mitt.verdict.feasibility import Approach, Outcome, Verdict
 
 #: Times that are tried, and instants at which a motion is held against its limits.
@@ -49,6 +50,8 @@ _PAUSE = 0.0075
 _LEAVES = (0.2, 0.3, 0.4, 0.6, 0.9, 1.4, 2.0)
 #: Times in which it comes to rest straight on [s], and the shares of the limits that this may take.
 _STOPS, _HARD = (0.05, 0.07, 0.1, 0.2, 0.4), Tolerance(torque=0.9, speed=1.0, acceleration=0.9)
+#: Share of ``above`` by which it then lifts a part off its belt all the same.
+_HOP = 0.25
 #: Least time from the start until the way down begins [s].
 _LEAST = 0.1
 #: Rates at which the followed target closes up to the estimate, along a belt and across it [1/s].
@@ -57,8 +60,10 @@ _ALONG, _ACROSS = 40.0, 8.0
 _SLOWLY = 15.0
 #: Jump of an estimate that is to be closed within the arm's jerks [m].
 _JUMP = 0.01
-#: Estimate and followed target are in step if no farther apart [m, m/s].
+#: Tool and estimate are in step if no farther apart [m, m/s].
 _NEAR, _SLOW = 0.003, 0.035
+#: How long they are so at least before the tool closes [s]: the command goes a delay before.
+_FIRM = 0.02
 #: A target is given up that is so far from where it is followed [m], that moves across its belt so
 #: fast, or along the tool's axis away from it, as what falls [m/s].
 _ASTRAY, _STRAYS, _FALLS = 0.1, 0.25, 0.6
@@ -187,7 +192,8 @@ class Glide:
     lag. Across a belt a part rests, so that there a mean over a longer time tells where it is.
 
     Attributes:
-        calm: Since when estimate and followed target have been in step [s].
+        calm: When tool and estimate were out of step last [s].
+        closes: When the tool begins to close [s]; infinite until it does.
         rows: What the map made of it last [rad ...], shape (6, n); None before the first.
         ended: Why the target was given up; nothing as long as it is followed.
     """
@@ -203,7 +209,7 @@ class Glide:
         self._t, self._motion, self._lead = inf, np.zeros((3, 3)), np.zeros(3)
         self._rate = min(most, _ALONG if speeds is None else _SLOWLY)
         self._speeds, self._begun = np.array([inf]) if speeds is None else speeds, inf
-        self.calm = inf
+        self.calm = self.closes = inf
         self.rows: Array | None = None
         self.ended = ""
 
@@ -228,10 +234,6 @@ class Glide:
             fastest = 0.0 if self.ended else float(self._speeds[k])
             _glide(given, across, t - self._t, fastest, rate, self._rate, self._lead, self._motion)
             self._t += TICK
-        off = given - self._motion
-        far = np.linalg.norm(off[0]) > _NEAR or np.linalg.norm(off[1]) > _SLOW
-        if far and rate == 0.0:
-            self.calm = t
         return self.motion
 
     def onwards(self) -> Array | None:
@@ -553,7 +555,14 @@ class Meeting(Generator):
         return inf if slowness == 0.0 else float(np.cbrt(1.0 / slowness))
 
     def reference(self, ball: BallState) -> JointReference:
-        """Evaluate the map at the target as it is, and at the time to go.
+        """Evaluate the map at the target as it is, and at the time to go."""
+        said = self.follow(ball)
+        moves = said.status is MapStatus.INSIDE
+        left = self.time_left(ball, np.array([said.q_d, said.dq_d])) if moves else inf
+        return replace(said, time_to_catch=left)
+
+    def follow(self, ball: BallState) -> JointReference:
+        """Return the same without a time to the catch, which depends on what moves the tool.
 
         What is given up has no meeting ahead: its followed target comes to rest. Out of the map's
         domain the motion goes on as it was, until the arm brakes.
@@ -579,11 +588,7 @@ class Meeting(Generator):
         else:
             rows = np.zeros((6, self.map.arm.n))
             rows[0] = rows[3] = self.map.arm.q_ready
-        return JointReference(
-            t=ball.t, status=MapStatus.INSIDE if inside else MapStatus.DOMAIN, q_d=rows[0],
-            dq_d=rows[1], ddq_d=rows[2], q_o=rows[3], dq_o=rows[4],
-            time_to_catch=self._left(ball, target) if inside and not glide.ended else inf,
-        )  # fmt: skip
+        return reference_of(ball.t, rows, inside=inside, time_to_catch=inf)
 
     def _too_fast(self, motion: Array, share: float) -> bool:
         """Say whether the tool is faster than a share of its largest speed, (k, 3 or more, n)."""
@@ -624,14 +629,15 @@ class Meeting(Generator):
     def leaving(self, motion: Array) -> Array | None:
         """Return how the tool leaves while it comes to rest, with what it holds, (k, 3, n).
 
-        It goes ``above`` back along its axis, or straight on where limits forbid that, in the
-        shortest of a few times within all limits; None where none is.
+        It goes ``above`` back along its axis, where limits forbid that a little, or else straight
+        on, in the shortest of a few times within all limits; None where none is.
 
         Args:
             motion: The command from which it goes on [rad ...], shape (3, n).
         """
         s, hard = self.settings, replace(self, tolerance=_HARD)
-        tried = [(self, s.above, T) for T in _LEAVES] + [(hard, 0.0, T) for T in _STOPS]
+        tried = [(self, s.above, T) for T in _LEAVES]
+        tried += [(hard, lift, T) for lift in (_HOP * s.above, 0.0) for T in _STOPS]
         for g, lift, T in tried if s.above > 0.0 else []:
             found = self._left_in(T, lift, motion, _INSTANTS)
             if found is None or self._too_fast(found, 1.0):
@@ -652,16 +658,43 @@ class Meeting(Generator):
         rows = None if f is None else f.motion_along(path, 1.0 - x, T, motion[0])
         return None if rows is None else rows[:, :3].copy()
 
-    def _left(self, ball: BallState, target: Array) -> float:
-        """Return the time until the tool has closed [s].
+    def time_left(self, ball: BallState, motion: Array) -> float:
+        """Return the time until a tool has closed [s]; infinite where it does not.
 
-        It begins to close once the tool has been in step with the target for ``settle``, and at
-        the latest where the target would otherwise leave the work area.
+        It begins to close once it has been in step with the target for ``settle``; sooner, but in
+        step, where the target would leave the work area. What is not in step by then is given up.
+
+        Args:
+            ball: The target.
+            motion: q, dq of the arm as desired [rad ...], shape (2, n).
         """
-        s, met = self.settings, self.start + self.after
-        begin = max(met, self.glide.calm) + s.settle
-        ahead = target[0] + np.outer([s.closing, s.closing + 0.01], target[1])
-        leaves = ((ahead < s.low) & (target[1] < 0.0)) | ((ahead > s.high) & (target[1] > 0.0))
-        if ball.t >= met and leaves.any():
-            begin = min(begin, ball.t)
-        return begin + s.closing - ball.t
+        s, glide, t, met = self.settings, self.glide, ball.t, self.start + self.after
+        if glide.ended:
+            return inf
+        if glide.closes > t:
+            if not self._in_step(ball, motion):
+                glide.calm = t
+            begin = max(met, glide.calm + _FIRM) + s.settle
+            soon, now = self._leaves() if t >= met else (False, False)
+            if soon and glide.calm < t:
+                begin = min(begin, t)
+            elif now or t - met > s.window + s.longest:
+                glide.ended = "window"
+                return inf
+            glide.closes = begin if begin <= t else inf
+            return begin + s.closing - t
+        return glide.closes + s.closing - t
+
+    def _in_step(self, ball: BallState, motion: Array) -> bool:
+        """Say whether a tool is where the target is, and as fast."""
+        arm, (q, dq), (r_o, dr_o, _) = self.map.arm, motion, self.known(ball)
+        near = float(np.linalg.norm(arm.position(q) - r_o)) <= _NEAR
+        return near and float(np.linalg.norm(arm.jacobian(q) @ dq - dr_o)) <= _SLOW
+
+    def _leaves(self) -> tuple[bool, bool]:
+        """Say whether a target leaves the area before a tool has closed: 50 ms from now, or now."""
+        s, (r_o, dr_o, _) = self.settings, self.glide.motion
+        ahead = r_o + np.outer([s.closing + 0.05, s.closing], dr_o)
+        out = ((ahead < s.low) & (dr_o < 0.0)) | ((ahead > s.high) & (dr_o > 0.0))
+        soon, now = out.any(axis=1).tolist()
+        return soon, now

@@ -244,6 +244,8 @@ class Planner:
         out["time_to_catch"] = left if ahead else np.inf
         if out["inside"] and left == np.inf and leaving:
             self._scalars["t_ahead"] = -np.inf
+            for time in ("t_begun", "t_catch", "duration"):  # what was closing opens
+                self._state.fingers[0][time] = np.inf
         self._answered()
 
     def _enter(self, phase: int) -> None:

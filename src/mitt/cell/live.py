@@ -385,10 +385,10 @@ class LiveLoop:
             if ticks.told_to_rest:
                 self._until = now + placing.go(catcher, self._leg, self._share)
                 ticks.recorded = False
-        elif now > self._until and ticks.rests:
+        elif now > self._until and ticks.rests and ticks.gap < _NEAR:
             self._next_leg(now)
         elif now > self._until + 1.0:
-            self.stop("the arm does not come to rest on its way to where parts are put down")
+            self.stop("the arm does not come to where parts are put down, and to rest")
 
     def _next_leg(self, now: float) -> None:
         """Go on to the next motion; what was not taken is not put down."""

@@ -129,15 +129,15 @@ class MeetingRival(Generator):
         return self.meeting.leaving(motion)
 
     def reference(self, ball: BallState) -> JointReference:
-        """Return the motion of the way; the tool closes when it would with the map."""
+        """Return the motion of the way; the tool closes by the rules of the map."""
         target = self.way.target(ball)
-        followed = self.meeting.reference(target)
+        followed = self.meeting.follow(target)
         motion = self.way.motion(self.meeting, target, followed)
         q, dq, ddq = np.array([self.q_hold] + [0.0 * self.q_hold] * 2) if motion is None else motion
         return JointReference(
             t=ball.t, status=MapStatus.DOMAIN if motion is None else MapStatus.INSIDE, q_d=q,
             dq_d=dq, ddq_d=ddq, q_o=q, dq_o=dq,
-            time_to_catch=inf if motion is None else followed.time_to_catch,
+            time_to_catch=inf if motion is None else self.meeting.time_left(target, motion[:2]),
         )  # fmt: skip
 
 
