@@ -10,7 +10,6 @@ from rich.table import Table
 
 import mitt
 from mitt import checks
-from mitt.arm.shapes import check_floor
 from mitt.cli.line import parse
 from mitt.cli.options import ArmOptions, CatchOptions, LearnOptions
 from mitt.cli.screen import (
@@ -47,6 +46,7 @@ from mitt.trials.runs import FinishedRun, Prepared, RunSettings
 from mitt.trials.runs import run as run_throws
 from mitt.trials.score import Trial, reason_of
 from mitt.trials.source import source_of, widened
+from mitt.world.overlap import check_scene
 from mitt.world.scene import DEFAULT_SCENE, read_scene
 
 #: Options that may name a file.
@@ -128,7 +128,7 @@ def _prepared(options: CatchOptions) -> Prepared:
         raise InputError("--arm", "an arm with a hand or a basket", "none",
                          do='say name = "three-finger" or "basket" in [hand]')  # fmt: skip
     scene = read_scene(options.scene or DEFAULT_SCENE, flights=options.flights is not None)
-    check_floor(arm.model, scene.floor)
+    check_scene(arm, scene)
     if options.cameras is not None:
         sensing = scene.sensing.model_copy(update={"cameras": options.cameras})
         scene = scene.model_copy(update={"sensing": sensing})

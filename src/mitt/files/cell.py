@@ -2,15 +2,16 @@
 
 from math import pi
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from mitt import checks
 from mitt.arm.arm import Arm
 from mitt.arm.description import Capsule
 from mitt.arm.limits import slowed
 from mitt.arm.shapes import Surroundings, shapes_of
+from mitt.arm.standing import check_standing
 from mitt.errors import FileError, InputError, meant
 from mitt.eyes.camera import Rig, fixed_rig
 from mitt.eyes.lens import Lens, is_bent
@@ -74,7 +75,7 @@ class BeltPart(Part):
     """A level, straight belt.
 
     Attributes:
-        middle: Its middle, seen from above [m].
+        middle: Its middle, where parts are met, seen from above [m].
         direction: Where it leads, from +x towards +y [rad].
         height: Of its surface [m].
         width: Across [m].
@@ -84,8 +85,8 @@ class BeltPart(Part):
 
     middle: tuple[Finite, Finite]
     direction: Annotated[float, Field(ge=-7.0, le=7.0)] = 0.5 * pi
-    height: Finite
-    width: Annotated[float, Field(ge=0.02, le=10.0)] = 0.3
+    height: Annotated[float, Field(ge=-5.0, le=5.0)]
+    width: Annotated[float, Field(gt=0.02, le=10.0)] = 0.3
     length: Annotated[float, Field(ge=0.2, le=100.0)] = 6.0
     speed: Annotated[float, Field(ge=0.0, le=5.0)] = 0.3
 
@@ -100,6 +101,13 @@ class AreaPart(Part):
 
     low: _Point
     high: _Point
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        """Refuse corners that are the wrong way round."""
+        if any(low >= high for low, high in zip(self.low, self.high, strict=True)):
+            raise ValueError("low below high in each coordinate")
+        return self
 
 
 class MeetTask(Part):
@@ -339,11 +347,12 @@ def around_of(cell: Cell, arm: Arm) -> Surroundings:
     """Return what stands around the arm of a cell.
 
     Raises:
-        MittError: The arm is in a zone in its ready pose.
+        MittError: The arm is in a zone, or in the floor, in its ready pose.
     """
     zones = tuple(Capsule(start=z.start, end=z.end, radius=z.radius) for z in cell.zones)
     around = Surroundings(floor=cell.floor, zones=zones)
     shapes_of(arm, around)
+    check_standing(arm, cell.floor)
     return around
 
 

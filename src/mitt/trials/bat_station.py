@@ -29,6 +29,7 @@ from mitt.trials.source import ranges_of
 from mitt.trials.strikes import STRUCK, learn_strikes
 from mitt.world.build import TOUCH, restitution_on
 from mitt.world.flights import CATCH_FRACTION, Recording, place_flight, smooth
+from mitt.world.overlap import check_scene
 from mitt.world.scene import Scene
 from mitt.world.throws import ThrowRanges
 
@@ -152,6 +153,7 @@ def bat_station(
     place = raw.position(middle)
     model = replace(raw.model, q_ready=np.array(stance.ready), aim=np.array([place, _BOX]))
     arm = Arm(model, raw.limits)
+    check_scene(arm, scene)
     told = restitution_on(scene, paddle)
     settings = BattingSettings(
         target=None if target is None else (float(target[0]), float(target[1]), float(target[2])),

@@ -38,6 +38,7 @@ from mitt.world.calibration_errors import drawn_rig, error_root
 from mitt.world.faults import true_rig
 from mitt.world.flights import BallPath
 from mitt.world.imaging import Imager, sensor_of
+from mitt.world.overlap import check_scene
 from mitt.world.scene import Scene
 from mitt.world.simulation import World
 from mitt.world.throws import Throw
@@ -74,7 +75,12 @@ class TrialRunner:
     def __init__(
         self, arm: Arm, generator: Generator, scene: Scene, *, pixels: bool = True
     ) -> None:
-        """Build the runner; without ``pixels`` the catcher sees noisy points."""
+        """Build the runner; without ``pixels`` the catcher sees noisy points.
+
+        Raises:
+            InputError: The arm stands or waits in the floor, or in what stands around it.
+        """
+        check_scene(arm, scene)
         self.arm, self._generator, self._scene, self._pixels = arm, generator, scene, pixels
         self.rig = active_rig() if scene.sensing.cameras == "active" else fixed_rig()
         cameras = cameras_of(self.rig, scene) if pixels else None

@@ -32,6 +32,7 @@ from mitt.map.reach import Reach, ReachScratch, reach_of, reach_scratch, reach_t
 from mitt.rivals.meeting import make_meeter
 from mitt.signals import Array
 from mitt.trials.catcher_settings import catcher_settings
+from mitt.world.overlap import check_scene
 from mitt.world.scene import Ball, Belt, Scene, scene_of
 from mitt.world.targets import InHand, Ride, drawn_reach, drawn_ride
 
@@ -207,6 +208,7 @@ def station(
 
     Raises:
         ModelError: No pose brings the tool over the work area.
+        InputError: The arm stands or waits in the floor, or in the belt.
     """
     if scene.ball.sides is None:
         scene = scene.model_copy(update={"ball": PART})
@@ -236,6 +238,7 @@ def station(
         belt = Belt(middle=(float(place[0]), float(place[1])), height=float(place[2]) - half)
         scene = scene.model_copy(update={"belt": belt})
     arm = Arm(replace(raw.model, q_ready=q), raw.limits)
+    check_scene(arm, scene)
     low, high = place - room - 0.02, place + room + 0.02
     moves = scene.belt if target == "belt" else None
     if moves is not None:

@@ -15,6 +15,7 @@ from mitt.files.schema import Settings, merged, validated
 from mitt.files.writing import json_digest
 from mitt.reading import read_bytes, read_toml, shipped, shipped_path
 from mitt.trials.registry import origin_of
+from mitt.world.overlap import check_scene
 from mitt.world.scene import DEFAULT_SCENE, Scene, scene_of
 
 SCHEMA = "mitt.study/1"
@@ -284,8 +285,10 @@ def _conditions(settings: StudySettings, path: Path) -> list[Condition]:
 
 def _with_files(conditions: list[Condition]) -> list[Condition]:
     """Return conditions with the digests of what their arms are read from; each is read once."""
-    files = {spec: spec.read().files for spec in dict.fromkeys(c.arm for c in conditions)}
-    return [c.model_copy(update={"arm_files": files[c.arm]}) for c in conditions]
+    chosen = {spec: spec.read() for spec in dict.fromkeys(c.arm for c in conditions)}
+    for c in conditions:
+        check_scene(chosen[c.arm].arm, c.scene)
+    return [c.model_copy(update={"arm_files": chosen[c.arm].files}) for c in conditions]
 
 
 def _condition(

@@ -37,6 +37,7 @@ from mitt.world.hand_bodies import (
     STIFF,
     add_tool,
 )
+from mitt.world.overlap import THICK
 from mitt.world.scene import Belt, Material, Scene, Tray
 
 #: Simulation step near a contact [s]; two make a control tick. With a paddle, whose contact is
@@ -47,8 +48,8 @@ STEP, _PADDLE_STEPS = 0.0005, 20
 #: [rad/s^2]: the speed at which that friction begins (mitt.world.motion.STICTION_SPEED) in a tick.
 _STEADY = 50.0
 
-#: Thickness [m] of belt and tray, and mass of a belt [kg]: nothing on it changes its speed.
-_BELT_THICK, _BELT_MASS = 0.05, 1e5
+#: Mass of a belt [kg]: nothing on it changes its speed.
+_BELT_MASS = 1e5
 
 _ORANGE = (0.95, 0.45, 0.10, 1.0)
 _WHITE = (0.93, 0.94, 0.95, 1.0)
@@ -240,11 +241,11 @@ def _add_belt(spec: mujoco.MjSpec, belt: Belt) -> None:
     It stays where it is: the world sets its place back in each tick, and what lies on it feels the
     speed of its surface alone.
     """
-    place = [belt.middle[0], belt.middle[1], belt.height - 0.5 * _BELT_THICK]
+    place = [belt.middle[0], belt.middle[1], belt.height - 0.5 * THICK]
     body = spec.worldbody.add_body(name="belt", pos=place)
     body.quat = [np.cos(0.5 * belt.direction), 0.0, 0.0, np.sin(0.5 * belt.direction)]
     body.add_joint(name="belt", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[1.0, 0.0, 0.0])
-    size = [0.5 * belt.length, 0.5 * belt.width, 0.5 * _BELT_THICK]
+    size = [0.5 * belt.length, 0.5 * belt.width, 0.5 * THICK]
     geom = body.add_geom(name="belt", type=mujoco.mjtGeom.mjGEOM_BOX, size=size, mass=_BELT_MASS,
                          rgba=_WHITE)  # fmt: skip
     geom.contype, geom.conaffinity = FLOOR, BALL | ARM | HAND
@@ -255,8 +256,8 @@ def _add_tray(spec: mujoco.MjSpec, tray: Tray) -> None:
     geom = spec.worldbody.add_geom(
         name="tray",
         type=mujoco.mjtGeom.mjGEOM_BOX,
-        size=[0.5 * tray.side, 0.5 * tray.side, 0.5 * _BELT_THICK],
-        pos=[*tray.middle, tray.height - 0.5 * _BELT_THICK],
+        size=[0.5 * tray.side, 0.5 * tray.side, 0.5 * THICK],
+        pos=[*tray.middle, tray.height - 0.5 * THICK],
         rgba=_WHITE,
     )
     geom.contype, geom.conaffinity = FLOOR, BALL | ARM | HAND

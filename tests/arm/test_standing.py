@@ -1,0 +1,169 @@
+"""An arm stands and waits clear of its scene, or the scene is refused, at every door."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mitt.arm.arm import Arm
+from mitt.arm.standing import Slab, check_standing
+from mitt.arm.tools import TOOLS
+from mitt.cell.prepare import prepare
+from mitt.cli.main import main
+from mitt.errors import InputError
+from mitt.files.arm_file import arm_with_hand
+from mitt.files.cell import cell_of
+from mitt.reading import read_toml, shipped_path
+from mitt.trials.bat_station import bat_station
+from mitt.trials.runs import simulate
+from mitt.trials.station import PARTS_SCENE, station
+from mitt.world.overlap import check_scene
+from mitt.world.scene import Belt, Tray, named_scene
+
+#: A belt along x, at the height of the foot of an arm.
+THROUGH = Belt(middle=(0.55, 0.0), direction=0.0, height=0.03)
+LINE = "beside|below"
+
+length = st.floats(0.1, 3.0)
+place = st.floats(-2.0, 2.0)
+
+
+@settings(max_examples=60)
+@given(size=st.tuples(length, length, length), at=st.tuples(place, place, place),
+       turn=st.floats(-4.0, 4.0), point=st.tuples(place, place, place))  # fmt: skip
+def test_the_distance_from_a_slab_is_that_of_its_nearest_point(
+    size: tuple[float, float, float], at: tuple[float, float, float], turn: float,
+    point: tuple[float, float, float],
+) -> None:  # fmt: skip
+    """Of points on a grid none is nearer, and one is about as near."""
+    slab = Slab(middle=at[:2], direction=turn, height=at[2], size=size)
+    c, s = np.cos(turn), np.sin(turn)
+    R = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    grid = np.stack(np.meshgrid(*[np.linspace(-0.5, 0.5, 21)] * 3), axis=-1).reshape(-1, 3)
+    points = np.array([*at[:2], at[2] - 0.5 * size[2]]) + (grid * size) @ R.T
+    least = float(np.linalg.norm(points - point, axis=1).min())
+    found = slab.distance(np.array([point]))
+    assert found <= least + 1e-9
+    assert least <= found + 0.5 * np.linalg.norm(np.array(size) / 20.0) + 1e-9
+
+
+@pytest.fixture(scope="module")
+def arm() -> Arm:
+    """Return a UR5e as it catches."""
+    return arm_with_hand("ur5e")[0]
+
+
+def test_what_overlaps_is_refused_and_what_is_beside_is_not(arm: Arm) -> None:
+    """A belt, a tray and the floor, moved by some millimetres; each says what to do."""
+    scene = named_scene("lab")
+    for belt in (THROUGH, replace_belt(middle=(0.0, 0.2), direction=0.4)):
+        with pytest.raises(InputError, match=r"belt: wanted one beside ur5e where it stands.*move"):
+            check_scene(arm, scene.model_copy(update={"belt": belt}))
+    check_scene(arm, scene.model_copy(update={"belt": replace_belt(middle=(0.0, 0.6))}))
+    foot = arm.model.base_capsules[0]
+    edge = foot.radius + 0.5 * 0.3
+    for off, clear in ((edge - 0.003, False), (edge + 0.003, True)):
+        slab = Slab(middle=(0.0, off), direction=0.0, height=foot.start[2] + 0.02,
+                    size=(6.0, 0.3, 0.05))  # fmt: skip
+        assert stands(arm, -1.0, slab) == clear
+    low = arm.position(arm.q_ready)
+    tray = Tray(middle=(float(low[0]), float(low[1])), height=float(low[2]))
+    with pytest.raises(InputError, match=r"tray.*in its ready pose"):
+        check_scene(arm, scene.model_copy(update={"tray": tray}))
+
+
+def replace_belt(**of: object) -> Belt:
+    """Return the belt through the foot with other keys."""
+    return Belt(**(THROUGH.model_dump() | of))
+
+
+def stands(arm: Arm, floor: float, slab: Slab) -> bool:
+    """Say whether an arm is clear of a floor and a slab."""
+    try:
+        check_standing(arm, floor, {"slab": (slab, "move it")})
+    except InputError:
+        return False
+    return True
+
+
+def test_a_floor_over_a_hand_that_waits_is_refused(arm: Arm) -> None:
+    """The arm stands above it, its hand hangs below: nothing would be kept from the floor."""
+    down = Arm(replace(arm.model, q_ready=np.array([0.0, 0.6, 0.0, 0.0, 0.0])), arm.limits)
+    with pytest.raises(InputError, match=r"floor: wanted one below ur5e in its ready pose.*lower"):
+        check_standing(down, 0.0)
+    check_standing(down, -2.0)
+
+
+def by_meeting(file: Path) -> None:
+    """``mitt meet`` in a scene."""
+    assert main(["meet", "--scene", str(file), "--check"]) == 2
+
+
+def by_catching(file: Path) -> None:
+    """``mitt catch`` in a scene."""
+    assert main(["catch", "--arm", "ur5e", "--scene", str(file), "--check"]) == 2
+
+
+def by_batting(file: Path) -> None:  # noqa: ARG001
+    """A station that bats."""
+    scene = named_scene("lab").model_copy(update={"belt": THROUGH})
+    with pytest.raises(InputError, match=LINE):
+        bat_station("ur5e", scene=scene, target=None, learns=False)
+
+
+def by_python(file: Path) -> None:
+    """Throws from Python."""
+    from mitt.catcher.generators import Direct  # noqa: PLC0415
+    from mitt.map.map_design import default_design  # noqa: PLC0415
+    from mitt.map.mapping import unlearned  # noqa: PLC0415
+
+    arm = arm_with_hand("ur5e")[0]
+    with pytest.raises(InputError, match=LINE):
+        simulate(Direct(unlearned(arm, default_design(arm))), throws=1, scene=file)
+
+
+def by_study(file: Path) -> None:
+    """A study of throws."""
+    study = file.parent / "study.toml"
+    belt = "belt = { middle = [0.55, 0.0], direction = 0.0, height = 0.03 }"
+    study.write_text(
+        f'name = "one"\ngenerators = ["direct"]\narm = {{ arm = "ur5e" }}\nscene = {{ {belt} }}\n'
+        '[[conditions]]\nname = "all"\n'
+    )
+    assert main(["study", str(study), "--out", str(file.parent / "out"), "--check"]) == 2
+
+
+def by_cell(file: Path) -> None:  # noqa: ARG001
+    """A cell where parts are met, and one whose floor is over the hand that waits."""
+    raw = read_toml(shipped_path("cells", "ur5e-belt-sim"))
+    task = raw["task"] | {"belt": THROUGH.model_dump()}
+    with pytest.raises(InputError, match=LINE):
+        prepare(cell_of(raw | {"task": task}, place="a cell"))
+
+
+DOORS: list[Callable[[Path], None]] = [by_meeting, by_catching, by_batting, by_python, by_study,
+                                       by_cell]  # fmt: skip
+
+
+@pytest.mark.parametrize("door", DOORS, ids=lambda x: x.__name__)
+def test_a_belt_through_the_foot_is_refused_at_every_door(
+    door: Callable[[Path], None], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """In one line."""
+    file = tmp_path / "scene.toml"
+    file.write_text('base = "lab"\n[belt]\nmiddle = [0.55, 0.0]\ndirection = 0.0\nheight = 0.03\n')
+    door(file)
+    lines = capsys.readouterr().err.splitlines()
+    assert all("belt: wanted one beside" in line for line in lines)
+    assert len(lines) <= 1
+
+
+def test_a_belt_that_leads_past_the_arm_is_taken() -> None:
+    """The usual one, and one along x that ends before the foot."""
+    short = Belt(middle=(0.65, 0.0), direction=0.0, height=0.03, length=1.0)
+    scene = PARTS_SCENE.model_copy(update={"belt": short})
+    assert station("ur5e", TOOLS["suction"], "belt", scene).scene.belt == short
