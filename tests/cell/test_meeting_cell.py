@@ -1,7 +1,9 @@
 """The cell that meets parts on a belt: taken, put down, recorded, replayed; and what may fail."""
 
+import json
 from math import inf
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,14 +12,16 @@ from local_cell import LocalCell
 from mitt.catcher.catcher import Phase
 from mitt.cell import live
 from mitt.cell.live import Mode
-from mitt.cell.prepare import about_of, map_of, prepare
+from mitt.cell.prepare import about_of, map_of, prepare, scene_of_cell
 from mitt.cell.ticks import Ticks
 from mitt.errors import FileError, InputError
 from mitt.files.cell import cell_of
 from mitt.files.recordings import Recorded
+from mitt.files.schema import in_words_of
 from mitt.reading import read_toml, shipped_path
 from mitt.signals import TICK, Command, Sighting
 from mitt.trials.replayed import replay
+from mitt.world.scene import Ball, Belt, Tray
 
 NAME = "ur5e-belt-sim"
 #: Relative error of the time between two stamps that are times of the day.
@@ -139,6 +143,7 @@ def test_what_keeps_people_safe_acts_in_a_cell(target: str) -> None:
         ({"put": [3.0, 0.0, 0.0]}, "task.put"),
         ({"belt": None}, "the belt that brings the parts"),
         ({"gripper_delay": 9.0}, "gripper_delay"),
+        ({"area": {"low": [0.5, 0.2, 0.0], "high": [0.7, -0.2, 0.2]}}, "low below high"),
     ],
 )
 def test_what_a_task_cannot_be_is_refused(change: dict[str, object], said: str) -> None:
@@ -147,3 +152,56 @@ def test_what_a_task_cannot_be_is_refused(change: dict[str, object], said: str) 
     task = {key: x for key, x in (raw["task"] | change).items() if x is not None}
     with pytest.raises((InputError, FileError), match=said):
         prepare(cell_of(raw | {"task": task}, place="a cell"))
+
+
+#: Least and largest values that the file of a cell may say, by the address of the key.
+EXTREMES = {
+    "task.mass": (0.001, 50.0), "task.sides.0": (0.005, 0.5), "task.sides.2": (0.005, 0.5),
+    "task.belt.height": (-5.0, 5.0), "task.belt.width": (0.0201, 10.0),
+    "task.belt.length": (0.2, 100.0), "task.belt.direction": (-7.0, 7.0),
+    "ball.mass": (0.001, 2.0), "ball.radius": (0.005, 0.06), "ball.drag": (0.0, 1.0),
+    "source.sigma": (1e-6, 0.1),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("key", EXTREMES)
+def test_what_the_file_of_a_cell_may_say_its_world_may_be(key: str) -> None:
+    """No value that its schema takes is refused by that of a scene, which has other keys."""
+    for value in EXTREMES[key]:
+        raw: Any = json.loads(json.dumps(read_toml(shipped_path("cells", NAME))))
+        raw.setdefault("ball", {})
+        *tables, last = key.split(".")
+        at = raw
+        for part in tables:
+            at = at[part]
+        at[int(last) if last.isdigit() else last] = value
+        cell = cell_of(raw, place="a cell")
+        assert cell.task is not None
+        scene = scene_of_cell(cell, None)
+        assert scene.ball.mass == cell.task.mass
+        alone = scene_of_cell(cell.model_copy(update={"task": None}), None)
+        assert alone.ball.mass == cell.ball.mass
+
+
+def test_what_a_scene_refuses_is_told_by_the_key_of_the_file() -> None:
+    """Whatever the scene calls it."""
+    raw = read_toml(shipped_path("cells", NAME))
+    cell = cell_of(raw, place="a cell")
+    assert cell.task is not None
+    heavy = cell.model_copy(update={"task": cell.task.model_copy(update={"mass": 80.0})})
+    with pytest.raises(InputError, match=rf"^{NAME} key task\.mass: wanted .*50, got 80"):
+        scene_of_cell(heavy, None)
+    with (
+        pytest.raises(InputError, match=r"a file key belt\.width"),
+        in_words_of("a file", Belt="belt"),
+    ):
+        Belt(width=0.0)
+    with pytest.raises(InputError, match=r"^Tray\.side"), in_words_of("a file", Belt="belt"):
+        Tray(side=0.0)
+
+
+def test_a_ball_that_is_thrown_is_no_heavier_than_2_kg() -> None:
+    """A part with sides may be."""
+    assert Ball(sides=(0.1, 0.1, 0.1), mass=20.0).mass == 20.0
+    with pytest.raises(InputError, match="2 kg, or the sides of a part"):
+        Ball(mass=3.0)

@@ -38,6 +38,7 @@ from mitt.files.cell import (
     rig_of,
 )
 from mitt.files.maps import read_map, save_map
+from mitt.files.schema import in_words_of
 from mitt.kernels import cache_folder
 from mitt.map.learn import Learned
 from mitt.map.map_design import MapDesign, default_design
@@ -238,24 +239,29 @@ def scene_of_cell(cell: Cell, scene: str | None) -> Scene:
         if read.actuation.takes != "torque":  # what a cell's robot takes is said by the cell
             raise InputError("actuation.takes of the scene", "torque", read.actuation.takes,
                              do="say robot.takes in the cell's file")  # fmt: skip
-        return read if cell.task is None else _with_parts(cell.task, read)
+        return read if cell.task is None else _with_parts(cell.name, cell.task, read)
     lab, ball = named_scene("lab"), cell.ball
     same = {"radius": ball.radius, "mass": ball.mass, "drag": ball.drag}
-    thrown = Ball.model_validate(lab.ball.model_copy(update=same))
+    with in_words_of(cell.name, Ball="ball"):
+        thrown = Ball(**(lab.ball.model_dump() | same))
     sees = {"point_noise": cell.source.sigma}
     lab = lab.model_copy(update={"ball": thrown, "floor": cell.floor})
     if cell.task is not None:
-        lab, sees = _with_parts(cell.task, lab), sees | {"latency": 30, "frame_rate": 60.0}
+        lab, sees = (
+            _with_parts(cell.name, cell.task, lab),
+            sees | {"latency": 30, "frame_rate": 60.0},
+        )
     return lab.model_copy(update={"sensing": lab.sensing.model_copy(update=sees)})
 
 
-def _with_parts(task: MeetTask, scene: Scene) -> Scene:
-    """Return a scene with the parts of a task, and its belt."""
-    part = Ball(sides=task.sides, mass=task.mass, drag=0.0)
-    if (belt := task.belt) is None:
-        return scene.model_copy(update={"ball": part})
-    said = belt.model_dump(exclude={"speed"})
-    return scene.model_copy(update={"ball": part, "belt": Belt.model_validate(said)})
+def _with_parts(name: str, task: MeetTask, scene: Scene) -> Scene:
+    """Return a scene with the parts of the task of a cell of a name, and its belt."""
+    with in_words_of(name, Ball="task", Belt="task.belt"):
+        part = Ball(sides=task.sides, mass=task.mass, drag=0.0)
+        if task.belt is None:
+            return scene.model_copy(update={"ball": part})
+        belt = Belt(**task.belt.model_dump(exclude={"speed"}))
+    return scene.model_copy(update={"ball": part, "belt": belt})
 
 
 def feed_of(prepared: PreparedCell, scene: Scene, *, seed: int, count: int | None) -> Feed:

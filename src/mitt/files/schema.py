@@ -10,7 +10,8 @@ is refused both ways.
 
 import copy
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import MISSING, fields, is_dataclass
 from functools import lru_cache
 from inspect import isabstract
@@ -81,6 +82,24 @@ class Settings(Part):
         return line(type(self).__name__, [(x, value) for x, value, usual in own if value != usual])
 
     __str__ = __repr__
+
+
+@contextmanager
+def in_words_of(place: str, **keys: str) -> Iterator[None]:
+    """Tell errors of settings that the keys of a file are translated to in the words of that file.
+
+    Args:
+        place: What an error calls the file.
+        keys: By the name of a class of settings, the table of the file that it is made from.
+    """
+    try:
+        yield
+    except InputError as error:
+        model, _, field = error.name.partition(".")
+        if model not in keys or not field:
+            raise
+        name = f"{place} key {keys[model]}.{field}"
+        raise InputError(name, error.wanted, error.given) from error
 
 
 _Model = TypeVar("_Model", bound=BaseModel)

@@ -6,10 +6,10 @@ the sensors are. Every figure without a source is a choice of this project.
 
 from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Final, Literal, Self, get_args
 
 import numpy as np
-from pydantic import Field, field_validator
+from pydantic import Field, field_validator, model_validator
 
 from mitt import checks
 from mitt.errors import FileError, InputError, meant
@@ -24,6 +24,9 @@ Side = Annotated[float, Field(ge=0.005, le=0.5)]
 Bend = Annotated[float, Field(ge=-0.5, le=0.5)]
 SceneName = Literal["ideal", "lab", "rough"]
 Material = Literal["foam", "tennis", "table-tennis", "rubber"]
+
+MOST_THROWN: Final = 2.0
+"""Mass of the heaviest ball [kg]; parts that are met may be heavier."""
 
 NAMES: tuple[str, ...] = get_args(SceneName)
 """Names of the scenes that ship."""
@@ -40,7 +43,7 @@ class Ball(Settings):
 
     Attributes:
         radius: Radius [m].
-        mass: Mass [kg].
+        mass: Mass [kg]: of a ball 2 kg at most.
         drag: Quadratic drag coefficient k [1/m].
         brightness: Brightness above the background of 24 [grey levels]; both fit into 8 bits.
         material: What it is made of, which gives friction and restitution of its contact; see
@@ -49,11 +52,18 @@ class Ball(Settings):
     """
 
     radius: Annotated[float, Field(ge=0.005, le=0.06)] = 0.04
-    mass: Annotated[float, Field(ge=0.001, le=2.0)] = 0.07
+    mass: Annotated[float, Field(ge=0.001, le=50.0)] = 0.07
     drag: Annotated[float, Field(ge=0.0, le=1.0)] = 0.04
     brightness: Annotated[float, Field(gt=0.0, le=231.0)] = 160.0
     material: Material | None = None
     sides: Annotated[tuple[Side, Side, Side], Field(strict=False)] | None = None
+
+    @model_validator(mode="after")
+    def _light(self) -> Self:
+        """Refuse a ball as heavy as a part may be."""
+        if self.sides is None and self.mass > MOST_THROWN:
+            raise ValueError(f"a mass of at most {MOST_THROWN:g} kg, or the sides of a part")
+        return self
 
 
 class Mismatch(Settings):
@@ -183,7 +193,7 @@ class Belt(Settings):
     """A conveyor belt, level and straight.
 
     Attributes:
-        middle: Its middle, seen from above [m].
+        middle: Its middle, where parts are met, seen from above [m].
         direction: Where it leads, from +x towards +y [rad].
         height: Of its surface [m].
         length: Of the straight part [m].
