@@ -253,3 +253,13 @@ speed = [5.8, 5.9]
             over = terminated or truncated
         caught += info["status"] == "caught"
     assert caught == 2
+
+
+@pytest.mark.parametrize("name", [*_IDS, "mitt/Meet-v0", "mitt/Bat-v0"])
+def test_an_action_before_an_episode_is_refused_in_one_line(name: str) -> None:
+    """Of the environment itself; Gymnasium's wrapper says so by an error of its own."""
+    env = gymnasium.make(name).unwrapped
+    with pytest.raises(InputError, match=r"step: wanted an environment that was.*reset first"):
+        env.step(env.action_space.sample())
+    env.reset(seed=1)
+    env.step(np.zeros(env.action_space.shape or (), np.float32))

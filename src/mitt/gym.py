@@ -106,6 +106,7 @@ class Driven(gymnasium.Env[Observation, Numbers]):
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 200}  # noqa: RUF012
     pixels = False
+    _begun = False
     _catcher: Catcher
     _touched: bool
 
@@ -160,14 +161,22 @@ class Driven(gymnasium.Env[Observation, Numbers]):
         if options is not None:
             checks.instance("options", options, dict)
         super().reset(seed=seed, options=options)
+        self._begun = True
+
+    def _given(self, action: Numbers) -> Array:
+        """Return an action within its bounds; refuse another shape, or one before an episode."""
+        if not self._begun:
+            raise InputError("step", "an environment that was reset", "one that was not yet",
+                             do="call reset first")  # fmt: skip
+        given = checks.array("action", action, self.action_space.shape or (), finite=True)
+        return np.clip(given, -1.0, 1.0)
 
     def _acted(self, action: Numbers, over: Callable[[], bool]) -> tuple[Array, float, bool]:
         """Act for some milliseconds; return the last torque, how long it took, whether it is over.
 
         What is seen are points.
         """
-        given = checks.array("action", action, self.action_space.shape or (), finite=True)
-        given, world, ended = np.clip(given, -1.0, 1.0), self.world, False
+        given, world, ended = self._given(action), self.world, False
         self.senses, begun = [], world.t
         for _ in range(self.ticks):
             senses = None
@@ -347,8 +356,7 @@ class Environment(Driven):
 
     def step(self, action: Numbers) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Act for some milliseconds."""
-        given = checks.array("action", action, self.action_space.shape or (), finite=True)
-        given = np.clip(given, -1.0, 1.0)
+        given = self._given(action)
         world, rules = self.world, {"longest": LONGEST, "held": HELD_AFTER}
         self.senses, nothing = [], np.full((3, self.arm.n), np.nan)
         for k in range(self.ticks):
