@@ -39,6 +39,8 @@ name = "blind"
 scene.faults = [{ kind = "dropout" }]
 """
 THROWS = "x,y,z,vx,vy,vz\n3.5,0.1,0.4,-5.5,0.0,2.0\n"
+#: How a recording of ours begins.
+MCAP = b"\x89MCAP0\r\n\x01" + bytes(12) + b"ros2" + bytes(4) + b"mitt"
 Quick = Callable[..., int]
 
 
@@ -345,3 +347,39 @@ def test_a_run_that_was_broken_off_gets_its_page(
         capsys.readouterr()
         assert quick("report", out) == 2
         assert capsys.readouterr().err.count("\n") == 1
+
+
+@pytest.mark.parametrize("task", ["meet", "bat"])
+def test_meet_and_bat_clear_what_the_run_before_left(
+    task: str, tmp_path: Path, quick: Quick, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its recordings, not others; a run that was killed is known as one of theirs."""
+    count = ("--trials", 1) if task == "meet" else ("--throws", 1, "--vision", "points")
+    words = (task, *count, "--out", tmp_path, "--overwrite")
+    runner = {"meet": "mitt.cli.meeting.MeetRunner.trial", "bat": "mitt.cli.batting.BatRunner.run"}
+    with monkeypatch.context() as patch:
+
+        def killed(*_: object) -> None:
+            """End as a process does that is killed: nothing more is written."""
+            raise SystemExit(9)
+
+        patch.setattr(runner[task], killed)
+        with pytest.raises(SystemExit):
+            quick(*words)
+    said = json.loads((tmp_path / RESULT).read_text())
+    assert (said["schema"], said["incomplete"], said["trials"]) == (f"mitt.{task}/1", True, [])
+    own, other = (tmp_path / "recordings" / f"{name}.mcap" for name in ("trial-00007", "mine"))
+    own.parent.mkdir()
+    own.write_bytes(MCAP)
+    other.write_bytes(b"mine")
+    assert quick(*words[:-1]) == 2
+    assert own.exists()
+    assert quick(*words) == 0
+    assert not own.exists()
+    assert other.read_bytes() == b"mine"
+    said = json.loads((tmp_path / RESULT).read_text())
+    assert len(said["trials"]) == 1
+    assert "incomplete" not in said
+    own.write_bytes(b"mine, too")
+    assert quick(*words) == 2
+    assert own.read_bytes() == b"mine, too"

@@ -12,6 +12,7 @@ import numpy as np
 import mitt
 from mitt.cli.options import BatOptions
 from mitt.cli.screen import (
+    beyond_words,
     check_record,
     checked,
     number,
@@ -29,7 +30,7 @@ from mitt.cli.screen import (
 from mitt.clock import Progress
 from mitt.errors import InputError
 from mitt.files.arm_file import arm_of_task
-from mitt.files.writing import locked, write_json
+from mitt.files.writing import check_ours, locked
 from mitt.interrupts import notice, status_of, words_of
 from mitt.reading import reals_of
 from mitt.signals import Array
@@ -43,8 +44,9 @@ from mitt.trials.bat_station import (
 )
 from mitt.trials.batting import SCHEMA, BatRunner, BatTrial, summary
 from mitt.trials.log import TrialLog, keep_recording
-from mitt.trials.result import finite, kept_words
+from mitt.trials.result import PAGE, RESULT, finite, kept_words
 from mitt.trials.source import Source, source_of
+from mitt.trials.task_folder import BATTING, incomplete, kept_result
 from mitt.world.flights import Recording, builtin_flights, read_flights
 from mitt.world.scene import DEFAULT_SCENE, Scene, read_scene
 
@@ -79,6 +81,8 @@ def bat(options: BatOptions) -> int:
     check_record(options)
     if options.check:
         return checked(f"{source.count} throws, output to {asked.out}")
+    check_ours(asked.out, BATTING)
+    trials = list[BatTrial]()
     with locked(asked.out):
         tell_of_kernels()
         with progress() as report:
@@ -86,18 +90,27 @@ def bat(options: BatOptions) -> int:
                 station, source, pixels=options.vision == "pixels", generator=options.generator,
                 keeps=options.record != "none",
             )  # fmt: skip
-            keep = partial(keep_recording, options.record, "hit", runner, asked.out)
-            trials, log, stopped = _run(runner, source.count, report, keep)
-            result = _result(options, asked, station, trials, summary(trials, runner.stopwatch))
-            write_json(asked.out / "result.json", result)
-            page = "result.json"
+
+            def said() -> dict[str, Any]:
+                head = _head(options, asked, station) | incomplete(len(trials), source.count)
+                return head | {
+                    "trials": [finite(asdict(t)) for t in trials],
+                    "summary": summary(trials, runner.stopwatch),
+                }
+
+            with kept_result(
+                asked.out, BATTING, said, source.count, overwrite=options.overwrite
+            ) as kept:
+                keep = partial(keep_recording, options.record, "hit", runner, asked.out)
+                log, stopped = _run(runner, source.count, report, trials, keep, kept)
+            result, page = said(), RESULT
             if trials and not stopped:
                 from mitt.report.bat_page import (  # noqa: PLC0415 (plots: when written)
                     BatContent,
                     write_bat_page,
                 )
 
-                page = "report.html"
+                page = PAGE
                 report("report", 0, 1)
                 typed = shlex.join(["mitt", "bat", *repeated(options, files=_FILES)])
                 content = BatContent(result=result, arm=station.arm, scene=asked.scene, log=log,
@@ -165,32 +178,31 @@ def _source(options: BatOptions, asked: _Asked, station: BatStation) -> Source:
 
 
 def _run(
-    runner: BatRunner, count: int, report: Progress, keep: Callable[[BatTrial], None]
-) -> tuple[list[BatTrial], TrialLog | None, int]:
+    runner: BatRunner, count: int, report: Progress, trials: list[BatTrial],
+    keep: Callable[[BatTrial], None], kept: Callable[[], None],
+) -> tuple[TrialLog | None, int]:  # fmt: skip
     """Run all trials, each kept when it ends.
 
-    Returns them, the log of the first that was hit, and the status of an interrupt or 0.
+    Returns the log of the first that was hit, and the status of an interrupt or 0.
     """
-    trials, log = list[BatTrial](), None
+    log = None
     report("batting", 0, count)
     try:
         for trial in runner.run():
             trials.append(trial)
             keep(trial)
+            kept()
             if log is None and trial.status == "hit":
                 log = runner.log()
             report("batting", len(trials), count)
     except KeyboardInterrupt as stop:
         notice()
-        return trials, log, status_of(stop)
-    return trials, log, 0
+        return log, status_of(stop)
+    return log, 0
 
 
-def _result(
-    options: BatOptions, asked: _Asked, station: BatStation, trials: list[BatTrial],
-    said: dict[str, Any],
-) -> dict[str, Any]:  # fmt: skip
-    """Return the result as the contract writes it."""
+def _head(options: BatOptions, asked: _Asked, station: BatStation) -> dict[str, Any]:
+    """Return what the result says of the run."""
     return {
         "schema": SCHEMA,
         "version": mitt.__version__,
@@ -204,8 +216,6 @@ def _result(
         "shield": options.shield,
         "speed_m_s": None if asked.speed is None else list(asked.speed),
         "seed": options.seed,
-        "trials": [finite(asdict(t)) for t in trials],
-        "summary": said,
     }
 
 
@@ -213,20 +223,19 @@ def _show(options: BatOptions, trials: list[BatTrial], said: dict[str, Any], pag
     """Print the table of a run, and what it comes to."""
     rows = table(
         f"{options.arm}, {'shield' if options.shield else 'to a target'}, {options.generator}",
-        ("trial", "status", "t [s]", "miss [cm]", "back [m/s]", "[N]", "beyond [ms]", "why"),
+        ("trial", "status", "beyond [ms]", "t [s]", "miss [cm]", "back [m/s]", "[N]", "why"),
         left=("status", "why"), no_wrap=True,
     )  # fmt: skip
     for t in worth_a_row(trials, "hit"):
         cells = (
             number(t.t_hit_s, 2), number(None if t.miss_m is None else 100.0 * t.miss_m, 1),
             number(t.return_speed_m_s, 1), number(t.peak_contact_force_n, 0),
-            str(t.limit_violations),
         )  # fmt: skip
         why = "" if t.status == "hit" else t.binding_limit or ""
-        rows.add_row(str(t.index), t.status, *cells, why)
+        rows.add_row(str(t.index), t.status, str(t.limit_violations), *cells, why)
     show(rows)
     show(f"{'stopped' if options.shield else 'hit'} {rate_words(said, 'hit', 'throws')}")
     if said["median_miss_m"] is not None:
         show(f"miss: {100.0 * said['median_miss_m']:.1f} cm in the median, "
              f"90 % within {100.0 * said['p90_miss_m']:.1f} cm")  # fmt: skip
-    show(f"written: {page}")
+    show(*beyond_words(trials), f"written: {page}")

@@ -11,6 +11,7 @@ import mitt
 from mitt.arm.tools import TOOLS
 from mitt.cli.options import MeetOptions
 from mitt.cli.screen import (
+    beyond_words,
     check_record,
     checked,
     number,
@@ -28,20 +29,21 @@ from mitt.cli.screen import (
 from mitt.clock import Progress
 from mitt.errors import FileError, InputError, meant
 from mitt.files.arm_file import joint_names
-from mitt.files.writing import locked, write_json
+from mitt.files.writing import check_ours, locked
 from mitt.interrupts import notice, status_of, words_of
 from mitt.rivals.meeting import PLANNERS
 from mitt.trials.log import keep_recording
 from mitt.trials.meeting import SCHEMA, Course, MeetRunner, MeetTrial, summary
-from mitt.trials.result import finite, kept_words
+from mitt.trials.result import PAGE, RESULT, finite, kept_words
 from mitt.trials.station import PARTS_SCENE, TARGETS, Station, station
+from mitt.trials.task_folder import MEETING, incomplete, kept_result
 from mitt.world.flights import Recording, read_flights
 from mitt.world.scene import read_scene
 
 #: Options that may name a file.
 _FILES = ("arm", "scene", "limits", "target")
-#: Speeds of belt and hand where none is said [m/s]; and of the tool near a person, as robots that
-#: a person may touch are set to (ISO 10218-1: 0.25 m/s).
+#: Speeds of belt and hand where none is said [m/s]; and of the tool near a person: the reduced
+#: speed of manual mode (ISO 10218-1: 0.25 m/s), which says nothing of forces (ISO/TS 15066).
 _SPEEDS, _NEAR_PERSON = {"belt": 0.3, "hand": 0.8}, 0.25
 #: Trials where none are said, and longest recorded motion [s].
 _TRIALS, _LONGEST = 10, 60.0
@@ -64,19 +66,27 @@ def meet(options: MeetOptions) -> int:
     check_record(options)
     if options.check:
         return checked(f"{count} trials, output to {out}")
+    check_ours(out, MEETING)
+    trials = list[MeetTrial]()
+
+    def said() -> dict[str, Any]:
+        head = _head(options, at) | incomplete(len(trials), count)
+        return head | {
+            "trials": [finite(asdict(t)) for t in trials],
+            "summary": summary(trials, runner.stopwatch),
+        }
+
     with locked(out):
         tell_of_kernels()
         with progress() as report:
-            trials, course, stopped = _run(
-                runner, count, report, partial(keep_recording, options.record, "met", runner, out)
-            )
-            result = _result(options, at, trials, summary(trials, runner.stopwatch))
-            write_json(out / "result.json", result)
-            page = "result.json"
+            with kept_result(out, MEETING, said, count, overwrite=options.overwrite) as kept:
+                keep = partial(keep_recording, options.record, "met", runner, out)
+                course, stopped = _run(runner, count, report, trials, keep, kept)
+            result, page = said(), RESULT
             if course is not None and not stopped:
                 from mitt.report.meet_page import write_meet_page  # noqa: PLC0415 (plots)
 
-                page = "report.html"
+                page = PAGE
                 report("report", 0, 1)
                 typed = shlex.join(["mitt", "meet", *repeated(options, files=_FILES)])
                 write_meet_page(out / page, result, course, command=typed)
@@ -91,24 +101,26 @@ def meet(options: MeetOptions) -> int:
 
 
 def _run(
-    runner: MeetRunner, count: int, report: Progress, keep: Callable[[MeetTrial], None]
-) -> tuple[list[MeetTrial], Course | None, int]:
+    runner: MeetRunner, count: int, report: Progress, trials: list[MeetTrial],
+    keep: Callable[[MeetTrial], None], kept: Callable[[], None],
+) -> tuple[Course | None, int]:  # fmt: skip
     """Run the trials, each kept when it ends.
 
-    Returns them, the course of the first, and the status of an interrupt or 0.
+    Returns the course of the first, and the status of an interrupt or 0.
     """
-    trials, course = list[MeetTrial](), None
+    course = None
     try:
         for k in range(count):
             report("meeting", k, count)
             trials.append(runner.trial(k))
             keep(trials[-1])
+            kept()
             course = course or runner.course
         report("meeting", count, count)
     except KeyboardInterrupt as stop:
         notice()
-        return trials, course, status_of(stop)
-    return trials, course, 0
+        return course, status_of(stop)
+    return course, 0
 
 
 def _recordings(target: str) -> tuple[Recording, ...]:
@@ -116,6 +128,8 @@ def _recordings(target: str) -> tuple[Recording, ...]:
     if target in TARGETS:
         return ()
     path = Path(target)
+    if not path.is_file() and path.suffix.lower() == ".csv":
+        raise FileError(f"--target {target}", "a CSV file of motions", "no such file")
     if not path.is_file():
         raise InputError("--target", f"{', '.join(TARGETS)}, or a CSV file", target,
                          do=meant(target, TARGETS))  # fmt: skip
@@ -139,10 +153,8 @@ def _tool_speed(options: MeetOptions) -> float:
     return float("inf") if options.target == "belt" else _NEAR_PERSON
 
 
-def _result(
-    options: MeetOptions, at: Station, trials: list[MeetTrial], said: dict[str, Any]
-) -> dict[str, Any]:
-    """Return the result as the contract writes it."""
+def _head(options: MeetOptions, at: Station) -> dict[str, Any]:
+    """Return what the result says of the run."""
     return {
         "schema": SCHEMA,
         "version": mitt.__version__,
@@ -156,8 +168,6 @@ def _result(
         "generator": options.generator,
         **({"plan_rate_hz": options.plan_rate} if options.generator in PLANNERS else {}),
         "seed": options.seed,
-        "trials": [finite(asdict(t)) for t in trials],
-        "summary": said,
     }
 
 
@@ -165,7 +175,8 @@ def _show(options: MeetOptions, trials: list[MeetTrial], said: dict[str, Any], p
     """Print the table of a run, and what it comes to."""
     rows = table(
         f"{options.arm}, {options.tool}, {Path(options.target).name}, {options.generator}",
-        ("trial", "status", "t [s]", "in step [ms]", "off [mm]", "rel. [m/s]", "[N]", "why"),
+        ("trial", "status", "beyond [ms]", "t [s]", "in step [ms]", "off [mm]", "rel. [m/s]", "[N]",
+         "why"),
         left=("status", "why"), no_wrap=True,
     )  # fmt: skip
     for t in worth_a_row(trials, "met"):
@@ -177,11 +188,12 @@ def _show(options: MeetOptions, trials: list[MeetTrial], said: dict[str, Any], p
         why = t.binding_limit or ""
         if t.status == "met":
             why = "not placed" if t.placed is False else ""
-        rows.add_row(str(t.index), t.status, *cells, why)
+        rows.add_row(str(t.index), t.status, str(t.limit_violations), *cells, why)
     show(rows)
     hand = said["hand_force_n"]
     show(
         f"met {rate_words(said, 'met', 'trials')}; placed {said['placed']}",
+        *beyond_words(trials),
         *([] if hand is None else [f"force on the hand: at most {hand:.0f} N"]),
         f"written: {page}",
     )

@@ -158,7 +158,7 @@ class MeetOptions(Options):
         speed: Mean speed of the belt, or largest speed of the hand [m/s]; 0.3 and 0.8 if left out.
         gripper_delay: Time from the command until the tool acts [s].
         tool_speed: Largest speed of the tool on its way [m/s]; if left out 0.25 near a person, the
-            reduced speed of ISO 10218-1, and any at a belt.
+            reduced speed of manual mode in ISO 10218-1, and any at a belt.
         generator: What moves the arm: direct, the map; quintic, ruckig, mpc, planned anew; ds; line
             and line-compensated, which follow a belt's encoder.
         plan_rate: How often those that plan do so [Hz].
@@ -168,7 +168,7 @@ class MeetOptions(Options):
         scene: The world: a name or a TOML file; if left out, lab with a camera of 60 Hz, 30 ms late
             and with 2 mm of noise. Its faults (docs/studies.md) stop a belt, turn or take a part.
         out: Folder to write; a new runs/meet-<seed>-<target> if left out.
-        overwrite: Use a folder that has files in it.
+        overwrite: Use a folder that has files in it; what mitt meet left there is replaced.
     """
 
     module = "meeting"
@@ -221,7 +221,7 @@ class BatOptions(Options):
             mpc, ik; and clairvoyant, which is told the true flight and restitution.
         record: Recordings to keep, of trials that the map made: none, failures or all.
         out: Folder to write; a new runs/bat-<seed> if left out.
-        overwrite: Use a folder that has files in it.
+        overwrite: Use a folder that has files in it; what mitt bat left there is replaced.
     """
 
     module = "batting"

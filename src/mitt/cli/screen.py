@@ -35,6 +35,15 @@ class _Ended(Protocol):
         ...
 
 
+class _Limited(Protocol):
+    """A trial that counts its ticks beyond a limit."""
+
+    @property
+    def limit_violations(self) -> int:
+        """How many there were."""
+        ...
+
+
 _Trial = TypeVar("_Trial", bound=_Ended)
 
 
@@ -137,6 +146,16 @@ def rate_words(said: Mapping[str, Any], good: str, of: str) -> str:
     share = 100.0 * said[good] / max(said[of], 1)
     return (f"{said[good]} of {said[of]}: {share:.1f} % "
             f"(95 % interval {100.0 * low:.1f} to {100.0 * high:.1f} %)")  # fmt: skip
+
+
+def beyond_words(trials: Sequence[_Limited]) -> list[str]:
+    """Return in words in how many trials a limit was exceeded, and for how long; nothing if never.
+
+    A tick is a millisecond.
+    """
+    beyond = [t.limit_violations for t in trials if t.limit_violations]
+    ticks = f"{sum(beyond)} ms in all, commanded or of the plant"
+    return [f"beyond a limit: {len(beyond)} of {len(trials)} trials, {ticks}"] if beyond else []
 
 
 def number(value: float | None, digits: int) -> str:

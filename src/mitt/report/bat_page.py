@@ -29,8 +29,8 @@ _ROWS = 500
 
 _NAMES = ("arm", "limits", "scene", "vision", "generator", "seed")
 _HEAD = (
-    "throw", "status", "binding limit", "hit at [s]", "off the middle [mm]", "miss [cm]",
-    "speed [m/s]", "force [N]", "beyond a limit [ms]",
+    "throw", "status", "binding limit", "beyond a limit [ms]", "hit at [s]", "off the middle [mm]",
+    "miss [cm]", "speed [m/s]", "force [N]",
 )  # fmt: skip
 
 _SECTIONS = (
@@ -133,12 +133,12 @@ def _rows(trials: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:
             str(t["index"]),
             str(t["status"]),
             str(t["binding_limit"] or NONE),
+            str(t["limit_violations"]),
             number(t["t_hit_s"], 3),
             number(t["off_middle_mm"], 1),
             number(None if t["miss_m"] is None else 100.0 * t["miss_m"], 1),
             number(t["return_speed_m_s"], 2),
             number(t["peak_contact_force_n"], 0),
-            str(t["limit_violations"]),
         )
         for t in trials[:_ROWS]
     ]

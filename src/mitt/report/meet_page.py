@@ -19,8 +19,8 @@ _BEFORE, _AFTER = 1.0, 0.6
 _ROWS = 500
 
 _HEAD = (
-    "trial", "status", "placed", "binding limit", "closed at [s]", "in step [ms]", "off [mm]",
-    "relative [m/s]", "force [N]", "on the hand [N]", "tool [m/s]", "beyond a limit [ms]",
+    "trial", "status", "placed", "binding limit", "beyond a limit [ms]", "closed at [s]",
+    "in step [ms]", "off [mm]", "relative [m/s]", "force [N]", "on the hand [N]", "tool [m/s]",
 )  # fmt: skip
 
 _NAMES = ("arm", "limits", "tool", "target", "generator", "seed")
@@ -97,6 +97,7 @@ def _rows(trials: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:
             str(t["status"]),
             placed[t["placed"]],
             str(t["binding_limit"] or NONE),
+            str(t["limit_violations"]),
             number(t["t_met_s"], 2),
             number(1e3 * t["in_sync_s"], 0),
             number(t["position_error_mm"], 1),
@@ -104,7 +105,6 @@ def _rows(trials: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:
             number(t["peak_contact_force_n"], 0),
             number(t["hand_force_n"], 0),
             number(t["tool_speed_m_s"], 2),
-            str(t["limit_violations"]),
         )
         for t in trials[:_ROWS]
     ]

@@ -280,9 +280,9 @@ class MeetRunner:
         for _ in self._ticks(catcher, results, closed + _HELD - self.world.t):
             pass
         put = self.placing if self._holds(self.world.trace(), closed) else None
-        if put is not None:
-            self._move(catcher, results, put.over)
-            self._move(catcher, results, put.down)
+        for pose in () if put is None else (put.over, put.down):
+            if not self._move(catcher, results, pose):
+                return put  # it is not let go elsewhere
         for _ in self._ticks(catcher, results, _COMES_TO_REST, look=False):
             if catcher.rests:
                 break
@@ -296,14 +296,19 @@ class MeetRunner:
         self._move(catcher, results, s.arm.q_ready)
         return put
 
-    def _move(self, catcher: Catcher, results: list[Result], to: Array) -> None:
-        """Move to a pose as slowly as the station says; where a limit forbids it, stay."""
+    def _move(self, catcher: Catcher, results: list[Result], to: Array) -> bool:
+        """Move to a pose as slowly as the station says; where a limit forbids it, stay.
+
+        Returns whether it has moved there.
+        """
         start = catcher.result.command[0].copy()
         with suppress(InputError):
             way = carried(self._station.arm, start, to, self._station.settings.speed)
             catcher.move(way)
             for _ in self._ticks(catcher, results, len(way) * TICK, look=False):
                 pass
+            return True
+        return False
 
     def _holds(self, truth: Trace, closed: float) -> bool:
         """Say whether the tool held the part for so long after it had closed."""
@@ -401,5 +406,6 @@ def summary(trials: list[MeetTrial], stopwatch: Stopwatch) -> dict[str, Any]:
         "hand_force_n": max(hand, default=None),
         "over_force": sum(t.over_force is True for t in trials),
         "at_rest": sum(t.at_rest for t in trials),
+        "limit_violations": sum(t.limit_violations for t in trials),
         "tick_us": stopwatch.percentiles_us(),
     }
