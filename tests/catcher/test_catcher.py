@@ -258,12 +258,12 @@ def test_an_unreachable_throw_leaves_arm_and_hand_still(runner: TrialRunner, arm
 def test_no_catch_waits_for_what_is_known_of_the_arm_with_the_ball() -> None:
     """It takes some 25 ms to work out, which is done before the first tick."""
     arm = build_arm("wam")
-    catcher = Catcher(
+    Catcher(
         arm, Direct(unlearned(arm, default_design(arm))), Eyes(fixed_rig()),
         settings=CatcherSettings(ball_mass=0.123),
     )  # fmt: skip
     before = arm_numbers.cache_info().misses
-    arm_numbers(arm.holding(0.123), catcher._settings.around)
+    arm_numbers(arm.holding(0.123))
     assert arm_numbers.cache_info().misses == before
 
 

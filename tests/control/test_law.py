@@ -103,7 +103,7 @@ class Cell:
         if code > BRIDGED or self.since >= 0:
             self.since += 1
             wish = last.copy()
-            choose_stop(arm.tables, safety.bounds, last, HARDEST, safety.stop)
+            choose_stop(arm.tables, safety.loaded, safety.bounds, last, HARDEST, safety.stop)
             stop_by(safety.bounds, last, safety.stop.rates, wish)
         state = ArmState(t=0.0, q=self.estimated[0], dq=self.estimated[1])
         self.tau = tracker.step(state, wish, hand=0.0).command.tau.copy()

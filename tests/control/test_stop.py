@@ -298,7 +298,8 @@ def stop_of(
 ) -> tuple[float, Array]:
     """Return the share of torque and the decelerations of the stop that is found."""
     s = safety_filter.safety
-    return float(choose_stop(arm.tables, s.bounds, motion, first, s.stop)), s.stop.rates.copy()
+    share = choose_stop(arm.tables, s.loaded, s.bounds, motion, first, s.stop)
+    return float(share), s.stop.rates.copy()
 
 
 def shares(arm: Arm, motion: Array, rates: Array) -> Array:

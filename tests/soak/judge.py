@@ -89,7 +89,8 @@ class Judge:
         """Take the arm, empty and with the ball."""
         self._arms = arm, arm.holding(settings.ball_mass)
         self._max_tracking_error = settings.max_tracking_error
-        self._bounds = tuple(rows_of(bounds_of(a)) for a in self._arms)
+        self._bounds = rows_of(bounds_of(arm))
+        self._bounds[3] = np.minimum(*(rows_of(bounds_of(a))[3] for a in self._arms))
         self._shapes = shapes_of(arm, settings.around)
         hand = arm.model.hand
         self._closed = hand.drive.closed if isinstance(hand, HandModel) else 0.0
@@ -100,7 +101,7 @@ class Judge:
         self._last: Array | None = None
         self._t = np.nan
         self._begun = False
-        self._loaded = self._stopped = self._clear = False
+        self._stopped = self._clear = False
 
     def fault(self, catcher: Catcher, command: Command, slowest: Array) -> str:
         """Return which rule a command breaks; the empty text if none.
@@ -130,7 +131,7 @@ class Judge:
         if too_strong(self._arms[0], tau, estimated):
             return f"torques {tau.tolist()} at {estimated.tolist()}"
         if last is not None:
-            b = self._bounds[self._loaded].copy()
+            b = self._bounds.copy()
             b[2] = np.minimum(b[2], slowest)
             ends, ahead = (last, told), catcher.state.scalars[0]["ahead"].item()
             if ahead > 0.0 or abs(passed - TICK) > ROUNDING:
@@ -149,9 +150,7 @@ class Judge:
             return f"{1e3 * self._gap(told[0]):.3f} mm from a body at {told.tolist()}"
         if self._stopped and catcher.phase is not Phase.STOPPED:
             return f"{catcher.phase} after a stop"
-        loads = catcher.phase is Phase.BRAKE and not self._loaded
-        self._loaded |= loads
-        if last is None or loads:
+        if last is None:
             self._clear = self._begun and self._stops_clear(told)
         stops = catcher.phase is Phase.STOPPED and not self._stopped
         self._stopped |= stops
@@ -169,7 +168,7 @@ class Judge:
 
     def _stops_clear(self, told: Array) -> bool:
         """Say whether no pose on the way to standstill is too close: many are looked at."""
-        brake, speed = self._bounds[self._loaded][3], np.abs(told[1])
+        brake, speed = self._bounds[3], np.abs(told[1])
         for t in np.linspace(0.0, float(np.max(speed / brake)), _LOOKS):
             passed = np.minimum(t, speed / brake)
             way = np.copysign(passed * (speed - 0.5 * brake * passed), told[1])

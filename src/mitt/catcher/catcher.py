@@ -129,11 +129,13 @@ class Catcher:
         eyes.reset()
         return other
 
-    def take_over(self, torques: Array) -> None:
+    def take_over(self, torques: Array, t: float | None = None) -> None:
         """Let torques go on from those of another catcher, no faster than they may change.
 
         Args:
             torques: Commanded in the tick before the first one here [N m], shape (n,).
+            t: Time of that tick, by the clock of those to come [s]; if left out, a millisecond
+                before the first of them.
 
         Raises:
             InputError: It has made a tick.
@@ -142,6 +144,8 @@ class Catcher:
         if self._ticked:
             raise InputError("take_over", "a catcher before its first tick", "one after it")
         self.state.tracking.before[:] = torques
+        if t is not None:
+            self.state.health["t"] = checks.number("t", t, finite=True)
 
     def _begin(self, generator: Generator, eyes: Eyes) -> None:
         """Begin a throw with a state of its own."""
@@ -407,7 +411,7 @@ class Catcher:
         if not (braked and self._memory.rests):
             given = "one that moves" if braked else self.phase.value
             raise InputError("let_go", "a catcher that has braked, its arm at rest", given)
-        self._memory.let_go(self._blank, self._arm, self._settings.around)
+        self._memory.let_go(self._blank, self._arm)
 
     def _unfit_to_move(self) -> str | None:
         """Return in words why no motion can begin now; None where one can."""

@@ -494,7 +494,7 @@ class Planner:
         """
         loaded = self._arm.holding(self._settings.ball_mass)
         self._slow_down(loaded)
-        exchange_arm(self._state, loaded, self._settings.around)
+        exchange_arm(self._state, loaded)
 
     def _slow_down(self, arm: Arm) -> None:
         """Bring an arm, with the ball or without, to rest from the last command on.

@@ -14,9 +14,8 @@ from typing import Any, NamedTuple, final
 
 import numpy as np
 
-from mitt.arm.arm import Arm
+from mitt.arm.arm import Arm, Tables
 from mitt.arm.kinematics import joint_records, tip_motion
-from mitt.arm.shapes import Surroundings
 from mitt.ball.filter import fresh_filter
 from mitt.catcher.settings import (
     BRAKE,
@@ -144,6 +143,7 @@ class CatcherState(NamedTuple):
     fingers: Record  # of :func:`mitt.control.closing.fingers_of`
     monitor: Monitor
     safety: Safety
+    arm: Tables  # the arm as it is now, with the ball or without: what torques are computed with
     tracking: Tracking
     mass: MassWork
     estimated: Array  # q, dq of the joints, by the monitor [rad, rad/s], shape (2, n)
@@ -245,7 +245,7 @@ def fresh_state(
         f: The map, if the generator is one.
         sigma_ready: As of ``_STATE``.
     """
-    s, n, of = settings, arm.n, arm_numbers(arm, settings.around)
+    s, n, of = settings, arm.n, arm_numbers(arm)
     scalars = _STATE | {
         "sigma_ready": sigma_ready, "heads": eyes.heads,
         "brake_delay": max(brake.delay for brake in arm.brakes),
@@ -261,7 +261,8 @@ def fresh_state(
         ball_filter=fresh_filter(s.flight),
         fingers=fingers_of(arm.model.hand, s.ball_radius, s.ball_restitution).copy(),
         monitor=monitor_of(arm, s.encoders),
-        safety=deepcopy(of.safety),
+        safety=deepcopy(safety_of(arm, s.around, s.ball_mass)),
+        arm=deepcopy(of.tables),
         tracking=tracking_of(arm),
         mass=mass_work(arm),
         estimated=ready[:2].copy(), desired=ready.copy(), last=ready.copy(), before=ready.copy(),
@@ -287,30 +288,31 @@ def palm_of(arm: Arm) -> Array:
 class ArmNumbers(NamedTuple):
     """What changes when the arm holds the ball."""
 
-    safety: Safety
+    tables: Tables
     encoder_bounds: Record
     drives: Array
     limits: Array
 
 
 @lru_cache(maxsize=32)
-def arm_numbers(arm: Arm, around: Surroundings) -> ArmNumbers:
+def arm_numbers(arm: Arm) -> ArmNumbers:
     """Return what the tick knows of an arm; worked out once, not to be written to."""
     limits = np.array([arm.tau_max, arm.q_min, arm.q_max])
     encoder_bounds = bounds_of(arm, commanded=False)
-    return ArmNumbers(safety_of(arm, around), encoder_bounds, arm.limits.packed, limits)
+    return ArmNumbers(arm.tables, encoder_bounds, arm.limits.packed, limits)
 
 
-def exchange_arm(state: CatcherState, arm: Arm, around: Surroundings) -> None:
+def exchange_arm(state: CatcherState, arm: Arm) -> None:
     """Let a state go on with an arm that begins to hold a ball, or lets it go.
 
+    What the safety filter rests on stays (:mod:`mitt.control.viability`).
+
     Args:
-        state: Whose limits, bounds of encoders and safety filter are overwritten.
+        state: Whose model, limits and bounds of encoders are overwritten.
         arm: The arm, with the ball's mass in its last link or without.
-        around: What stands around it.
     """
-    of = state.safety, state.monitor.bounds, state.tracking.drives, state.limits
-    overwrite(of, arm_numbers(arm, around))
+    of = state.arm, state.monitor.bounds, state.tracking.drives, state.limits
+    overwrite(of, arm_numbers(arm))
 
 
 def overwrite(old: tuple[Any, ...], new: tuple[Any, ...]) -> None:
@@ -329,7 +331,7 @@ def prepare_holding(arm: Arm, settings: CatcherSettings) -> None:
         arm: The arm.
         settings: Of the catcher.
     """
-    arm_numbers(arm.holding(settings.ball_mass), settings.around)
+    arm_numbers(arm.holding(settings.ball_mass))
     if arm.limits.smooth:  # the verdict plans the brake for the heaviest ball
         bounds_of(arm.holding(settings.caught.heaviest))
 
@@ -464,13 +466,14 @@ class Memory:
         state, result = _begun(blank, eyes)
         state.estimated[:] = self.state.estimated
         state.tracking.before[:] = self.state.tracking.before
+        state.health["t"] = self.state.health["t"]  # of these torques
         state.scalars["braked"] = self.scalars["braked"]
         overwrite((self.state, self.result), (state, result))
 
-    def let_go(self, blank: CatcherState, arm: Arm, around: Surroundings) -> None:
+    def let_go(self, blank: CatcherState, arm: Arm) -> None:
         """Open the hand: the arm carries nothing from now on."""
         self.state.fingers[:] = blank.fingers
-        exchange_arm(self.state, arm, around)
+        exchange_arm(self.state, arm)
 
 
 def _begun(blank: CatcherState, eyes: Eyes) -> tuple[CatcherState, Result]:

@@ -57,7 +57,6 @@ from mitt.control.health import (
     age_of_reading,
     assess,
     pass_time,
-    time_since,
 )
 from mitt.control.stop import HARDEST, choose_stop, short_of_room, stop_by
 from mitt.control.tracking import Tracking, derate, largest_gap, track
@@ -128,7 +127,9 @@ def perceive(seen: Seen, read: Read, state: CatcherState, result: Result) -> Non
     s, out, (images, backgrounds, apart, t_exposed) = state.scalars[0], result.scalars[0], seen
     before = state.health[0].t
     t, s.clock_fault = pass_time(state.health[0], read[0])
-    s.passed = time_since(before, t)
+    s.passed = state.health[0].passed
+    if t < before:  # what was read so far bears another clock's time
+        s.t_read = -np.inf
     out.t, out.phase = t, s.phase
     beside = not s.surrogate and -SOON < out.time_to_catch < BESIDE
     out.inside, out.time_to_catch, out.sighted = False, np.inf, False
@@ -369,7 +370,7 @@ def act(brake: Array, state: CatcherState, result: Result) -> int:
     s, out = state.scalars[0], result.scalars[0]
     t, phase, desired, estimated = out.t, s.phase, state.desired, state.estimated
     arm, monitor, tracking, command = (
-        state.safety.arm,
+        state.arm,
         state.monitor,
         state.tracking,
         result.command,
@@ -469,7 +470,7 @@ def _carry(motion: Array, dt: float) -> None:
 def _slow_down(state: CatcherState) -> None:
     """Brake all joints as hard as the drives can."""
     safety, last = state.safety, state.last
-    choose_stop(safety.arm, safety.bounds, last, HARDEST, safety.stop)
+    choose_stop(safety.arm, safety.loaded, safety.bounds, last, HARDEST, safety.stop)
     stop_by(safety.bounds, last, safety.stop.rates, state.desired)
 
 
@@ -603,7 +604,7 @@ def _afterwards(state: CatcherState, result: Result) -> int:
         todo |= PASSES
     if has_closed(state.fingers[0], out.t + TICK, True) and (
         has_closed(state.fingers[0], out.t + TICK, False)
-        or short_of_room(state.safety.arm, state.limits, result.command, state.mass)
+        or short_of_room(state.arm, state.limits, result.command, state.mass)
     ):  # fmt: skip
         todo |= GRASPS
     return todo

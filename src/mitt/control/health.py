@@ -81,6 +81,8 @@ FAILED_TICKS = 5
 HEALTH = np.dtype(
     [
         ("t", float),  # time of the last tick [s]; NaN before the first
+        ("passed", float),  # time since the tick before it, as far as that is known [s]
+        ("begun", bool),  # whether a usable time was given since the beginning
         ("timeless", int),  # ticks in a row without usable time
         ("far", float),  # time for which the arm was far from the commanded motion, in ticks
         ("late", int),  # late ticks so far
@@ -98,36 +100,37 @@ def fresh_health() -> Record:
 
 @kernel
 def time_since(before: float, t: float) -> float:
-    """Return the time from one tick to the next [s], in whole nanoseconds.
-
-    Args:
-        before: Time of the tick before [s]; NaN where there was none: a tick has passed then.
-        t: Time of the tick [s].
-    """
-    return TICK if np.isnan(before) else np.floor(1e9 * (t - before) + 0.5) / 1e9
+    """Return the time from one tick to the next [s], in whole nanoseconds."""
+    return float(np.floor(1e9 * (t - before) + 0.5) / 1e9)
 
 
 @kernel
 def pass_time(m: Fields, t: float) -> tuple[float, int]:
-    """Take the time of a tick in.
+    """Take the time of a tick in, and how long ago the tick before was.
+
+    The first usable time is right, whatever was before it: after a pause, or in place of times
+    that were none. The time that has passed by then counts up to a tick that is in time.
 
     Args:
         m: Of type :data:`HEALTH`, overwritten.
         t: Time as given [s].
 
     Returns:
-        Time to be used [s], which never runs backwards, and what is wrong with it: 0, ``_LATE``,
-        ``CLOCK`` or ``OVERRUN``.
+        Time to be used [s], which runs backwards at most once, to the first usable one; and what is
+        wrong with it: 0, ``_LATE``, ``CLOCK`` or ``OVERRUN``.
     """
     before = m.t
-    if np.isnan(before) and np.isfinite(t):
-        m.t = t
+    if not m.begun and np.isfinite(t):
+        known = t > before and m.timeless == 0
+        m.passed = min(time_since(before, t), IN_TIME) if known else TICK
+        m.t, m.begun, m.timeless = t, True, 0
         return t, _NONE
     if not (np.isfinite(t) and t > before):
         m.timeless += 1
-        m.t = before + TICK if np.isfinite(before) else 0.0
+        m.passed, m.t = TICK, before + TICK if np.isfinite(before) else 0.0
         return m.t, CLOCK if m.timeless >= _MOST_TICKS else _LATE
-    m.timeless, m.t, passed = 0, t, time_since(before, t)
+    passed = time_since(before, t)
+    m.timeless, m.t, m.passed = 0, t, passed
     if passed <= IN_TIME:
         return t, _NONE
     m.late += 1

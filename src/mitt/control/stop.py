@@ -4,10 +4,11 @@
 (:func:`choose_stop`). All joints brake at once, each at a constant rate. The torque that this takes
 is that of the model, gravity, coupling and Coriolis forces included, at some instants of the way to
 standstill. A joint that has room brakes gently, one that is short of it as hard as it must: the
-least that any stop within the ranges takes. So the deceleration that a joint is trusted with
-follows from the torque that is left for it where the arm is, and is never a number of the arm
-alone. Constant rates keep their promise by themselves: a tick further along such a stop, what is
-left of it is the stop that is found there.
+least that any stop within the ranges takes. The torque is that of the arm with its load and without
+it: in between it is no larger, as it is linear in the mass. So the deceleration that a joint is
+trusted with follows from the torque that is left for it where the arm is, and is never a number of
+the arm alone. Constant rates keep their promise by themselves: a tick further along such a stop,
+what is left of it is the stop that is found there.
 
 **After the catch** (:func:`plan_brake`), each joint brakes at its own rate, a share of
 tau_max / M_kk, which builds up and lets go within ``ONSET``. The rates keep the torque of the whole
@@ -54,6 +55,8 @@ SHARE = 0.98
 _HARD, _MILD = (1.0, 0.7, 0.5, 0.35), (1.0, 0.5, 0.25)
 #: Where trying begins: the hardest stop first, or the gentlest kinds, which mostly are possible.
 HARDEST, EASIEST = 0, len(_HARD)
+#: How many kinds there are.
+KINDS = len(_HARD) + len(_MILD)
 #: Instants in equal steps of a stop at constant rates at which its torque is looked at, its end
 #: included; and how far before and after a joint's rest it is, in times of its way there.
 EQUAL_STEPS, _BESIDE = 5, 1e-9
@@ -104,24 +107,34 @@ def gentle_rates(arm: Arm, most: Array) -> Array:
 
 
 @kernel
-def _write_rates(b: Record, motion: Array, kind: int, rates: Array) -> None:
+def write_rates(b: Record, motion: Array, kind: int, rates: Array) -> None:
     """Write the decelerations of one kind of stop; see :func:`choose_stop`.
 
-    A joint that is beyond its speed, or short of room ahead, brakes at its largest.
+    A joint that is short of room ahead brakes at its largest.
     """
     for k in range(len(rates)):
         q, dq, most = motion[0, k], motion[1, k], b[k].deceleration
         base = _HARD[kind] * most if kind < EASIEST else _MILD[kind - EASIEST] * b[k].gentle
         room = b[k].q_max - q if dq > 0.0 else q - b[k].q_min
-        if abs(dq) > b[k].dq_max or 2.0 * room * most <= dq * dq:
+        if 2.0 * room * most <= dq * dq:
             rates[k] = most
         else:
             rates[k] = min(max(base, 0.5 * dq * dq / max(room, 1e-12)), most)
 
 
 @kernel
-def _share_of_stop(arm: Tables, motion: Array, w: StopWork) -> float:
+def _slow_fast_joints(b: Record, motion: Array, rates: Array) -> None:
+    """Let joints that are beyond their speed brake at their largest deceleration."""
+    for k in range(len(rates)):
+        if abs(motion[1, k]) > b[k].dq_max:
+            rates[k] = b[k].deceleration
+
+
+@kernel
+def share_of_stop(arm: Tables, loaded: Record, motion: Array, w: StopWork) -> float:
     """Return the largest share of a drive's torque on the way to standstill at ``w.rates``.
+
+    Of the arm with its load and without it, whichever takes more.
 
     It jumps when a joint comes to rest: just before and just after are looked at for each joint,
     besides instants in equal steps.
@@ -150,15 +163,20 @@ def _share_of_stop(arm: Tables, motion: Array, w: StopWork) -> float:
             speed[index[k]] = row[1, k]
         inverse_dynamics(bodies, row[0], row[1], row[2], tau, w.dynamics)
         largest = max(largest, largest_share(drives, tau, speed))
+        inverse_dynamics(loaded, row[0], row[1], row[2], tau, w.dynamics)
+        largest = max(largest, largest_share(drives, tau, speed))
     return largest
 
 
 @kernel
-def choose_stop(arm: Tables, b: Record, motion: Array, first: int, w: StopWork) -> float:
+def choose_stop(
+    arm: Tables, loaded: Record, b: Record, motion: Array, first: int, w: StopWork
+) -> float:  # fmt: skip
     """Find a stop that the drives can make; its decelerations are ``w.rates``.
 
     Args:
-        arm: As of ``Arm.tables``.
+        arm: As of ``Arm.tables``, without a load.
+        loaded: Its links with the load, as of ``Arm.bodies``, shape (N,).
         b: Limits, as of :mod:`mitt.control.viability`, shape (n,).
         motion: q, dq in the first two rows, shape (2 or more, n).
         first: Kind of stop that is tried first: ``HARDEST`` or ``EASIEST``.
@@ -168,16 +186,18 @@ def choose_stop(arm: Tables, b: Record, motion: Array, first: int, w: StopWork) 
         The largest share of a drive's torque that it takes: of the first stop with at most
         ``SHARE``, or else of the one with the least.
     """
-    kinds, least, best = len(_HARD) + len(_MILD), np.inf, 0
-    for i in range(kinds):
-        kind = (i + first) % kinds
-        _write_rates(b, motion, kind, w.rates)
-        share = _share_of_stop(arm, motion, w)
+    least, best = np.inf, 0
+    for i in range(KINDS):
+        kind = (i + first) % KINDS
+        write_rates(b, motion, kind, w.rates)
+        _slow_fast_joints(b, motion, w.rates)
+        share = share_of_stop(arm, loaded, motion, w)
         if share <= SHARE:
             return float(share)
         if share < least:
             least, best = share, kind
-    _write_rates(b, motion, best, w.rates)
+    write_rates(b, motion, best, w.rates)
+    _slow_fast_joints(b, motion, w.rates)
     return float(least)
 
 
@@ -195,7 +215,9 @@ def stop_by(b: Record, last: Array, rates: Array, desired: Array) -> None:
 
 
 @kernel
-def clamp_to_reserve(arm: Tables, b: Record, last: Array, desired: Array, w: StopWork) -> bool:
+def clamp_to_reserve(
+    arm: Tables, loaded: Record, b: Record, last: Array, desired: Array, w: StopWork
+) -> bool:  # fmt: skip
     """Replace a motion that the drives could not stop any more by braking; say whether it was.
 
     One that takes no more torque to stop than the last motion does may pass in any case: it leads
@@ -206,8 +228,8 @@ def clamp_to_reserve(arm: Tables, b: Record, last: Array, desired: Array, w: Sto
         moves |= desired[1, k] != 0.0
     if not moves:
         return False
-    share = choose_stop(arm, b, desired, EASIEST, w)
-    if share <= SHARE or share <= choose_stop(arm, b, last, EASIEST, w):
+    share = choose_stop(arm, loaded, b, desired, EASIEST, w)
+    if share <= SHARE or share <= choose_stop(arm, loaded, b, last, EASIEST, w):
         return False
     stop_by(b, last, w.rates, desired)
     return True

@@ -5,6 +5,25 @@ conservative advancement: where the smallest gap is d, no point gets closer than
 that it can still travel, and so far the arm can be moved on without looking. Nothing thin is
 stepped over, and in open space one look is enough. Where joints have a jerk limit, the way is that
 of :func:`mitt.control.envelope.slow_down`, tick by tick.
+
+**Certified, and why it lasts.** After each tick the emitted motion x = (q, dq, ddq) is such that
+the stop B(x), all joints braking at their trusted decelerations, stays in the ranges and keeps
+``MARGIN`` from everything. By induction: an x that passes is examined itself; where it does not
+pass, the arm is led along B of the tick before, and what is left of B there is B again. That holds
+as long as B is the same function of x in both ticks. B depends on the decelerations, on jerk and
+ranges, and on the shapes: none of them changes during a throw. The ball does, so the decelerations
+and the jerk are the least of the arm with it and without it, from the first tick on, and whether
+drives can make a stop is asked of both. What takes up the ball or lets it go changes the model that
+the torques are computed with (``CatcherState.arm``), and nothing in :class:`Safety`. A new start,
+as by ``recover``, certifies a motion at rest. A stop far from the command begins at the estimate,
+which nothing has certified. The one thing that changes is ``dq_max``, kept lower where a ball will
+drive a joint on: B does not depend on it. A joint that is faster than a new ``dq_max`` brakes, and
+where that is blocked it is led along B like any other.
+
+This speaks of the commanded motion, not of the arm, which may lag behind it: after a jump of the
+ball's estimate the command may turn faster than the drives, and B may be harder than all drives
+together. The ranges of the measured joints are guarded besides
+(:func:`mitt.control.envelope.bound_acceleration`), their clearance is not.
 """
 
 from functools import lru_cache
@@ -36,15 +55,18 @@ class Safety(NamedTuple):
     """What the safety filter knows of an arm and of what stands around it.
 
     Attributes:
-        arm: As of ``Arm.tables``.
-        bounds: Limits of type :data:`mitt.control.envelope.BOUNDS`, shape (n,).
+        arm: As of ``Arm.tables``, without a load.
+        loaded: Its links with the load that it may take up, as of ``Arm.bodies``, shape (N,).
+        bounds: Limits of type :data:`mitt.control.envelope.BOUNDS`, of which ``deceleration``,
+            ``gentle`` and ``jerk`` are those that hold with the load and without it, shape (n,).
         shapes: ``Shapes.table``, shape (m,).
         pairs: Those to be kept apart, shape (p, 2).
         measured: Where room was last measured [rad], and how much there was [m], shape (n + 1,).
-        ends, way, after, stop: Scratch.
+        ends, way, after, brakes, stop: Scratch.
     """
 
     arm: Tables
+    loaded: Record
     bounds: Record
     shapes: Record
     pairs: NDArray[np.int64]
@@ -52,23 +74,35 @@ class Safety(NamedTuple):
     ends: Record
     way: Array
     after: Array
+    brakes: Array
     stop: StopWork
 
 
-def safety_of(arm: Arm, around: Surroundings) -> Safety:
-    """Return what the safety filter knows of an arm; nothing was measured yet."""
-    (shapes, bounds), n = _shapes_and_bounds(arm, around), arm.n
+def safety_of(arm: Arm, around: Surroundings, load: float = 0.0) -> Safety:
+    """Return what the safety filter knows of an arm; nothing was measured yet.
+
+    Args:
+        arm: The arm, without a load.
+        around: What stands around it.
+        load: Mass that it may take up at its catch point, at any time [kg].
+    """
+    (shapes, bounds), n = _shapes_and_bounds(arm, around, load), arm.n
     return Safety(
-        arm.tables, bounds.copy(), shapes.table, shapes.pairs, np.full(n + 1, -np.inf),
-        shapes.ends, np.zeros((3, n)), np.zeros((3, n)), stop_work(arm),
+        arm.tables, arm.holding(load).bodies, bounds.copy(), shapes.table, shapes.pairs,
+        np.full(n + 1, -np.inf), shapes.ends, np.zeros((3, n)), np.zeros((3, n)), np.zeros(n),
+        stop_work(arm),
     )  # fmt: skip
 
 
 @lru_cache(maxsize=32)
-def _shapes_and_bounds(arm: Arm, around: Surroundings) -> tuple[Shapes, Record]:
+def _shapes_and_bounds(arm: Arm, around: Surroundings, load: float) -> tuple[Shapes, Record]:
     """Return shapes and limits; they are worked out once, not each throw."""
-    shapes, bounds = shapes_of(arm, around), bounds_of(arm)
-    bounds["reach"], bounds["gentle"] = shapes.reach, gentle_rates(arm, bounds["deceleration"])
+    shapes, bounds, loaded = shapes_of(arm, around), bounds_of(arm), arm.holding(load)
+    for name in ("deceleration", "jerk"):
+        bounds[name] = np.minimum(bounds[name], bounds_of(loaded)[name])
+    most = bounds["deceleration"]
+    bounds["reach"] = shapes.reach
+    bounds["gentle"] = np.minimum(gentle_rates(arm, most), gentle_rates(loaded, most))
     return shapes, bounds
 
 
@@ -90,7 +124,7 @@ def safety_filter(s: Safety, last: Array, desired: Array) -> int:
         ``PASSED``, ``KEPT`` or ``BLOCKED``.
     """
     result = KEPT if clamp(s.bounds, last, desired) else PASSED
-    if clamp_to_reserve(s.arm, s.bounds, last, desired, s.stop):
+    if clamp_to_reserve(s.arm, s.loaded, s.bounds, last, desired, s.stop):
         result = BLOCKED
     if not stops_clear(s, desired) and not _leads_out(s, last, desired):
         result = BLOCKED
@@ -102,20 +136,32 @@ def safety_filter(s: Safety, last: Array, desired: Array) -> int:
 
 @kernel
 def stops_clear(s: Safety, motion: Array) -> bool:
-    """Say whether the way to standstill from q, dq, ddq keeps ``MARGIN`` from everything.
+    """Say whether the way to standstill from q, dq, ddq keeps ``MARGIN`` from everything."""
+    for k in range(motion.shape[1]):
+        if not np.isinf(s.bounds[k].jerk):
+            return bool(_stops_clear_smoothly(s, motion))
+        s.brakes[k] = s.bounds[k].deceleration
+    return bool(stops_clear_at(s, motion, s.brakes, s.measured))
+
+
+@kernel
+def stops_clear_at(s: Safety, motion: Array, rates: Array, known: Array) -> bool:
+    """Say the same of joints that brake at constant rates.
 
     Where the room that was last measured suffices, less what the arm has moved since, it is not
     measured again.
+
+    Args:
+        s: What is known.
+        motion: q, dq in the first two rows, shape (2 or more, n).
+        rates: Decelerations [rad/s^2], shape (n,).
+        known: As ``Safety.measured``, overwritten.
     """
-    b, way, known = s.bounds, s.way[0], s.measured
-    n, t = motion.shape[1], 0.0
-    for k in range(n):
-        if not np.isinf(b[k].jerk):
-            return bool(_stops_clear_smoothly(s, motion))
+    b, way, n, t = s.bounds, s.way[0], motion.shape[1], 0.0
     for look in range(_LOOKS):
         left, pace, moved = 0.0, 0.0, _TRIFLE
         for k in range(n):
-            brake, speed, reach = b[k].deceleration, abs(motion[1, k]), b[k].reach
+            brake, speed, reach = rates[k], abs(motion[1, k]), b[k].reach
             passed = min(t, speed / brake)
             gone, then = passed * (speed - 0.5 * brake * passed), max(speed - brake * t, 0.0)
             whole = 0.5 * speed * speed / brake
