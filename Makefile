@@ -3,7 +3,7 @@
 # make bare     run each command of the README and the tutorials without any extra
 # make extras   add all extras to .venv
 # make docs     build the documentation site: build/docs/index.html
-# make soak     fuzz envelope, ticks, calls and readers: COMMANDS=N TICKS=N CALLS=N FILES=N PROCESSES=N KILLS=N RUN_KILLS=N RUN_SIGNALS=N STUDY_KILLS=N SEED=S
+# make soak     fuzz envelope, ticks, calls and readers: COMMANDS=N TICKS=N CALLS=N FILES=N PROCESSES=N KILLS=N RUN_KILLS=N RUN_SIGNALS=N STUDY_KILLS=N SWINGS=N SEED=S
 # make lint     format, lint, types, import contracts
 # make check    make lint, then make test
 # Each builds .venv with exactly pinned versions first if it is missing; Python >= 3.11 is enough.
@@ -22,6 +22,7 @@ KILLS ?= 3
 RUN_KILLS ?= 2
 RUN_SIGNALS ?= 4
 STUDY_KILLS ?= 2
+SWINGS ?= 70
 SEED ?= 1
 
 .PHONY: catch test bare extras lint check bench docs soak clean
@@ -71,7 +72,7 @@ docs: .venv/documented
 	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet --builder html docs build/docs
 
 soak: .venv/complete
-	PYTHONPATH=tests $(BIN)/python -m soak --commands $(COMMANDS) --ticks $(TICKS) --calls $(CALLS) --files $(FILES) --processes $(PROCESSES) --kills $(KILLS) --run-kills $(RUN_KILLS) --run-signals $(RUN_SIGNALS) --study-kills $(STUDY_KILLS) --seed $(SEED)
+	PYTHONPATH=tests $(BIN)/python -m soak --commands $(COMMANDS) --ticks $(TICKS) --calls $(CALLS) --files $(FILES) --processes $(PROCESSES) --kills $(KILLS) --run-kills $(RUN_KILLS) --run-signals $(RUN_SIGNALS) --study-kills $(STUDY_KILLS) --swings $(SWINGS) --seed $(SEED)
 
 clean:
 	rm -rf .venv build

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from mitt.arm.load import build_arm
 from mitt.trials.learning import learn
-from soak import arrays, commands, files, kills, runs, studies, ticks
+from soak import arrays, commands, files, kills, runs, studies, swings, ticks
 
 #: Where files that did harm are kept.
 _HARMFUL = Path("runs/soak")
@@ -23,7 +23,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
     for name, default in (("commands", 20_000_000), ("ticks", 5_000), ("files", 300),
                           ("calls", 20_000), ("processes", 6), ("kills", 3),
-                          ("run_kills", 2), ("run_signals", 4), ("study_kills", 2),
+                          ("run_kills", 2), ("swings", 70), ("run_signals", 4), ("study_kills", 2),
                           ("seed", 1)):  # fmt: skip
         parser.add_argument(f"--{name.replace('_', '-')}", type=int, default=default, metavar="N")
     options = parser.parse_args()
@@ -32,6 +32,10 @@ def main() -> int:
     print(sent)  # noqa: T201
     made = ticks.soak(options.ticks, seed=options.seed, f=learn(build_arm("wam")).map)
     print(dict(made.phases), dict(made.states), f"{made.recovered} recoveries")  # noqa: T201
+    swung = list(swings.soak(options.swings, seed=options.seed, maps={}))
+    for line in swings.table(swung):
+        print(line)  # noqa: T201
+    strayed = swings.faults(swung)
     called = arrays.soak(options.calls, seed=options.seed)
     print(f"{called.calls} calls of {len(called.functions)} functions, {called.refused} refused")  # noqa: T201
     with tempfile.TemporaryDirectory() as folder:
@@ -46,7 +50,7 @@ def main() -> int:
         print(ended)  # noqa: T201
         again = studies.soak(options.study_kills, seed=options.seed, folder=resumed)
         print(dict(again))  # noqa: T201
-    for fault in made.faults + called.faults[:20] + read.faults + alone.faults:
+    for fault in strayed + made.faults + called.faults[:20] + read.faults + alone.faults:
         print(fault)  # noqa: T201
     for fault in killed.unreadable + ended.faults:
         print(fault)  # noqa: T201
@@ -56,6 +60,8 @@ def main() -> int:
         "non_finite": sent.non_finite + made.non_finite,
         "ticks": made.ticks,
         "tick_faults": made.fault_ticks,
+        "swings": len(swung),
+        "swing_faults": len(strayed),
         "calls": called.calls,
         "call_faults": len(called.faults),
         "files": read.files + alone.files,
@@ -69,7 +75,7 @@ def main() -> int:
     }
     print(json.dumps(result))  # noqa: T201
     bad = ("violations", "non_finite", "tick_faults", "call_faults", "file_faults", "unreadable",
-           "run_faults", "study_faults")  # fmt: skip
+           "swing_faults", "run_faults", "study_faults")  # fmt: skip
     return int(any(result[key] for key in bad))
 
 

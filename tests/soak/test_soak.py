@@ -10,7 +10,7 @@ from mitt.catcher.catcher import Phase
 from mitt.control.envelope import bounds_of
 from mitt.map.learn import Learned
 from mitt.signals import TICK
-from soak import commands, files, judge, kills, ticks
+from soak import commands, files, judge, kills, swings, ticks
 from soak.mutants import mutant
 
 
@@ -69,6 +69,15 @@ def test_no_garbage_gets_a_tick_to_break_a_rule(learned: Learned) -> None:
     assert all(count.phases[phase.value] > 100 for phase in Phase)
     assert {"nominal", "predict", "degraded", "abort"} <= set(count.states)
     assert count.recovered > 10
+
+
+def test_command_and_arm_stay_clear_and_in_range(learned: Learned, arm: Arm) -> None:
+    """Throws to the WAM, balls of 0.034 to 0.5 kg, random calls, exact plant and lab."""
+    maps: swings.Maps = {("wam", "paper"): (arm, learned.map)}
+    wam = tuple(x for x in swings.ROUND if x[:2] == ("wam", "paper"))
+    made = list(swings.soak(16, seed=20020708, maps=maps, chosen=wam))
+    assert swings.faults(made) == []
+    assert sum(x.caught for x in made) >= 4
 
 
 def test_the_rule_of_ticks_sees_what_breaks_it(arm: Arm) -> None:
