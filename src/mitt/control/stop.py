@@ -56,7 +56,7 @@ _HARD, _MILD = (1.0, 0.7, 0.5, 0.35), (1.0, 0.5, 0.25)
 #: Where trying begins: the hardest stop first, or the gentlest kinds, which mostly are possible.
 HARDEST, EASIEST = 0, len(_HARD)
 #: How many kinds there are.
-KINDS = len(_HARD) + len(_MILD)
+_KINDS = len(_HARD) + len(_MILD)
 #: Instants in equal steps of a stop at constant rates at which its torque is looked at, its end
 #: included; and how far before and after a joint's rest it is, in times of its way there.
 EQUAL_STEPS, _BESIDE = 5, 1e-9
@@ -107,7 +107,7 @@ def gentle_rates(arm: Arm, most: Array) -> Array:
 
 
 @kernel
-def write_rates(b: Record, motion: Array, kind: int, rates: Array) -> None:
+def _write_rates(b: Record, motion: Array, kind: int, rates: Array) -> None:
     """Write the decelerations of one kind of stop; see :func:`choose_stop`.
 
     A joint that is short of room ahead brakes at its largest.
@@ -131,7 +131,7 @@ def _slow_fast_joints(b: Record, motion: Array, rates: Array) -> None:
 
 
 @kernel
-def share_of_stop(arm: Tables, loaded: Record, motion: Array, w: StopWork) -> float:
+def _share_of_stop(arm: Tables, loaded: Record, motion: Array, w: StopWork) -> float:
     """Return the largest share of a drive's torque on the way to standstill at ``w.rates``.
 
     Of the arm with its load and without it, whichever takes more.
@@ -187,16 +187,16 @@ def choose_stop(
         ``SHARE``, or else of the one with the least.
     """
     least, best = np.inf, 0
-    for i in range(KINDS):
-        kind = (i + first) % KINDS
-        write_rates(b, motion, kind, w.rates)
+    for i in range(_KINDS):
+        kind = (i + first) % _KINDS
+        _write_rates(b, motion, kind, w.rates)
         _slow_fast_joints(b, motion, w.rates)
-        share = share_of_stop(arm, loaded, motion, w)
+        share = _share_of_stop(arm, loaded, motion, w)
         if share <= SHARE:
             return float(share)
         if share < least:
             least, best = share, kind
-    write_rates(b, motion, best, w.rates)
+    _write_rates(b, motion, best, w.rates)
     _slow_fast_joints(b, motion, w.rates)
     return float(least)
 

@@ -141,11 +141,11 @@ def stops_clear(s: Safety, motion: Array) -> bool:
         if not np.isinf(s.bounds[k].jerk):
             return bool(_stops_clear_smoothly(s, motion))
         s.brakes[k] = s.bounds[k].deceleration
-    return bool(stops_clear_at(s, motion, s.brakes, s.measured))
+    return bool(_stops_clear_at(s, motion, s.brakes, s.measured))
 
 
 @kernel
-def stops_clear_at(s: Safety, motion: Array, rates: Array, known: Array) -> bool:
+def _stops_clear_at(s: Safety, motion: Array, rates: Array, known: Array) -> bool:
     """Say the same of joints that brake at constant rates.
 
     Where the room that was last measured suffices, less what the arm has moved since, it is not
