@@ -49,7 +49,7 @@ GOOD: dict[str, tuple[list[str], str]] = {
     "report": (["report", "OUT"], "mitt.cli.measuring.progress"),
     "arms": (["arms"], "mitt.cli.listing.show"),
 }  # fmt: skip
-TEXTS = ("", "nonsense", "²", "../x", "no/such/file.toml", ".", "mine.toml", "MAP.json",
+TEXTS = ("", "nonsense", "²", "../x", "tmp/such/file.toml", ".", "mine.toml", "MAP.json",
          "POINTS.csv", "\x1b[31m", "x" * 300, "dask://x:99999", "1e308,0,0", "nan,1,2")  # fmt: skip
 ALL = [(name, option) for name in COMMANDS for option in options_of(COMMANDS[name])
        if option.kind is not bool]  # fmt: skip
