@@ -162,8 +162,8 @@ def test_files_outside_its_folder_are_left_out_with_a_note(tmp_path: Path) -> No
             folder / "a.xml", ('meshdir="assets"', f'meshdir="{meshdir}" texturedir="../parts"'),
             ('file="l0.obj"', 'file="pipe"'), ('file="l1.stl"', 'name="l1" file="pipe"'),
             ('file="t.png"', 'file="pipe"'),
-            ("</asset>", '<hfield name="h" size="1 1 1 1" file="pipe"/></asset><deformable><skin file="pipe"/>'
-             "</deformable>"),
+            ("</asset>", '<hfield name="h" size="1 1 1 1" file="pipe"/></asset><deformable>'
+             '<skin file="pipe"/></deformable>'),
         )  # fmt: skip
         (note,) = (x for x in build_arm(path, tip="tcp", joints=_NAMES).model.notes if "mesh" in x)
         assert "for base, one: " in note
