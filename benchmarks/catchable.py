@@ -117,7 +117,7 @@ def main() -> None:
     parser.add_argument("--conditions", default="default", help="names with commas, or all")
     parser.add_argument("--scene", default="lab", help="of the condition default")
     parser.add_argument("--vision", default="pixels", choices=("pixels", "points"))
-    parser.add_argument("--generator", default="direct", choices=("direct", "several"))
+    parser.add_argument("--generator", default="direct", choices=("direct", "single"))
     parser.add_argument("--sample", type=float, default=SAMPLE)
     parser.add_argument("--oracle", type=int, default=sys.maxsize)
     parser.add_argument("--workers", type=int, default=1)

@@ -19,7 +19,7 @@ BEGIN, END = "<!-- tables -->", "<!-- end of tables -->"
 LEVEL = 0.05
 REFERENCE = "direct"
 #: The generators whose intervals stand in the table; the page of the study has all.
-WITH_INTERVAL = (REFERENCE, "several")
+WITH_INTERVAL = (REFERENCE, "single")
 
 Row = dict[str, Any]
 

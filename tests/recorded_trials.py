@@ -26,7 +26,7 @@ class Case:
     name: str
     vision: str = "points"
     images: bool = False
-    generator: str = "direct"
+    generator: str = "single"
     limits: str = "paper"
     scene: str = "lab"
     changes: dict[str, Any] = field(default_factory=dict)
@@ -42,7 +42,7 @@ CASES = (
     Case(name="images", vision="pixels", images=True),
     Case(name="rough", vision="pixels", scene="rough"),
     Case(name="wam-48v, 0.5 kg", limits="wam-48v", changes={"ball": {"mass": 0.5}}),
-    Case(name="several, kicked", vision="pixels", generator="several",
+    Case(name="kicked", vision="pixels", generator="direct",
          changes=_faults({"kind": "kick", "magnitude": 2.0})),
     Case(name="unoptimised", generator="unoptimised"),
     Case(name="refined in flight", generator="refine"),
@@ -108,7 +108,7 @@ def recorded(case: Case, folder: Path, *, throws: int, seed: int) -> Iterator[tu
     f, generator = map_for(case.limits), _generator(case.generator, case.limits)
     runner = TrialRunner(f.arm, generator, scene, pixels=case.vision == "pixels")
     source = source_of(f.arm, seed=seed, count=throws, drag=scene.ball.drag)
-    about = runner.about("direct" if case.generator == "refine" else case.generator, f)
+    about = runner.about("single" if case.generator == "refine" else case.generator, f)
     for k in range(throws):
         outcome = runner.throw(source, k, log=True, images=case.images)
         assert outcome.log is not None

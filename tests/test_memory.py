@@ -22,8 +22,8 @@ from support import arrays_in
 import mitt
 from mitt.arm.arm import Arm
 from mitt.catcher.catcher import Catcher, CatcherSettings
+from mitt.catcher.family import Family
 from mitt.catcher.generators import Direct, Generator, Unoptimised, refining
-from mitt.catcher.several import Several
 from mitt.errors import FileError, InputError, MittError, ShapeError, UnknownNameError
 from mitt.eyes.camera import fixed_rig
 from mitt.eyes.eyes import Eyes, EyesConfig
@@ -232,7 +232,7 @@ def test_arms_maps_and_generators_survive_copies(arm: Arm, learned: Learned, how
     """A copy gives the same answers."""
     f, direct = learned.map, Direct(learned.map)
     generators: tuple[Generator, ...] = (
-        direct, refining(f), Unoptimised(f), Several((direct,))
+        direct, refining(f), Unoptimised(f), Family((direct,))
     )  # fmt: skip
     for thing in (arm, f, *generators):
         assert np.array_equal(_answer(_COPIES[how](thing)), _answer(thing))

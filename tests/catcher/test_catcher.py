@@ -14,8 +14,8 @@ from mitt.arm.description import Capsule
 from mitt.arm.load import build_arm
 from mitt.arm.shapes import Surroundings
 from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
+from mitt.catcher.family import Family
 from mitt.catcher.generators import Direct, Unoptimised, refining
-from mitt.catcher.several import Several
 from mitt.catcher.state import arm_numbers
 from mitt.control.encoders import GOOD_TICKS, LOSSY_TICKS, SILENT_TICKS
 from mitt.control.health import Reason
@@ -553,8 +553,8 @@ def test_catchers_with_other_surroundings_stand_in_one_process(arm: Arm, learned
 
 def test_a_change_of_map_changes_the_waiting_height(arm: Arm) -> None:
     """A ball's surrogate target is led to the height at which the map that is followed catches."""
-    several = make_generator("several", learn(arm).map)
-    assert isinstance(several, Several)
+    several = make_generator("direct", learn(arm).map)
+    assert isinstance(several, Family)
     catcher = Catcher(arm, several, Eyes(fixed_rig()), settings=CatcherSettings())
     heights = []
     for f in (one.map for one in several.maps):

@@ -14,14 +14,12 @@ from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
 from mitt.catcher.generators import Direct, Generator
 from mitt.catcher.planner import comes
 from mitt.catcher.settings import PATIENCE, SOON
-from mitt.catcher.several import Several
 from mitt.control.envelope import speeds_of
 from mitt.map.learn import Learned
-from mitt.map.map_design import further_designs
 from mitt.map.mapping import DirectMap
 from mitt.rivals.planned import make_quintic
 from mitt.signals import GRAVITY, TICK, ArmState, Array, Senses, Sighting
-from mitt.trials.learning import Neighbourhood, learn
+from mitt.trials.learning import direct, learn
 from mitt.verdict.feasibility import Outcome, Verdict
 from mitt.verdict.impact import speed_caps, speed_jumps
 
@@ -182,9 +180,7 @@ def test_several_maps_wait_for_a_ball_that_comes_in_low(
     """A map that reaches lower does not go for it where it falls; the one that waits catches it."""
     start, speed = np.array([x, 0.1, 0.15]), np.array([-4.6, -0.1, up])
     way = partial(sinking, down=0.0, table=-0.25, start=start, speed=speed)
-    lower = learn(arm, design=further_designs(arm)[1][-1], around=Neighbourhood(flights=40)).map
-    maps = Several((Direct(taught.map), Direct(lower)))
-    catcher = caught(arm, maps, way, settings_for(0.07), lambda _: None)
+    catcher = caught(arm, direct(taught.map), way, settings_for(0.07), lambda _: None)
     assert catcher.state.fingers["t_begun"][0] < np.inf
     t = catcher.state.fingers["t_catch"][0]
     assert np.linalg.norm(way(t) - arm.position(catcher.estimated[0])) < 0.03

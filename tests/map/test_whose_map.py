@@ -11,8 +11,8 @@ from mitt.arm.hands import HandModel
 from mitt.arm.limits import Limits
 from mitt.arm.load import build_arm
 from mitt.catcher.catcher import Catcher
+from mitt.catcher.family import Family
 from mitt.catcher.generators import Direct, Generator, check_arm, for_arm, refining
-from mitt.catcher.several import Several
 from mitt.errors import InputError
 from mitt.map.learn import Learned
 from mitt.rivals.planned import make_quintic
@@ -78,7 +78,7 @@ OTHERS: dict[str, Change] = {
 def generators(learned: Learned) -> list[Generator]:
     """Return a generator of each kind for the arm of a map."""
     f = learned.map
-    return [Direct(f), refining(f), Several((Direct(f), Direct(f))), make_quintic(f)]
+    return [Direct(f), refining(f), Family((Direct(f), Direct(f))), make_quintic(f)]
 
 
 @pytest.mark.parametrize("kind", OTHERS)
@@ -120,7 +120,7 @@ def test_a_map_of_another_arm_among_several_is_found(arm: Arm, learned: Learned)
     """Not only the one that is asked first, nor only the one in use."""
     f = learned.map
     weak = replace(f, arm=OTHERS["masses"](arm))
-    for generator in (Several((Direct(f), Direct(weak))), Direct(f, learned=weak)):
+    for generator in (Family((Direct(f), Direct(weak))), Direct(f, learned=weak)):
         with pytest.raises(InputError, match="masses"):
             Catcher(arm, generator)
         with pytest.raises(InputError, match="masses"):

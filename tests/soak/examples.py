@@ -15,8 +15,8 @@ from mitt.arm.load import build_arm
 from mitt.ball.filter import BallFilter
 from mitt.ball.flight import forecast
 from mitt.catcher.catcher import Catcher, CatcherSettings
+from mitt.catcher.family import Family
 from mitt.catcher.generators import Direct, Unoptimised, refining
-from mitt.catcher.several import Several
 from mitt.eyes.camera import fixed_rig
 from mitt.eyes.eyes import Eyes
 from mitt.map.learn import Flight
@@ -90,7 +90,7 @@ class Examples:
         return {
             "arm": arm, "arm.model": arm.model, "arm.limits": arm.limits, "map": f,
             "map.basis": f.basis, "direct": direct, "refining": refining(f),
-            "several": Several((direct,)), "unoptimised": Unoptimised(f),
+            "several": Family((direct,)), "unoptimised": Unoptimised(f),
             "rival": make_quintic(f), "filter": BallFilter(), "eyes": eyes,
             "catcher": Catcher(arm, direct, eyes, settings=settings),
         }  # fmt: skip

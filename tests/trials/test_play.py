@@ -7,9 +7,9 @@ import pytest
 
 from mitt.arm.arm import Arm
 from mitt.catcher.catcher import Catcher
+from mitt.catcher.family import Family
 from mitt.catcher.generators import Direct, Generator
 from mitt.catcher.settings import BRAKE, FOLLOW, REFUSED, STOPPED, WATCH
-from mitt.catcher.several import Several
 from mitt.map.learn import Learned
 from mitt.map.map_design import MapDesign
 from mitt.trials.learning import Neighbourhood, learn
@@ -180,7 +180,7 @@ def test_a_choice_among_maps_is_the_same(
         think(catcher)
 
     monkeypatch.setattr(Catcher, "think", thinking)
-    generator: Generator = Several((Direct(learned.map), Direct(inward.map)))
+    generator: Generator = Family((Direct(learned.map), Direct(inward.map)))
     runner = TrialRunner(arm, generator, Scene())
     through_both(runner, throws(learned, 1), monkeypatch)
     assert len(reviews) > 10

@@ -187,7 +187,7 @@ def about_of(prepared: PreparedCell, f: CellMap) -> About:
         settings, notes = work.for_parts(settings), notes | work.notes
     g = generator_of(prepared, f)
     return About(
-        arm=arm, generator="direct" if isinstance(g, Direct) else "meeting",
+        arm=arm, generator="single" if isinstance(g, Direct) else "meeting",
         maps=(g.map,) if isinstance(g, Direct) else (),
         meeting=g if isinstance(g, Meeting) else None, settings=settings, rig=prepared.rig,
         eyes=config, driven=reserved(arm).limits, notes=notes,

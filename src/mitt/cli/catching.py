@@ -118,8 +118,8 @@ def prepared_again(folder: Path, kept: Kept) -> Prepared:
 def _prepared(options: CatchOptions) -> Prepared:
     """Read and check all that a run needs."""
     check_generator(options.generator)
-    if options.adapt == "refine" and options.generator != "direct":
-        raise InputError("--adapt refine", "--generator direct", options.generator)
+    if options.adapt == "refine" and options.generator != "single":
+        raise InputError("--adapt refine", "--generator single", options.generator)
     if options.throws_file is not None and options.flights is not None:
         raise InputError("--throws-file and --flights", "one of them", "both")
     chosen = spec_of(options).read()

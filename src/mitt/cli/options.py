@@ -100,10 +100,11 @@ class CatchOptions(ArmOptions):
     Attributes:
         throws: Number of throws; 10, or as many as a file has.
         seed: Seed of throws, plant and noise.
-        generator: What turns the ball's estimate into joint motion: direct, several, unoptimised, a
-            rival (ik, quintic, ruckig, mpc, ds, clairvoyant), or one that another package adds.
+        generator: What turns the ball's estimate into joint motion: direct, single (the paper's one
+            map), unoptimised, a rival (ik, quintic, ruckig, mpc, ds, clairvoyant), or one that
+            another package adds.
         map: A map from mitt learn; learned first if left out.
-        adapt: How the direct map is adapted to a throw: once before moving, by projection, or
+        adapt: How the single map is adapted to a throw: once before moving, by projection, or
             refined for that throw besides.
         vision: What the catcher sees: images of two cameras, or noisy points.
         cameras: Cameras that stand still, or on heads that follow the ball; as the scene says if

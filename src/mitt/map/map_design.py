@@ -64,32 +64,6 @@ _CHOSEN = {
     ("wam", "wam-48v"): MapDesign(q_catch=0.6, inward=3.0),
 }
 
-#: Designs besides the default one, gentler and harder, for a choice among several maps.
-_FURTHER = {
-    ("wam", "paper"): (
-        (),
-        (
-            MapDesign(q_catch=1.2, inward=0.3),
-            MapDesign(q_catch=1.2, inward=1.0),
-            MapDesign(q_catch=0.6, inward=3.0),
-            MapDesign(q_catch=0.3, inward=4.0),
-        ),
-    ),
-    ("wam", "wam-80v"): (
-        (MapDesign(q_catch=1.2, inward=1.0),),
-        (MapDesign(q_catch=0.6, inward=3.0),),
-    ),
-    ("wam", "wam-48v"): (
-        (MapDesign(q_catch=0.9, inward=2.5),),
-        (MapDesign(q_catch=0.4, inward=4.0),),
-    ),
-}
-
-
-def further_designs(arm: Arm) -> tuple[tuple[MapDesign, ...], tuple[MapDesign, ...]]:
-    """Return the designs that are gentler and those that are harder than the default one."""
-    return _FURTHER.get((arm.model.name, arm.limits.name), ((), ()))
-
 
 def default_design(
     arm: Arm,

@@ -37,7 +37,7 @@ STATUS = {
 #: Generators: colour, marker and line. What nobody has named here comes in grey.
 GENERATORS: dict[str, tuple[str, str, str]] = {
     "direct": (BLUE, "o", "-"),
-    "several": ("#003f6b", "h", "-"),
+    "single": ("#003f6b", "h", "-"),
     "unoptimised": (INK, "s", "--"),
     "ik": (ORANGE, "v", "-"),
     "quintic": (GREEN, "^", "-"),

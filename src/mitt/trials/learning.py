@@ -21,15 +21,16 @@ from mitt import checks
 from mitt.arm.arm import Arm
 from mitt.arm.description import ArmModel
 from mitt.ball.flight import acceleration, advance
+from mitt.catcher.family import Family
 from mitt.catcher.generators import Direct
-from mitt.catcher.several import Several
 from mitt.errors import InputError
 from mitt.fields import Range, Settings
+from mitt.map.family import family_of
 from mitt.map.learn import Flight, Learned, LearnSettings, learn_from
-from mitt.map.map_design import MapDesign, catch_place, default_design, further_designs
+from mitt.map.map_design import MapDesign, catch_place, default_design
 from mitt.map.mapping import DirectMap, unlearned
 from mitt.map.tangent import to_go
-from mitt.signals import Array
+from mitt.signals import Array, BallState
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -282,6 +283,8 @@ def _beyond(f: DirectMap, motion: Motion, t: float) -> float | None:
     return float(to_go(f.tangent, rows[0])) if inside else None
 
 
+#: How long before it is where it is aimed the nominal ball is looked at [s].
+_ON_ITS_WAY = 0.3
 #: Seed of the flights that maps are learned from; evaluations use other seeds.
 LEARNING_SEED = 20020708
 #: Share of a joint's speed that l_c^-1 may ask of an arm that says where it wants its balls; a
@@ -334,14 +337,19 @@ def learn(
     return learn_from(arm, design, flights, settings=settings)
 
 
-def learn_several(first: DirectMap) -> Several:
-    """Return a choice among a map and those of the further designs for its arm and limits.
+def nominal_ball(arm: Arm) -> BallState:
+    """Return a ball as those that a map is learned from, in their middle, on its way."""
+    of = _about(Neighbourhood(), arm.model)
+    speed, down, side, drag = (
+        float(np.mean(x)) for x in (of.arrival, of.descent, of.azimuth, of.drag)
+    )
+    dr = -speed * np.array([np.cos(down) * np.cos(side), np.cos(down) * np.sin(side), np.sin(down)])
+    r = catch_place(arm).copy()
+    advance(r, dr, drag, -_ON_ITS_WAY)
+    return BallState(t=0.0, r_o=r, dr_o=dr, drag=drag)
 
-    In order of preference, the gentlest first; a map that is one of them already stands once.
-    """
-    before, after = further_designs(first.arm)
-    weight = first.design.match_weight
-    before, after = (tuple(replace(x, match_weight=weight) for x in y) for y in (before, after))
-    maps = [learn(first.arm, design=x).map for x in (*before, *after) if x != first.design]
-    count = sum(x != first.design for x in before)
-    return Several(tuple(Direct(f) for f in (*maps[:count], first, *maps[count:])))
+
+def direct(learned: DirectMap) -> Family:
+    """Return the default generator: a learned map, and those that catch where it does not."""
+    maps = (learned, *family_of(learned, nominal_ball(learned.arm)))
+    return Family(tuple(Direct(f) for f in maps))

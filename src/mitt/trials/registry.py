@@ -18,7 +18,7 @@ from mitt.rivals.clairvoyant import make_clairvoyant
 from mitt.rivals.mpc import make_mpc
 from mitt.rivals.planned import budgeted, make_quintic, make_ruckig
 from mitt.rivals.servo import make_ds, make_ik
-from mitt.trials.learning import learn_several
+from mitt.trials.learning import direct
 
 #: Makes a generator for the arm of a learned map.
 Factory = Callable[[DirectMap], Generator]
@@ -29,8 +29,8 @@ GROUP = "mitt.generators"
 
 #: Generators that ship.
 BUILT_IN: dict[str, Factory] = {
-    "direct": Direct,
-    "several": learn_several,
+    "direct": direct,
+    "single": Direct,
     "unoptimised": lambda f: Unoptimised(unlearned(f.arm, f.design)),  # alpha = 0
     "ik": make_ik,
     "quintic": make_quintic,

@@ -18,10 +18,10 @@ import numpy as np
 from mitt import checks
 from mitt.ball.filter import update
 from mitt.catcher.catcher import Catcher
+from mitt.catcher.family import Family
 from mitt.catcher.generators import Direct, Generator, refining
 from mitt.catcher.meeting import Meeting
 from mitt.catcher.settings import CatcherSettings
-from mitt.catcher.several import Several
 from mitt.catcher.state import Result, copied, gathered, room_for
 from mitt.control.health import StoppedBy
 from mitt.errors import FileError, InputError, MittError
@@ -100,9 +100,9 @@ def recorded_generator(about: About) -> Generator:
     if (batting := about.batting) is not None:
         return replace(batting)
     name, f = about.generator, about.maps[0]
-    if name == "several":
-        return Several(tuple(Direct(x) for x in about.maps))
-    if name == "direct" and about.refines:
+    if name == "direct":
+        return Family(tuple(Direct(x) for x in about.maps))
+    if name == "single" and about.refines:
         return refining(f)
     if name == "clairvoyant":
         raise InputError("a replay", "a generator that knows what its catcher was told", name)

@@ -8,8 +8,8 @@ import numpy as np
 
 from mitt.arm.arm import Arm
 from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
+from mitt.catcher.family import Family
 from mitt.catcher.generators import Direct, Generator
-from mitt.catcher.several import Several
 from mitt.catcher.state import Result, copied, gathered, room_for
 from mitt.clock import Stopwatch
 from mitt.eyes.camera import Rig, fixed_rig
@@ -100,7 +100,7 @@ class TrialRunner:
     def about(self, generator: str, f: DirectMap) -> About:
         """Return what makes the catcher again: its generator by name, made from a map."""
         limits, used = driven(self.arm, self._scene).limits, self._generator
-        maps = tuple(x.map for x in used.maps) if isinstance(used, Several) else (f,)
+        maps = tuple(x.map for x in used.maps) if isinstance(used, Family) else (f,)
         return About(
             arm=f.arm,
             generator=generator,

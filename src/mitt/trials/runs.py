@@ -20,6 +20,7 @@ import mitt
 from mitt import checks
 from mitt.arm.arm import Arm
 from mitt.catcher.catcher import Catcher
+from mitt.catcher.family import Family
 from mitt.catcher.generators import (
     Direct,
     Generator,
@@ -31,7 +32,6 @@ from mitt.catcher.generators import (
 )
 from mitt.catcher.planner import load_decisions, undecided
 from mitt.catcher.settings import CatcherSettings
-from mitt.catcher.several import Several
 from mitt.catcher.tick import act, perceive, refer
 from mitt.clock import Progress, Stopwatch, settled
 from mitt.errors import InputError, StoppedError
@@ -263,7 +263,7 @@ class FinishedRun:
 
 def make_runner(prepared: Prepared, learned: Learned, *, generator: str) -> TrialRunner:
     """Return the runner of a run, for a generator by name."""
-    if prepared.settings.adapt == "refine" and generator == "direct":
+    if prepared.settings.adapt == "refine" and generator == "single":
         return runner_for(prepared, refining(learned.map))
     return runner_for(prepared, make_generator(generator, learned.map))
 
@@ -425,7 +425,7 @@ def _moved_by(f: object, arm: Arm | None) -> tuple[Generator, Arm]:
 
 def _about(runner: TrialRunner, generator: Generator) -> About:
     """Return what makes the catcher of a recording again; InputError where nothing does."""
-    names = {Direct: "direct", Several: "several", Unoptimised: "unoptimised"}
+    names = {Direct: "single", Family: "direct", Unoptimised: "unoptimised"}
     f, name = map_of(generator), names.get(type(generator))
     if f is None or name is None:
         raise InputError("record", "nothing, where the generator is no map", "a folder")

@@ -1,8 +1,9 @@
-"""Several maps at once: the paper's future "modular system", one map chosen for each throw.
+"""Maps that catch in different places: the paper's future "modular system", one for each throw.
 
-The maps come in an order of preference, the gentlest first. A throw is given to the first one
-that catches it with margin, and with room for the brake after the catch, unless one asked before
-finds it low, or else to the one that asks least of its tightest limit. Whenever the generator is
+The default generator: the learned map first, then those of :mod:`mitt.map.family`, which catch
+farther out. A throw is given to the first one that catches it with margin, and with room for the
+brake after the catch, unless one asked before finds it low, or else to the one that asks least of
+its tightest limit. Whenever the generator is
 adapted anew, as after a bounce, the choice is made again, and as soon as the predicted catch
 leaves the region of the map that is followed, as where drag or a gust makes the ball fall short. A
 ball that comes in low from the first is waited for: it may be meant to bounce into the region of a
@@ -35,7 +36,7 @@ _CHOICE = Tolerance(torque=1.25, speed=1.0, acceleration=1.0, strength=0.8)
 
 @final
 @dataclass(frozen=True, slots=True)
-class Several:
+class Family:
     """A choice among maps; see the module.
 
     Attributes:
@@ -76,7 +77,7 @@ class Several:
         """The arms that its maps were made for."""
         return tuple(arm for f in self.maps for arm in f.arms)
 
-    def on(self, arm: Arm) -> "Several":
+    def on(self, arm: Arm) -> "Family":
         """Return the choice for the same arm with other limits."""
         return replace(self, maps=tuple(f.on(arm) for f in self.maps))
 
@@ -113,12 +114,12 @@ class Several:
         """Wait where the map that is followed would."""
         return self.map.waiting(ball)
 
-    def adapt(self, ball: BallState, q: Array, dq: Array) -> "Several":
+    def adapt(self, ball: BallState, q: Array, dq: Array) -> "Family":
         """Choose, and adapt the chosen map to start in ``q``, ``dq``, eq. (12)."""
         index = self._best(ball, q, dq)
         return self._follow(index, self.maps[index].adapt(ball, q, dq))
 
-    def wait(self, ball: BallState, q: Array, dq: Array) -> "Several":
+    def wait(self, ball: BallState, q: Array, dq: Array) -> "Family":
         """Let the map whose verdict on a ball is open wait for it, from ``q``, ``dq`` on."""
         index = self._best(ball, q, dq)
         f = self.maps[index]
@@ -132,7 +133,7 @@ class Several:
         """Hand the chosen map over; all have the same number of monomials."""
         return self.map.map
 
-    def _follow(self, index: int, adapted: Direct) -> "Several":
+    def _follow(self, index: int, adapted: Direct) -> "Family":
         """Return the choice of a map, adapted."""
         maps = (*self.maps[:index], adapted, *self.maps[index + 1 :])
         return replace(self, maps=maps, chosen=index)

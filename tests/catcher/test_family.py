@@ -1,4 +1,4 @@
-"""Several maps: the choice is the best there is, and a change of maps is no jump."""
+"""Maps that catch in different places: the best is chosen, and a change of maps is no jump."""
 
 from dataclasses import replace
 
@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from support import ball_state
 
 from mitt.arm.arm import Arm
+from mitt.catcher.family import Family
 from mitt.catcher.generators import Direct
-from mitt.catcher.several import Several
 from mitt.errors import InputError
 from mitt.map.demand import Tolerance
 from mitt.map.learn import Learned
@@ -24,10 +24,10 @@ seeds = st.integers(0, 2**31)
 
 
 @pytest.fixture(scope="module")
-def several(arm: Arm, learned: Learned) -> Several:
+def several(arm: Arm, learned: Learned) -> Family:
     """The paper's map, and one that lets the ball in along the palm's normal."""
     inward = learn(arm, design=MapDesign(q_catch=0.6, inward=3.0), around=Neighbourhood(flights=40))
-    return Several((Direct(learned.map), Direct(inward.map)))
+    return Family((Direct(learned.map), Direct(inward.map)))
 
 
 def some_ball(seed: int, speed: float) -> BallState:
@@ -40,7 +40,7 @@ def some_ball(seed: int, speed: float) -> BallState:
 
 @settings(max_examples=30)
 @given(seed=seeds, speed=st.floats(4.0, 9.0))
-def test_what_one_map_catches_several_catch(several: Several, seed: int, speed: float) -> None:
+def test_what_one_map_catches_several_catch(several: Family, seed: int, speed: float) -> None:
     """The verdict is feasible if that of any map is, and then it is that map's."""
     ball, q = some_ball(seed, speed), several.maps[0].map.arm.q_ready
     each = [f.verdict(ball, q) for f in several.maps]
@@ -53,7 +53,7 @@ def test_what_one_map_catches_several_catch(several: Several, seed: int, speed: 
 @settings(max_examples=30)
 @given(seed=seeds, speed=st.floats(4.0, 9.0), moving=st.floats(0.0, 2.0))
 def test_a_change_of_maps_is_no_jump(
-    several: Several, seed: int, speed: float, moving: float
+    several: Family, seed: int, speed: float, moving: float
 ) -> None:
     """Eq. (12): whatever is chosen starts where the arm is and as fast as it moves."""
     rng, ball = np.random.default_rng(seed), some_ball(seed, speed)
@@ -66,7 +66,7 @@ def test_a_change_of_maps_is_no_jump(
     assert np.allclose(reference.dq_d, dq, atol=1e-6)
 
 
-def test_a_ball_too_fast_to_match_is_given_to_the_other_map(several: Several) -> None:
+def test_a_ball_too_fast_to_match_is_given_to_the_other_map(several: Family) -> None:
     """At 5 m/s the preferred map follows; at 9 m/s, beyond its limits, the inward one does."""
     q, still = several.map.map.arm.q_ready, np.zeros(3)
     assert several.adapt(some_ball(1, 5.0), q, still).chosen == 0
@@ -77,7 +77,7 @@ def test_a_ball_too_fast_to_match_is_given_to_the_other_map(several: Several) ->
 
 
 def test_a_ball_that_leaves_no_room_for_the_brake_is_given_to_the_other_map(
-    several: Several,
+    several: Family,
 ) -> None:
     """At 6 m/s the preferred map keeps its limits, but joint 4 would have to stop at full torque.
 
@@ -95,16 +95,16 @@ def test_a_ball_that_leaves_no_room_for_the_brake_is_given_to_the_other_map(
     assert several.adapt(ball, q, still).chosen == 1
 
 
-def test_the_map_that_is_followed_is_kept_while_it_serves(several: Several) -> None:
+def test_the_map_that_is_followed_is_kept_while_it_serves(several: Family) -> None:
     """Adapted again to a ball that both can catch, the choice stays as it was."""
     ball, q = some_ball(2, 5.5), several.map.map.arm.q_ready
     for first in (0, 1):
-        followed = Several(several.maps, chosen=first).adapt(ball, q, np.zeros(3))
+        followed = Family(several.maps, chosen=first).adapt(ball, q, np.zeros(3))
         assert followed.chosen == first
         assert followed.sharpness(ball) == followed.map.sharpness(ball)
 
 
-def test_a_ball_that_falls_short_changes_the_map_in_flight(several: Several) -> None:
+def test_a_ball_that_falls_short_changes_the_map_in_flight(several: Family) -> None:
     """Foreseen outside of the followed map's region and inside the other's: astray, and changed."""
     q, still = several.map.map.arm.q_ready, np.zeros(3)
     followed = several.adapt(some_ball(3, 5.0), q, still)
@@ -130,7 +130,7 @@ def low_ball(seed: int, after: float) -> BallState:
 @settings(max_examples=20)
 @given(seed=seeds, after=st.floats(0.3, 0.6), later=st.floats(0.0, 0.15))
 def test_the_map_that_waits_for_a_low_ball_is_the_one_whose_verdict_is_open(
-    several: Several, seed: int, after: float, later: float
+    several: Family, seed: int, after: float, later: float
 ) -> None:
     """However far ahead the catch is: it waits at its own height, and lets no other go down."""
     q, still, ball = several.map.map.arm.q_ready, np.zeros(3), low_ball(seed, after)
@@ -147,7 +147,7 @@ def test_the_map_that_waits_for_a_low_ball_is_the_one_whose_verdict_is_open(
     assert waiting.adapt(falls, q, still).chosen == 0
 
 
-def test_a_map_that_has_waited_keeps_a_ball_that_it_can_catch(several: Several) -> None:
+def test_a_map_that_has_waited_keeps_a_ball_that_it_can_catch(several: Family) -> None:
     """Also one that leaves it less room for the brake than another map would have."""
     q, still, ball = several.map.map.arm.q_ready, np.zeros(3), some_ball(2, 6.0)
     assert several.adapt(ball, q, still).chosen == 1
@@ -159,7 +159,7 @@ def test_a_map_that_has_waited_keeps_a_ball_that_it_can_catch(several: Several) 
 
 @given(before=st.floats(0.05, 1.2), side=st.floats(-0.6, 0.6), led=st.booleans())
 def test_what_is_known_to_be_unsettled_gets_no_other_verdict(
-    several: Several, before: float, side: float, led: bool
+    several: Family, before: float, side: float, led: bool
 ) -> None:
     """No map could settle it; a ball in the air is never called so."""
     f, dr = several.map.map, np.array([-3.0, 0.2, 0.5])
@@ -170,14 +170,14 @@ def test_what_is_known_to_be_unsettled_gets_no_other_verdict(
     assert not known or several.verdict(ball, f.arm.q_ready).outcome is Outcome.UNSETTLED
 
 
-def test_where_no_map_can_catch_none_is_changed(several: Several) -> None:
+def test_where_no_map_can_catch_none_is_changed(several: Family) -> None:
     """A ball that flies away is out of every region: the choice stays."""
     away = ball_state(np.array([2.0, 0.0, 0.5]), np.array([5.0, 0.0, 0.0]), G)
     followed = several.adapt(some_ball(3, 5.0), several.map.map.arm.q_ready, np.zeros(3))
     assert not followed.astray(away)
 
 
-def test_a_ball_that_has_come_back_is_not_waited_for_with_another_map(several: Several) -> None:
+def test_a_ball_that_has_come_back_is_not_waited_for_with_another_map(several: Family) -> None:
     """Costly for the map that waited, still low for the other: the one that waited keeps it."""
     q, still = several.map.map.arm.q_ready, np.zeros(3)
     end, steep = np.array([0.9, 0.12, -0.35]), np.array([-3.5, 0.0, -0.7])
@@ -186,7 +186,7 @@ def test_a_ball_that_has_come_back_is_not_waited_for_with_another_map(several: S
     low, costly = (judge(f.map, back, q, tolerance=loose) for f in several.maps)
     assert costly.outcome is Outcome.UNREACHABLE
     assert low.outcome is Outcome.OPEN
-    followed = Several(several.maps, chosen=1)
+    followed = Family(several.maps, chosen=1)
     assert followed.map.returns(back)
     assert followed.adapt(back, q, still).chosen == 1
 
@@ -196,11 +196,11 @@ def test_maps_that_weigh_the_match_are_chosen_among_their_own_kind(learned: Lear
     soft = learn(learned.map.arm, design=MapDesign(match_weight=1.0),
                  around=Neighbourhood(flights=20, instants=6))  # fmt: skip
     with pytest.raises(InputError, match="match_weight"):
-        Several((Direct(learned.map), Direct(soft.map)))
-    assert len(Several((Direct(soft.map), Direct(soft.map))).maps) == 2
+        Family((Direct(learned.map), Direct(soft.map)))
+    assert len(Family((Direct(soft.map), Direct(soft.map))).maps) == 2
 
 
 def test_a_choice_among_nothing_is_refused() -> None:
     """There must be a map."""
     with pytest.raises(InputError, match="maps"):
-        Several(())
+        Family(())
