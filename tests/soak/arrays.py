@@ -123,7 +123,7 @@ _REFUSED: Final = object()
 _IGNORED: Final = {
     "unoptimised.adapt": ("ball", "q", "dq"), "unoptimised.unsettled": ("ball", "q"),
     "unoptimised.returns": ("ball",), "unoptimised.waiting": ("ball",),
-    "direct.unsettled": ("q",), "refining.unsettled": ("q",), "several.unsettled": ("q",),
+    "direct.unsettled": ("q",), "refining.unsettled": ("q",), "family.unsettled": ("q",),
     "rival.unsettled": ("q",), "forecast": (),
 }  # fmt: skip
 """Parameters that a function has because others of its kind do, and does not look at."""

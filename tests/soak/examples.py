@@ -90,7 +90,7 @@ class Examples:
         return {
             "arm": arm, "arm.model": arm.model, "arm.limits": arm.limits, "map": f,
             "map.basis": f.basis, "direct": direct, "refining": refining(f),
-            "several": Family((direct,)), "unoptimised": Unoptimised(f),
+            "family": Family((direct,)), "unoptimised": Unoptimised(f),
             "rival": make_quintic(f), "filter": BallFilter(), "eyes": eyes,
             "catcher": Catcher(arm, direct, eyes, settings=settings),
         }  # fmt: skip

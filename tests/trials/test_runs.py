@@ -138,7 +138,7 @@ def test_throwing_again_gives_the_same_trial(prepared: Prepared) -> None:
         ({"map": None, "q_catch": float("nan")}, "q_catch"),
         ({"map": None, "catch_joint": 3}, "--catch-joint"),
         ({"map": None, "order": 1}, "order"),
-        ({"adapt": "refine", "generator": "ik"}, "--generator direct"),
+        ({"adapt": "refine", "generator": "ik"}, "--generator single"),
         ({"map": None, "order": 1000}, "order"),
         ({"arm": "arm.urdf", "tip": "t", "joints": "a,b,c"}, "arm.urdf"),
         ({"arm": "arm.urdf"}, "arm.urdf: wanted a readable"),
