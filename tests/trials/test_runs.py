@@ -13,6 +13,7 @@ import pytest
 from numba import typeof, types
 
 from mitt.arm.arm import Arm
+from mitt.catcher.family import Family
 from mitt.catcher.generators import Direct, Unoptimised
 from mitt.cli.catching import prepare
 from mitt.cli.options import CatchOptions
@@ -163,7 +164,8 @@ def test_a_design_follows_from_the_arm_where_it_is_silent() -> None:
 
 def test_generators_go_by_name(learned: Learned) -> None:
     """Each name has its type; alpha = 0 forgets what was learned."""
-    assert isinstance(make_generator("direct", learned.map), Direct)
+    assert isinstance(make_generator("direct", learned.map), Family)
+    assert isinstance(make_generator("single", learned.map), Direct)
     plain = make_generator("unoptimised", learned.map)
     assert isinstance(plain, Unoptimised)
     assert not np.any(plain.map.alpha)
