@@ -85,7 +85,8 @@ def test_a_part_that_is_not_in_step_when_it_leaves_is_not_taken() -> None:
     at = station("ur5e", TOOLS["suction"], "belt", scene_of(SCENE, place="scene"))
     trial = MeetRunner(at, seed=777001, speed=1.5).trial(1)
     assert trial.limit_violations == 0
-    assert trial.status != "met" or trial.position_error_mm < 10.0
+    error = trial.position_error_mm
+    assert trial.status != "met" or (error is not None and error < 10.0)
     assert trial.status == "met" or trial.binding_limit == "window"
     assert trial.at_rest
 

@@ -492,6 +492,7 @@ def test_a_flutter_stays_about_its_path() -> None:
     for seed in range(10):
         flight = Undisturbed(ball=THROW, drag=0.04, hand=np.array([0.8, 0.0, 0.0]))
         ball = ActiveFaults(plan_of({"kind": "flutter"}), seed, Trial(flight, None, ())).ball
+        assert not isinstance(ball, Throw)
         off = [np.linalg.norm(ball.at(t)[0] - flight.at(t)[0]) for t in np.arange(0.0, 1.5, 0.01)]
         assert off[0] == 0.0
         assert 0.02 < max(off) < 0.6
@@ -503,6 +504,7 @@ def test_what_flies_otherwise_still_passes_where_the_throw_did(kind: str) -> Non
     for seed in range(5):
         flight = Undisturbed(ball=THROW, drag=0.04, hand=np.array([0.8, 0.0, 0.0]))
         ball = ActiveFaults(plan_of({"kind": kind}), seed, Trial(flight, None, ())).ball
+        assert not isinstance(ball, Throw)
         goal = flight.at(flight.nearest())[0]
         gaps = [np.linalg.norm(ball.at(t)[0] - goal) for t in np.arange(0.0, 1.5, TICK)]
         assert min(gaps) < 0.1
@@ -515,5 +517,6 @@ def test_a_slack_string_pulls_at_nothing() -> None:
     fault = {"kind": "elastic", "slack": 1.0, "slackest": 1.0}
     flight = Undisturbed(ball=THROW, drag=0.04, hand=np.array([0.8, 0.0, 0.0]))
     ball = ActiveFaults(plan_of(fault), 1, Trial(flight, None, ())).ball
+    assert not isinstance(ball, Throw)
     for t in (0.1, 0.3):
         np.testing.assert_allclose(ball.at(t)[0], flight.at(t)[0], atol=5e-3)

@@ -162,7 +162,7 @@ def _plant(runner: TrialRunner, catcher: Catcher) -> None:
     """Compile what moves the world."""
     if (stage := runner.world.stage) is not None:
         rows, tau = stage.trace_buffer.reserve(2), catcher.result.command[3]
-        _compile(move.inner, stage.plant, tau, 0.0, rows)
+        _compile(move.inner, stage.plant, tau, 0.0, rows, stage.rows(0))
 
 
 def _pictures(runner: TrialRunner, catcher: Catcher) -> None:
