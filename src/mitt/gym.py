@@ -409,7 +409,12 @@ class Environment(Driven):
         beyond = ticks_beyond(arm, trace, drives, commanded, driven=driven)
         shares = continuous_shares(arm, np.sum(drives.torque**2, axis=0), len(drives.torque))
         return {
-            "status": status_of(world, phase, was_held=was_held(arm, world)),
+            "status": status_of(
+                world,
+                phase,
+                refused=self.residual and self._catcher.refused,
+                was_held=was_held(arm, world),
+            ),
             "limit_violations": int(np.sum(beyond)) + overheated(shares),
             **self._contact(),
         }

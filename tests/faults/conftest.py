@@ -104,7 +104,7 @@ class Range:
         ticks = gathered(rows)
         was_held = held(world.truth(), scene.ball.radius)
         return Thrown(
-            status_of(world, catcher.phase, was_held=was_held),
+            status_of(world, catcher.phase, refused=catcher.refused, was_held=was_held),
             ticks,
             measure(arm, ticks, world.trace()).limit_violations,
             finite,

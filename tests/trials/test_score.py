@@ -47,7 +47,8 @@ class Ended:
 
 def status(ended: Ended, *, phase: Phase = Phase.FOLLOW, was_held: bool = False) -> str:
     """Return the status of a fake world."""
-    return status_of(cast("World", ended), phase, was_held=was_held)
+    refused = phase is Phase.REFUSED
+    return status_of(cast("World", ended), phase, refused=refused, was_held=was_held)
 
 
 def command(arm: Arm, *, q: Array | None = None, dq: Array = ZERO, tau: Array = ZERO) -> Command:

@@ -39,7 +39,7 @@ from mitt.control.viability import Safety, safety_of
 from mitt.errors import MittError
 from mitt.kernels import kernel
 from mitt.map.prediction import HORIZON, STRIDE, flown, lay_state, sigma_at_catch
-from mitt.signals import PASSED, TICK, Array, BallState, MapStatus
+from mitt.signals import GRAVITY, PASSED, TICK, Array, BallState, MapStatus
 from mitt.verdict.feasibility import Approach, Outcome, Verdict, is_far, waiting_height
 from mitt.verdict.holding import force_of
 from mitt.verdict.impact import examined, gap_at_catch, harms, speed_caps, speed_jumps
@@ -51,6 +51,9 @@ _JUDGE_AGAIN = 0.005
 #: How much later than it passes by a refused ball is gone for good [s]: one that is tossed up comes
 #: down into the hand that throws it then.
 _LANDS = 0.4
+#: Share of the time in which it is back at its height that a rising ball has to be away from the
+#: hand over the ground, to come down to it.
+_FALLEN = 0.5
 #: Velocity of a ball that comes [m/s].
 _COMES = np.array([-5.0, 0.0, -1.0])
 #: Verdicts with which a ball, or what stands for it, is followed.
@@ -102,8 +105,9 @@ def undecided(todo: int, state: CatcherState, result: Result) -> bool:
 def comes(ball: BallState, hand: Array, floor: float) -> bool:
     """Say whether a ball comes to a hand, by where it is and how it moves now.
 
-    It is above the floor, and going on as it does it would be at the hand in a while; one that is
-    above the hand and still rises, and falls again, comes where it nears the hand over the ground.
+    It is above the floor, and going on as it does it would be at the hand in a while. One that is
+    above the hand and still rises comes where it nears the hand over the ground, and is not there
+    long before it has fallen: one that sprang off the hand goes on above it.
 
     Args:
         ball: Estimate of the ball.
@@ -114,7 +118,10 @@ def comes(ball: BallState, hand: Array, floor: float) -> bool:
     if ball.r_o[2] < floor:
         return False
     if away[2] > 0.0 and dr[2] > 0.0:
+        falls = 2.0 * dr[2] / GRAVITY
         away, dr = away[:2], dr[:2]
+        if -(away @ dr) < _FALLEN * falls * (dr @ dr):
+            return False
     return bool(-(away @ dr) * HORIZON > away @ away)
 
 

@@ -74,7 +74,8 @@ class Throws:
 
     def ended(self, world: World) -> dict[str, Any]:
         """Judge as a trial does."""
-        return {"status": status_of(world, Phase.WATCH, was_held=was_held(self._arm, world))}
+        held = was_held(self._arm, world)
+        return {"status": status_of(world, Phase.WATCH, refused=False, was_held=held)}
 
 
 @final

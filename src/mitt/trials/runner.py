@@ -7,7 +7,7 @@ from typing import final
 import numpy as np
 
 from mitt.arm.arm import Arm
-from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
+from mitt.catcher.catcher import Catcher, CatcherSettings
 from mitt.catcher.family import Family
 from mitt.catcher.generators import Direct, Generator
 from mitt.catcher.state import Result, copied, gathered, room_for
@@ -204,10 +204,11 @@ class TrialRunner:
         world, verdict = self.world, catcher.verdict
         contact, most = world.first_contact, self.arm.force
         known = contact is not None and np.isfinite(most)
-        phase = Phase.REFUSED if catcher.refused else catcher.phase
         return Trial(
             index=index,
-            status=status_of(world, phase, was_held=was_held(self.arm, world)),
+            status=status_of(
+                world, catcher.phase, refused=catcher.refused, was_held=was_held(self.arm, world)
+            ),
             t_catch_s=float(t_catch) if np.isfinite(t_catch) else None,
             position_error_mm=None if contact is None else 1e3 * contact.position_error,
             velocity_error_m_s=None if contact is None else contact.velocity_error,

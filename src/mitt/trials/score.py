@@ -352,13 +352,20 @@ def _rates_beyond(
     return out
 
 
-def status_of(world: World, phase: Phase, *, was_held: bool) -> str:
-    """Return the status of a finished trial, after which the catcher was in a phase."""
+def status_of(world: World, phase: Phase, *, refused: bool, was_held: bool) -> str:
+    """Return the status of a finished trial.
+
+    Args:
+        world: The world at its end.
+        phase: What the catcher was about then.
+        refused: Whether it refused the flight, as ``Catcher.refused``.
+        was_held: Whether the ball is held.
+    """
     if world.diverged:
         return "aborted"
     if phase is Phase.STOPPED:
         return "stopped"
-    if phase is Phase.REFUSED:
+    if refused:
         return "unreachable"
     if world.first_contact is None:
         return "missed"
