@@ -402,19 +402,15 @@ class Environment(Driven):
 
     def _ended(self) -> dict[str, Any]:
         """Return what became of the throw."""
-        world, trace, arm = self.world, self.world.trace(), self.arm
-        phase = self._catcher.phase if self.residual else Phase.WATCH
+        world, trace, arm, catcher = self.world, self.world.trace(), self.arm, self._catcher
+        phase = catcher.phase if self.residual else Phase.WATCH
+        refused, held = self.residual and catcher.refused, was_held(arm, world)
         drives = drive_loads(arm, trace.q[:-1], trace.dq[:-1], trace.tau[1:])
         commanded, driven = np.array(self._told), np.array(self._driven)
         beyond = ticks_beyond(arm, trace, drives, commanded, driven=driven)
         shares = continuous_shares(arm, np.sum(drives.torque**2, axis=0), len(drives.torque))
         return {
-            "status": status_of(
-                world,
-                phase,
-                refused=self.residual and self._catcher.refused,
-                was_held=was_held(arm, world),
-            ),
+            "status": status_of(world, phase, refused=refused, was_held=held),
             "limit_violations": int(np.sum(beyond)) + overheated(shares),
             **self._contact(),
         }

@@ -164,6 +164,6 @@ def test_a_belt_through_the_foot_is_refused_at_every_door(
 
 def test_a_belt_that_leads_past_the_arm_is_taken() -> None:
     """The usual one, and one along x that ends before the foot."""
-    short = Belt(middle=(0.65, 0.0), direction=0.0, height=0.03, length=1.0)
+    short = Belt(middle=(0.5527, 0.0), direction=0.0, height=0.0225, length=0.7)
     scene = PARTS_SCENE.model_copy(update={"belt": short})
     assert station("ur5e", TOOLS["suction"], "belt", scene).scene.belt == short

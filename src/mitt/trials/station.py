@@ -221,30 +221,17 @@ def station(
     places = [shoulder + np.array([share * reach, 0.0, up]) for up, share in tried]
     if scene.belt is not None:
         places = [np.array([*scene.belt.middle, scene.belt.height + half])]
-    inverse, best = reach_of(raw, free, coupling), None
-    sideways = Belt().along  # where nothing says how things come
-    along = scene.belt.along if scene.belt and target == "belt" else sideways
-    for wide, place in product(_WIDE[target], places):
-        room = np.maximum(wide * reach * np.abs(along), _LEAST_ROOM[target])
-        found = waiting_pose(raw, inverse, _FRAMES[target], place, room, scene.floor)
-        if found is not None and (best is None or found.merits > best[0].merits):
-            best = found, wide, place, room
-            if found.merits == _ALL:
-                break
+    best = _best_pose(raw, reach_of(raw, free, coupling), target, scene, places)
     if best is None:
         raise ModelError(f"arm {name}", f"one that reaches over the {target}", "no pose that does")
-    (_, q, frame), wide, place, room = best
+    (_, q, frame), place, room = best
     if scene.belt is None and target == "belt":
         belt = Belt(middle=(float(place[0]), float(place[1])), height=float(place[2]) - half)
         scene = scene.model_copy(update={"belt": belt})
     arm = Arm(replace(raw.model, q_ready=q), raw.limits)
     check_scene(arm, scene)
-    low, high = place - room - 0.02, place + room + 0.02
     moves = scene.belt if target == "belt" else None
-    if moves is not None:
-        most = _ALONG * reach + 0.02
-        low = np.where(moves.along < 0.0, np.maximum(low, place - most), low)
-        high = np.where(moves.along > 0.0, np.minimum(high, place + most), high)
+    low, high = _work_area(place, room, moves, reach)
     f = unlearned_meeting(arm, free, frame=frame, coupling=coupling)
     settings = MeetingSettings(
         low=tuple(low.tolist()), high=tuple(high.tolist()), above=_ABOVE, settle=_SETTLE[target],
@@ -253,6 +240,16 @@ def station(
     )  # fmt: skip
     settings = replace(settings, down=_time_down(f, settings, place, _LEAST_DOWN[target]))
     return Station(arm=arm, map=f, settings=settings, scene=scene, place=place, target=target)
+
+
+def _work_area(place: Array, room: Array, belt: Belt | None, reach: float) -> tuple[Array, Array]:
+    """Return the ends of the box in which parts are met [m], shape (3,) each; along a belt."""
+    low, high = place - room - 0.02, place + room + 0.02
+    if belt is None:
+        return low, high
+    most = _ALONG * reach + 0.02
+    low = np.where(belt.along < 0.0, np.maximum(low, place - most), low)
+    return low, np.where(belt.along > 0.0, np.minimum(high, place + most), high)
 
 
 def _time_down(f: MeetingMap, settings: MeetingSettings, place: Array, least: float) -> float:
@@ -399,6 +396,27 @@ def waiting_pose(
             if best is None or (merits[alike], worth) > best[:2]:
                 best = merits[alike], worth, q, turned
     return None if best is None else Waiting(best[0], *best[2:])
+
+
+def _best_pose(
+    raw: Arm, inverse: Reach, target: Target, scene: Scene, places: Sequence[Array]
+) -> tuple[Waiting, Array, Array] | None:
+    """Return the best pose to wait in, above which place, and the room about it [m].
+
+    None where no pose brings the tool over any of the places.
+    """
+    best: tuple[Waiting, Array, Array] | None = None
+    _, reach = _shoulder(raw)
+    sideways = Belt().along  # where nothing says how things come
+    along = scene.belt.along if scene.belt and target == "belt" else sideways
+    for wide, place in product(_WIDE[target], places):
+        room = np.maximum(wide * reach * np.abs(along), _LEAST_ROOM[target])
+        found = waiting_pose(raw, inverse, _FRAMES[target], place, room, scene.floor)
+        if found is not None and (best is None or found.merits > best[0].merits):
+            best = found, place, room
+            if found.merits == _ALL:
+                break
+    return best
 
 
 def _brought(inverse: Reach, w: ReachScratch, to: Array, start: Array) -> Array | None:
