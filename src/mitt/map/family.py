@@ -4,8 +4,7 @@ A map catches where its catch joint is at q_alpha: on one surface. A ball that n
 one that falls short, flies through the reach of the arm all the same, and another q_alpha catches
 it. Eq. (3) holds for any coefficients (:mod:`mitt.map.mapping`), so those that were learned do for
 another q_alpha as well: what they begin with is moved by eq. (12) to where the arm is, in the
-metric that was learned. Nothing is learned anew: of 75 throws that are kicked, that have drag and
-spin, or that flutter, maps moved to four other designs and maps learned for them caught 69 each.
+metric that was learned. Nothing is learned anew.
 
 The surfaces are those through the flight of the ball that the map was made for, on its way to the
 catch. A map that matches the ball's velocity needs a faster arm where that is more stretched, so
