@@ -1,11 +1,14 @@
 """``--arm ARM.toml``: arm, map and throws are the file's; options go before it."""
 
+from collections.abc import Sequence
+from importlib.resources import files
 from pathlib import Path
 
 import pytest
 from arm.test_load import urdf
 
 from mitt.cli.catching import prepare
+from mitt.cli.main import main
 from mitt.cli.options import CatchOptions
 from mitt.cli.screen import warn
 from mitt.errors import InputError, MittError
@@ -84,3 +87,53 @@ def test_warnings_leave_json_alone(capsys: pytest.CaptureFixture[str]) -> None:
     said = capsys.readouterr()
     assert said.out == ""
     assert "warning: too heavy" in said.err
+
+
+#: Says that an arm file is a description, its tip and its joints.
+NAMED = ("--tip", "l5", "--joints", "j1,j2,j4")
+FIVE = 'file = "five.urdf"\ntip = "l5"\njoints = ["j1", "j2", "j4"]\n'
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("catch", "--arm", "five.urdf", *NAMED),
+        ("catch", "--arm", "five.urdf", *NAMED, "--json"),
+        ("catch", "--arm", "five.urdf", *NAMED, "--scene", "high.toml"),
+        ("catch", "--arm", "five.toml"),
+        ("learn", "--arm", "five.urdf", *NAMED, "--out", "m.json"),
+        ("design", "five.urdf", "--tip", "l5", "--out", "d.toml"),
+        ("meet", "--arm", "five.urdf", "--tip", "l5", "--joints", "j1,j2,j3,j4,j5"),
+        ("study", "study.toml", "--out", "out"),
+        ("run", "cell.toml"),
+        ("sim", "cell.toml"),
+    ],
+)
+def test_what_is_doubted_of_an_arm_is_said_by_every_command(
+    words: Sequence[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    """Once, on stderr, and before anything else is refused, as a floor above a part of the arm."""
+    monkeypatch.chdir(tmp_path)
+    urdf(tmp_path / "five.urdf", effort="90000")
+    (tmp_path / "high.toml").write_text("floor = 1.0\n")
+    (tmp_path / "five.toml").write_text(
+        f'schema = "mitt.arm/1"\n[arm]\n{FIVE}[hand]\nname = "basket"\n'
+    )
+    cell = (files("mitt") / "data" / "cells" / "wam-sim.toml").read_text()
+    (tmp_path / "cell.toml").write_text(
+        cell.replace('file = "wam" ', FIVE + "#").replace('limits = "paper"', "")
+    )
+    (tmp_path / "study.toml").write_text(
+        'name = "doubted"\nthrows = 1\ngenerators = ["direct"]\n[[conditions]]\nname = "one"\n'
+        'arm = { arm = "five.urdf", tip = "l5", joints = "j1,j2,j4" }\n'
+    )
+    main([*words, "--check"])
+    said = capsys.readouterr()
+    lines = said.err.splitlines()
+    found = [k for k, line in enumerate(lines) if "large torque limits" in line]
+    assert len(found) == 1, said.err
+    assert lines[found[0]].startswith("mitt: warning: ")
+    assert "large torque limits" not in said.out
+    refused = [k for k, line in enumerate(lines) if "wanted" in line]
+    assert not refused or refused[0] > found[0]

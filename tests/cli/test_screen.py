@@ -63,7 +63,7 @@ def test_the_table_of_throws_fits_80_columns() -> None:
 @pytest.mark.parametrize(
     ("folder", "cold", "said"),
     [
-        (None, True, "NUMBA_CACHE_DIR"),
+        (None, True, ""),
         (Path("kernels"), True, "compiling, once"),
         (Path("kernels"), False, ""),
     ],
@@ -72,7 +72,7 @@ def test_compiling_is_said_in_one_line_where_it_is_due(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
     folder: Path | None, cold: bool, said: str,
 ) -> None:  # fmt: skip
-    """That kernels cannot be kept and what to do, that they are compiled once, or nothing."""
+    """That they are compiled once, or nothing: that they cannot be kept is a warning of its own."""
     monkeypatch.setattr(kernels, "cache_folder", lambda: folder)
     monkeypatch.setattr(kernels, "is_cold", lambda: cold)
     tell_of_kernels()

@@ -133,10 +133,3 @@ def test_a_ready_pose_without_room_is_told() -> None:
         said = warnings_of(Arm(replace(arm.model, q_ready=q_ready), arm.limits))
         about = [x for x in said if "'j4'" in x]
         assert [words in x for x in about] == ([True] if words else [])
-
-
-def test_notes_of_the_import_come_first() -> None:
-    """As they stand on the arm."""
-    arm = build_arm("wam")
-    noted = Arm(replace(arm.model, notes=("a note",)), arm.limits)
-    assert warnings_of(noted)[0] == "a note"

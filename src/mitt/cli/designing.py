@@ -33,7 +33,14 @@ from mitt.design.search import effort_of, search_of
 from mitt.design.search_jobs import Answers
 from mitt.design.task import AROUND_FLIGHTS, Task, box_of, of_flights, of_throws, seen
 from mitt.errors import InputError, MittError, UnknownNameError
-from mitt.files.arm_file import ArmFile, design_of, hand_of, is_arm_file, write_arm_file
+from mitt.files.arm_file import (
+    ArmFile,
+    design_of,
+    hand_of,
+    is_arm_file,
+    with_notes_logged,
+    write_arm_file,
+)
 from mitt.files.writing import check_own
 from mitt.interrupts import finally_do, notice, status_of, tell, words_of
 from mitt.reading import MAX_TOML_BYTES, read_text, reals_of
@@ -55,7 +62,7 @@ def design(options: DesignOptions) -> int:
     hand = hand_of(origin.hand, origin.hand_tilt, origin.hand_force, origin.hand_depth)
     whole = whole_arm(origin.arm, tip=origin.tip, limits=origin.limits, hand=hand,
                       mount=origin.hand_mount, joints=_named(options))  # fmt: skip
-    warn(whole.model.notes, json=options.json)
+    with_notes_logged(whole, options.arm)
     joints = _joints(options, whole)
     start = None if file is None or options.effort != "refine" else candidate_of(whole, file)
     if file is not None and joints is None and is_arm_file(options.arm):

@@ -6,12 +6,13 @@ and SIGTERM. Every failure is one line on stderr.
 
 import errno
 import gc
+import logging
 import os
 import sys
 from collections.abc import Sequence
 from typing import TextIO
 
-from mitt.errors import FileError, InputError, MittError
+from mitt.errors import FileError, InputError, MittError, printable
 from mitt.interrupts import (
     Interrupted,
     listening,
@@ -65,8 +66,33 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return status
 
 
+class _Warnings(logging.Handler):
+    """Says what the library warns of, each line once: on stderr, before anything is refused."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.WARNING)
+        self._said = set[str]()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Say a warning."""
+        text = " ".join(printable(record.getMessage()).split())
+        if text not in self._said:
+            self._said.add(text)
+            tell(f"warning: {text}")
+
+
 def _run(words: list[str]) -> int:
     """Run a command; say what went wrong in one line, never in a traceback."""
+    warnings, logger = _Warnings(), logging.getLogger("mitt")
+    logger.addHandler(warnings)
+    try:
+        return _ended(words)
+    finally:
+        logger.removeHandler(warnings)
+
+
+def _ended(words: list[str]) -> int:
+    """Run a command; return its exit status, however it ends."""
     try:
         from mitt.cli.line import run  # noqa: PLC0415 (once signals are in order)
 

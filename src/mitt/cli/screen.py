@@ -175,13 +175,10 @@ def _named(options: Any, *, without: Collection[str] = ()) -> list[Path]:  # noq
 
 
 def tell_of_kernels() -> None:
-    """Say in one line that kernels are to be compiled, or that they cannot be kept."""
+    """Say in one line that kernels are to be compiled; that they cannot be kept is logged."""
     from mitt.kernels import cache_folder, is_cold  # noqa: PLC0415 (loads Numba)
 
-    if cache_folder() is None:
-        tell("compiled code cannot be kept, since no folder for it can be written: each start "
-             "compiles for 1 to 2 minutes; set NUMBA_CACHE_DIR to a folder of yours")  # fmt: skip
-    elif is_cold():
+    if cache_folder() is not None and is_cold():
         tell("compiling, once: 1 to 2 minutes")
 
 

@@ -215,13 +215,15 @@ def tangent_of(arm: Arm, design: MapDesign) -> Tangent:
 
 
 def warnings_of(arm: Arm, design: MapDesign | None = None) -> tuple[str, ...]:
-    """Return what makes no sense: notes of the import, ready pose, palm; nothing where all does.
+    """Return what makes no sense: ready pose, palm; nothing where all does.
+
+    Notes of how its file was read, ``arm.model.notes``, are logged where it is loaded.
 
     Args:
         arm: The arm.
         design: Design of its map; the one that follows from the arm if left out.
     """
-    return (*arm.model.notes, *_at_rest(arm), *_near_ends(arm), *_palm(arm, design))
+    return (*_at_rest(arm), *_near_ends(arm), *_palm(arm, design))
 
 
 def _at_rest(arm: Arm) -> Iterator[str]:
