@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from thrower_hands import SWING, carried
 
 from mitt.errors import FileError
 from mitt.signals import Array
@@ -20,7 +21,7 @@ from mitt.world.flights import (
     read_flights,
     smooth,
 )
-from mitt.world.throws import fly
+from mitt.world.throws import Throw, fly
 
 CATCH = np.array([0.785, 0.0, 0.057])
 NOISE_MM = np.array([1.6, 0.6, 0.85])
@@ -220,3 +221,49 @@ def test_ten_samples_are_enough() -> None:
     r = bounced(t, 5.0)[0]
     assert smooth(t, r).at(0.05)[0] == pytest.approx(fly(r[0], np.array([4.4, 0.1, 2.0]),
         drag=0.12, duration=0.05)[0], abs=0.02)  # fmt: skip
+
+
+RESTS = ("still", "walk", "toss", "sway", "swung")
+
+
+def in_the_hand(kind: str, *, rate: float, held: float, hit: float, seed: int) -> Recording:
+    """Return a flight of 0.8 s that is seen in the thrower's hand before, with 1 mm of noise."""
+    ball = Throw(r=np.array([0.0, 0.0, 1.1]), dr=np.array([4.4, 0.1, 2.0]))
+    since = np.arange(-SWING if kind == "swung" else -held, 0.8, 1.0 / rate)
+    seen = [carried(kind, ball, s) if s < 0.0 else bounced(np.array([s]), hit)[0][0] for s in since]
+    r = np.array(seen) + 0.001 * np.random.default_rng(seed).standard_normal((len(since), 3))
+    return Recording(name=kind, t=since - since[0], r=r)
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    kind=st.sampled_from(RESTS), rate=st.sampled_from((120.0, 200.0, 400.0)),
+    held=st.floats(0.4, 1.5), hit=st.sampled_from((0.45, 5.0)), seed=st.integers(0, 1000),
+)  # fmt: skip
+def test_the_time_in_the_throwers_hand_is_no_flight(
+    kind: str, rate: float, held: float, hit: float, seed: int
+) -> None:
+    """Placed by the time since the release; the flight's curve is that of the flight alone."""
+    recording = in_the_hand(kind, rate=rate, held=held, hit=hit, seed=seed)
+    placed = place_flight(recording, CATCH, rng=None)
+    released = SWING if kind == "swung" else held
+    assert placed.release == pytest.approx(released, abs=0.045)
+    assert placed.pieces.bounces == pytest.approx([released + hit] if hit < 0.8 else [], abs=0.003)
+    middle = placed.release + 0.75 * (placed.duration - placed.release)
+    assert placed.at(middle)[0] == pytest.approx(CATCH, abs=1e-12)
+    since = np.arange(0.1, 0.75, 0.01)
+    since = since[np.abs(since - hit) > 0.05]
+    r, dr = bounced(since, hit)
+    found = [placed.pieces.at(s) for s in since + released]
+    assert np.abs(np.array([p for p, _ in found]) - r).max() < 0.004
+    assert np.abs(np.array([v for _, v in found]) - dr).max() < 0.3
+
+
+@given(index=which)
+def test_a_flight_that_is_not_seen_in_a_hand_is_whole(index: int) -> None:
+    """Noise, spin, bounces and single wild samples are no hand."""
+    flight = RECORDINGS[index]
+    assert smooth(flight.t, flight.r).release == 0.0
+    wild = flight.r.copy()
+    wild[[8, 30]] += 0.05
+    assert smooth(flight.t, wild).release == 0.0

@@ -210,8 +210,8 @@ def release_speed(task: Task) -> float:
     if task.throws:
         return float(np.median([np.linalg.norm(x.dr) for x in seen(task.throws)]))
     if task.recordings:
-        return float(np.median([np.linalg.norm(smooth(x.t, x.r).at(0.0)[1])
-                                for x in seen(task.recordings)]))  # fmt: skip
+        curves = [smooth(x.t, x.r) for x in seen(task.recordings)]
+        return float(np.median([np.linalg.norm(x.at(x.release)[1]) for x in curves]))
     return float(np.mean((task.ranges or ThrowRanges()).speed))
 
 

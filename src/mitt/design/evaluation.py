@@ -102,7 +102,7 @@ def _started(ball: Throw | PlacedFlight, drag: float) -> BallState:
     if isinstance(ball, Throw):
         r, dr, since = ball.r, ball.dr, START
     else:
-        (r, dr), since = ball.at(CATCH_FRACTION * ball.duration), -_BEFORE
+        (r, dr), since = ball.at(ball.after(CATCH_FRACTION)), -_BEFORE
     r, dr = r.copy(), dr.copy()
     advance(r, dr, drag, since)
     return BallState(t=0.0, r_o=r, dr_o=dr, drag=drag)

@@ -174,9 +174,9 @@ def of_throws(throws: Sequence[Throw], x: float, drag: float) -> Arrivals:
 def of_flights(recordings: Sequence[Recording]) -> Arrivals:
     """Return how recorded flights arrive where they are led past the catch point."""
     placed = [place_flight(x, np.zeros(3), rng=None) for x in recordings]
-    t = np.array([CATCH_FRACTION * x.duration for x in placed])
+    t = np.array([x.after(CATCH_FRACTION) for x in placed])
     states = np.array([x.at(float(at)) for x, at in zip(placed, t, strict=True)])
-    return Arrivals(states[:, 0], states[:, 1], t)
+    return Arrivals(states[:, 0], states[:, 1], t - [x.release for x in placed])
 
 
 #: Half-widths of the box where recorded flights are led [m], shape (3,).

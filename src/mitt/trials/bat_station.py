@@ -209,9 +209,7 @@ def coming(
     if not recordings:
         return STRUCK
     flights = [place_flight(x, np.zeros(3), rng=None) for x in recordings]
-    met = [
-        x.at(strike_share(of) * x.duration)[1] for x, of in zip(flights, recordings, strict=True)
-    ]
+    met = [x.at(x.after(strike_share(of)))[1] for x, of in zip(flights, recordings, strict=True)]
     speeds = np.linalg.norm(met, axis=1)
     descents = np.arcsin(-np.array(met)[:, 2] / speeds)
     return replace(
@@ -221,16 +219,16 @@ def coming(
 
 
 def strike_share(recording: Recording) -> float:
-    """Return the share of its duration after which a recorded flight is struck.
+    """Return the share of its time since the release after which a recorded flight is struck.
 
     Some time after its bounce, when the ball is known again; one whose recording ends soon after
     the bounce is struck before it.
     """
-    edges = smooth(recording.t, recording.r).edges
-    lasts, bounce = float(edges[-1]), float(edges[-2])
-    if lasts - bounce >= _ENOUGH and len(edges) > 2:
-        return (bounce + _AFTER_BOUNCE) / lasts
-    ends = bounce if len(edges) > 2 else lasts
+    curve = smooth(recording.t, recording.r)
+    lasts, hits = float(curve.edges[-1]) - curve.release, curve.bounces - curve.release
+    if hits.size and lasts - hits[-1] >= _ENOUGH:
+        return float(hits[-1] + _AFTER_BOUNCE) / lasts
+    ends = float(hits[-1]) if hits.size else lasts
     return min(CATCH_FRACTION, (ends - _BEFORE_BOUNCE) / lasts)
 
 

@@ -70,8 +70,8 @@ class Source:
         drag: Drag of the balls [1/m]: default throws are aimed with it, and recorded balls have
             it after their last sample.
         ranges: Ranges of the default throws; the contract's if left out.
-        shares: Of each recorded flight, the share of its duration after which it passes the catch
-            point; the usual one if empty.
+        shares: Of each recorded flight, the share of its time since the release after which it
+            passes the catch point; the usual one if empty.
     """
 
     seed: int

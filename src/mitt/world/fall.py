@@ -28,6 +28,19 @@ _TIMES = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 _TURNS = {
     "-x": "y, z, x", "+x": "z, y, -x", "-y": "x, -z, y", "+y": "x, z, -y", "+z": "x, -y, -z",
 }  # fmt: skip
+#: What spin adds to gravity at most: a part [m/s^2], and one that grows with the speed [1/s].
+_SPIN = (3.0, 2.5)
+#: Largest drag of a thrown ball [1/m]: twice that of one of table tennis.
+_DRAG = 0.25
+
+
+def free_of_gravity(speed: float) -> float:
+    """Return the largest acceleration beside gravity of a ball in free flight [m/s^2].
+
+    Args:
+        speed: Its speed [m/s].
+    """
+    return _SPIN[0] + _SPIN[1] * speed + _DRAG * speed**2
 
 
 class Fall(NamedTuple):
@@ -196,8 +209,7 @@ def _doubt(fall: Fall) -> Doubt | None:
             units = [x for x in (length, time) if x not in ("m", "s")]
             return Doubt(f"balls that fall along {fall.axis} as if in {' and '.join(units)}",
                          f"write metres and seconds{turn}")  # fmt: skip
-    spin = 3.0 + 2.5 * fall.speed  # what a spinning ball may be off, more with its speed [m/s^2]
-    if fall.axis == "-z" and abs(fall.size - GRAVITY) > spin:
+    if fall.axis == "-z" and abs(fall.size - GRAVITY) > _SPIN[0] + _SPIN[1] * fall.speed:
         slow = fall.size < GRAVITY
         return Doubt("balls that fall too slowly for their speed" if slow else
                      "balls that fall too fast for their speed",

@@ -4,10 +4,16 @@ The smooth curve keeps a bounce sharp. Between bounces each axis is a least-squa
 Legendre form; at a bounce the two sides meet in position only, as the ball does. A polynomial of
 this degree follows gravity, drag and spin of a one-second flight to well below the noise of a
 camera and has an analytic velocity.
+
+A recording may begin in the thrower's hand. It is cut at the release, where the ball begins to
+move as only gravity, drag and spin move it. The hand's part leads the ball, and is not counted as
+flight.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from importlib.resources import as_file, files
+from math import sqrt
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
@@ -17,8 +23,8 @@ from numpy.typing import NDArray
 
 from mitt.errors import FileError
 from mitt.files.csv_table import measured, number, read_rows
-from mitt.signals import Array
-from mitt.world.fall import WANTED, doubt_of
+from mitt.signals import GRAVITY, Array
+from mitt.world.fall import WANTED, doubt_of, free_of_gravity
 from mitt.world.throws import fly
 
 COLUMNS = ("flight", "t_s", "x_m", "y_m", "z_m")
@@ -29,7 +35,7 @@ MIN_CHORD = 0.1
 """Shortest horizontal way of a flight that has a direction [m]."""
 
 CATCH_FRACTION = 0.75
-"""Share of its duration after which a flight passes the catch point."""
+"""Share of its time since the release after which a flight passes the catch point."""
 
 JITTER_POSITION = 0.03
 JITTER_YAW = np.deg2rad(3.0)
@@ -47,6 +53,28 @@ MIN_SLOPE = 0.7
 
 OUTLIER = 6.0
 """Samples further off than this many robust standard deviations are left out of the last fit."""
+
+SHORTEST_FLIGHT = 0.15
+"""Least time for which a thrown ball flies freely, bounces included [s]."""
+
+SHORTEST_HOLD = 0.1
+"""Least time in the hand for which a recording is cut at the release [s]."""
+
+PART_OF_HOLD = 0.12
+"""Longest piece of the hand's part [s]: rest and swing are not fitted by one polynomial."""
+
+SPAN = 0.08
+"""Least time from whose samples an acceleration is taken [s]: 1.6 mm of noise at 180 Hz make
+1 m/s^2 of it."""
+
+MIN_WINDOW = 8
+"""Least number of samples from which an acceleration is taken."""
+
+PUSH = 4.0
+"""Acceleration along its velocity, beside gravity, that only a hand gives a ball [m/s^2]."""
+
+ERRORS = 3.0
+"""Standard errors by which an acceleration has to be beyond that of a free ball."""
 
 
 @runtime_checkable
@@ -82,12 +110,20 @@ class Pieces:
             lowest power first, padded with zeros, shape (p, d, 3).
         rates: The same for the velocity [m/s], shape (p, d, 3).
         used: Whether a sample took part in the last fit, shape (n,).
+        release: When the ball left the hand [s]; the first edge where it was not seen there.
     """
 
     edges: Array
     coefficients: Array
     rates: Array
     used: NDArray[np.bool_]
+    release: float
+
+    @property
+    def bounces(self) -> Array:
+        """Times of the bounces of the flight [s]."""
+        inner: Array = self.edges[1:-1]
+        return inner[inner > self.release]
 
     def at(self, t: float) -> tuple[Array, Array]:
         """Position [m], shape (3,), and velocity [m/s], shape (3,), at ``t`` [s]."""
@@ -124,8 +160,17 @@ class PlacedFlight:
         """Time of the last sample [s]."""
         return float(self.pieces.edges[-1])
 
+    @property
+    def release(self) -> float:
+        """Time at which the ball leaves the hand [s]; 0 where it is not seen there."""
+        return self.pieces.release
+
+    def after(self, share: float) -> float:
+        """Return the time after a share of the time from the release to the last sample [s]."""
+        return self.release + share * (self.duration - self.release)
+
     def at(self, t: float) -> tuple[Array, Array]:
-        """Position [m], shape (3,), and velocity [m/s], shape (3,), ``t`` s after release."""
+        """Position [m], shape (3,), and velocity [m/s], shape (3,), ``t`` s after the first."""
         r, dr = self.pieces.at(min(max(t, 0.0), self.duration))
         r, dr = self.rotation @ r + self.shift, self.rotation @ dr
         beyond = t - min(max(t, 0.0), self.duration)
@@ -185,7 +230,7 @@ def place_flight(
     """Smooth a recording and put it before the arm.
 
     It is turned about the vertical so that its chord comes from +x, shifted so that it passes
-    ``catch_point`` after a share of its duration, and jittered about that point.
+    ``catch_point`` after a share of its time since the release, and jittered about that point.
 
     Args:
         recording: The flight.
@@ -198,20 +243,21 @@ def place_flight(
     flight = PlacedFlight(
         name=recording.name, pieces=pieces, rotation=np.eye(3), shift=np.zeros(3), drag=drag
     )
-    anchor = flight.at(share * flight.duration)[0]
-    rotation, shift = placing(recording, anchor, catch_point, rng)
+    anchor = flight.at(flight.after(share))[0]
+    first = int(np.searchsorted(recording.t, flight.release))
+    chord = recording.r[-1] - recording.r[first]
+    rotation, shift = placing(chord, anchor, catch_point, rng)
     return replace(flight, rotation=rotation, shift=shift)
 
 
 def placing(
-    recording: Recording, anchor: Array, place: Array, rng: np.random.Generator | None
+    chord: Array, anchor: Array, place: Array, rng: np.random.Generator | None
 ) -> tuple[Array, Array]:
     """Return rotation, shape (3, 3), and shift [m], shape (3,), of a recording before an arm.
 
-    Its chord comes from +x then, and a point of it, the ``anchor``, is at a place [m], shape (3,);
-    both but for the jitter.
+    Its chord [m], shape (3,), comes from +x then, and a point of it, the ``anchor``, is at a place
+    [m], shape (3,); both but for the jitter.
     """
-    chord = recording.r[-1] - recording.r[0]
     yaw = np.pi - np.arctan2(chord[1], chord[0])
     if rng is not None:
         place = place + rng.uniform(-JITTER_POSITION, JITTER_POSITION, 3)
@@ -232,11 +278,15 @@ def smooth(t: Array, r: Array) -> Pieces:
         The curve, from ``t[0]`` to ``t[-1]``.
     """
     used = np.ones(t.shape, dtype=np.bool_)
-    edges = np.array([t[0], *bounces(t, r[:, 2]), t[-1]])
+    hits = bounces(t, r[:, 2])
+    release = release_of(t, r, hits)
+    count = int(np.ceil((release - t[0]) / PART_OF_HOLD))
+    held = np.linspace(t[0], release, count + 1)  # one edge alone where there is no hand
+    edges = np.array([*held, *(x for x in hits if x > release), t[-1]])
     for final in (False, True):
-        edges = _meeting_times(edges, t[used], r[used])
+        edges = _meeting_times(edges, t[used], r[used], first=count + 1)
         fits = _fit(edges, t[used], r[used])
-        pieces = _pieces(edges, fits, used)
+        pieces = _pieces(edges, fits, used, release)
         if final:
             break
         residual = r - np.array([pieces.at(float(s))[0] for s in t])
@@ -270,6 +320,83 @@ def bounces(t: Array, z: Array) -> list[float]:
     return sorted(found)
 
 
+def release_of(t: Array, r: Array, hits: Sequence[float] = ()) -> float:
+    """Find when a ball leaves the hand: from then on it moves as in free flight, but for bounces.
+
+    Its last stretch of free flight counts that lasts: a ball may be tossed before it is thrown, and
+    may be caught or roll at the end.
+
+    Args:
+        t: Times, strictly rising [s], shape (n,).
+        r: Positions, z up [m], shape (n, 3).
+        hits: Times of what looks like a bounce [s].
+
+    Returns:
+        The time of a sample [s]; the first one where the ball is not seen in a hand.
+    """
+    first, last, free = _windows(t, r)
+    across = np.array([any(a < x < b for x in hits) for a, b in zip(first, last, strict=True)],
+                      np.bool_)  # fmt: skip
+    end = len(free)
+    while end > 0:
+        stop = end - 1
+        while stop >= 0 and (free[stop] or across[stop]):
+            stop -= 1
+        inner = np.flatnonzero(free[stop + 1 : end] & ~across[stop + 1 : end])
+        if inner.size and last[end - 1] - first[stop + 1] >= SHORTEST_FLIGHT:
+            release = _sharpened(t, r, int(np.searchsorted(t, first[stop + 1])))
+            return release if stop >= 0 and release - t[0] >= SHORTEST_HOLD else float(t[0])
+        end = stop
+    return float(t[0])
+
+
+def _windows(t: Array, r: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Return begin and end of windows of samples [s], and whether the ball flies freely in each.
+
+    One begins at each sample that has enough of them behind it, all of shape (m,).
+    """
+    ends = np.maximum(np.searchsorted(t, t + SPAN), np.arange(len(t)) + MIN_WINDOW - 1)
+    rows = [(t[k], t[end], _is_free(t[k : end + 1], r[k : end + 1]))
+            for k, end in enumerate(ends) if end < len(t)]  # fmt: skip
+    first, last, free = zip(*rows, strict=True) if rows else ((), (), ())
+    return np.array(first, float), np.array(last, float), np.array(free, np.bool_)
+
+
+def _is_free(t: Array, r: Array) -> bool:
+    """Tell whether a ball may fly freely, by the parabola through its samples.
+
+    Its acceleration beside gravity is beyond what drag and spin give only if it is so by some
+    standard errors, which the samples' own scatter says: an outlier is no hand.
+    """
+    basis = np.vander((t - t.mean()) / (t[-1] - t[0]), 3)
+    fitted, left = np.linalg.lstsq(basis, r, rcond=None)[:2]
+    scale = 2.0 / float(t[-1] - t[0]) ** 2
+    spread = float(np.linalg.inv(basis.T @ basis)[0, 0] * left.sum()) / (len(t) - 3)
+    error = ERRORS * scale * sqrt(max(spread, 0.0))
+    beside, velocity = scale * fitted[0] + (0.0, 0.0, GRAVITY), fitted[1] / (t[-1] - t[0])
+    speed = float(np.linalg.norm(velocity))
+    push = float(beside @ velocity) / max(speed, 1e-9)
+    return push < PUSH + error and float(np.linalg.norm(beside)) < free_of_gravity(speed) + error
+
+
+def _sharpened(t: Array, r: Array, near: int) -> float:
+    """Return the sample near one at which a parabola before and one from it on fit best [s].
+
+    The first window of free flight may begin in the hand's last moments already, or a little later.
+    """
+    size = max(int(np.searchsorted(t, t[near] + SPAN)) - near, MIN_WINDOW)
+    low, high = max(near - size, 0), min(near + 2 * size, len(t))
+    cuts = range(max(low + 4, near - size // 2), min(near + size, high - 4) + 1)
+    costs = {k: _misfit(t[low:k], r[low:k]) + _misfit(t[k:high], r[k:high]) for k in cuts}
+    return float(t[min(costs, key=lambda k: costs[k])] if costs else t[near])
+
+
+def _misfit(t: Array, r: Array) -> float:
+    """Return the squares that a parabola leaves [m^2]."""
+    basis = legendre.legvander((t - t.mean()) / (t[-1] - t[0]), 2)
+    return float(np.linalg.lstsq(basis, r, rcond=None)[1].sum())
+
+
 def _slope(t: Array, z: Array) -> float:
     """Slope of the least-squares line [m/s]."""
     centred = t - t.mean()
@@ -293,10 +420,10 @@ def _members(edges: Array, t: Array) -> list[NDArray[np.intp]]:
     return [np.flatnonzero(piece == p) for p in range(len(edges) - 1)]
 
 
-def _meeting_times(edges: Array, t: Array, r: Array) -> Array:
-    """Move each bounce to where the heights of the free fits on its two sides meet."""
+def _meeting_times(edges: Array, t: Array, r: Array, *, first: int) -> Array:
+    """Move each bounce, from the edge ``first`` on, to where the free fits on its sides meet."""
     edges = edges.copy()
-    for b in range(1, len(edges) - 1):
+    for b in range(first, len(edges) - 1):
         near = (t > edges[b - 1]) & (t < edges[b + 1]) & (np.abs(t - edges[b]) < 0.1)
         left, right = near & (t < edges[b]), near & (t >= edges[b])
         if min(left.sum(), right.sum()) < 2:
@@ -340,7 +467,7 @@ def _fit(edges: Array, t: Array, r: Array) -> list[Array]:
     return [np.asarray(solution[starts[p] : starts[p + 1]], float) for p in range(len(members))]
 
 
-def _pieces(edges: Array, fits: list[Array], used: NDArray[np.bool_]) -> Pieces:
+def _pieces(edges: Array, fits: list[Array], used: NDArray[np.bool_], release: float) -> Pieces:
     """Turn Legendre coefficients into padded power series of position and velocity."""
     width = max(len(fit) for fit in fits)
     coefficients = np.zeros((len(fits), width, 3))
@@ -351,4 +478,5 @@ def _pieces(edges: Array, fits: list[Array], used: NDArray[np.bool_]) -> Pieces:
             power = legendre.leg2poly(fit[:, axis])
             coefficients[p, : len(power), axis] = power
             rates[p, : len(power) - 1, axis] = scale * power[1:] * np.arange(1, len(power))
-    return Pieces(edges=edges, coefficients=coefficients, rates=rates, used=used)
+    return Pieces(edges=edges, coefficients=coefficients, rates=rates, used=used,
+                  release=release)  # fmt: skip

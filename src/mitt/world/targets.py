@@ -164,7 +164,7 @@ def recorded(recording: Recording, place: Array, rng: np.random.Generator | None
         rows.append(np.linalg.lstsq(powers, given, rcond=None)[0][:2])
     r, dr = np.moveaxis(np.array(rows), 1, 0)
     anchor = r[min(round(CATCH_FRACTION * float(t[-1]) / _STEP), len(r) - 1)]
-    rotation, shift = placing(recording, anchor, place, rng)
+    rotation, shift = placing(recording.r[-1] - recording.r[0], anchor, place, rng)
     return Recorded(name=recording.name, r=r @ rotation.T + shift, dr=dr @ rotation.T)
 
 
