@@ -72,8 +72,7 @@ def judge(
     """What says how words are judged, by --check and by the start: refused and why, or good."""
     monkeypatch.chdir(here)
     monkeypatch.setattr("mitt.clock._WATCHED", 20)
-    for name in ("rehearse", "map_of"):
-        monkeypatch.setattr(f"mitt.cli.cells.{name}", lambda *_: None)
+    monkeypatch.setattr("mitt.cli.cells.made_ready", lambda *_: None)
     monkeypatch.setattr("mitt.cli.cells.about_of", _start)  # of a recording
     monkeypatch.setattr("mitt.trials.bat_station.learn_strikes", lambda g, *_, **__: (g,))
 

@@ -15,7 +15,7 @@ from local_cell import LocalCell
 
 from mitt.cell.live import Mode
 from mitt.cell.prepare import map_of, prepare
-from mitt.cell.session import STATES, Person, Session
+from mitt.cell.session import STATES, Person, Session, made_ready
 from mitt.cli.cells import _in_words, _show_session, recording
 from mitt.cli.main import main
 from mitt.cli.options import RunOptions
@@ -343,3 +343,15 @@ def test_a_second_run_at_one_arm_moves_nothing() -> None:
     assert "the arm moves" not in said
     assert cell.robot.braked == []
     assert cell.loop.counts.ticks == 0
+
+
+def test_what_takes_time_is_said_before_it_begins(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A line before the map is loaded or learned, and one before the rehearsal."""
+    said, heard = list[str](), list[int]()
+    cell = prepare(read_cell("wam-sim"))
+    monkeypatch.setattr("mitt.cell.session.map_of", lambda _: heard.append(len(said)))
+    monkeypatch.setattr("mitt.cell.session.rehearse", lambda *_: heard.append(len(said)))
+    made_ready(cell, said.append)
+    assert heard == [1, 2]
+    assert "map" in said[0]
+    assert "rehearsing" in said[1]

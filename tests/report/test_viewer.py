@@ -148,9 +148,11 @@ def test_a_page_is_served_on_the_loopback_and_the_newest_file_is_taken(
 def test_the_command_serves_and_refuses(
     one: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """One JSON object with the address; a file that is no recording is one line."""
+    """One JSON object with the address, and what is loaded; other files are one line."""
     assert main(["view", str(one), "--json", "--seconds", "2", "--port", "8873"]) == 0
-    assert json.loads(capsys.readouterr().out)["url"].startswith("http://127.0.0.1:")
+    said = capsys.readouterr()
+    assert json.loads(said.out)["url"].startswith("http://127.0.0.1:")
+    assert said.err == f"mitt: loading {one}\n"
     assert main(["view", str(one), "--check"]) == 0
     (tmp_path / "x.mcap").write_bytes(b"mine")
     for words in ([str(tmp_path / "x.mcap")], [str(tmp_path / "no")], [str(one), "--port", "0"]):

@@ -85,6 +85,15 @@ def loop_of(
     )  # fmt: skip
 
 
+def made_ready(prepared: PreparedCell, tell: Callable[[str], None]) -> CellMap:
+    """Return the map of a cell, all loaded that its loop needs; say first what takes some time."""
+    tell(f"{prepared.cell.name}: loading its map, or learning it, which takes a minute")
+    f = map_of(prepared)
+    tell(f"{prepared.cell.name}: rehearsing in simulation, so that nothing is loaded later")
+    rehearse(prepared, f)
+    return f
+
+
 def rehearse(prepared: PreparedCell, f: CellMap) -> None:
     """Catch, or meet, once in a simulation: nothing is compiled or loaded in front of the robot."""
     load_decisions(prepared.arm, generator_of(prepared, f), about_of(prepared, f).settings)
@@ -415,7 +424,7 @@ class Server:
     def run(self) -> None:
         """Serve until all throws are made and judged, and the robot is at rest."""
         prepared = self._prepared
-        rehearse(prepared, map_of(prepared))
+        made_ready(prepared, self._tell)
         with uncollected():
             port = self._port()
             self._cell = cell = SimulatedCell(

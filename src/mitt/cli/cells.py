@@ -12,7 +12,6 @@ from mitt.cell.prepare import (
     PreparedCell,
     about_of,
     feed_of,
-    map_of,
     prepare,
     scene_of_cell,
 )
@@ -23,8 +22,8 @@ from mitt.cell.session import (
     Person,
     Session,
     loop_of,
+    made_ready,
     numbers,
-    rehearse,
     serve,
     words,
 )
@@ -59,8 +58,7 @@ def run(options: RunOptions) -> int:
             tell(timekeeping(_CORE))
         return 0
     tell_of_kernels()
-    f = map_of(prepared)
-    rehearse(prepared, f)
+    f = made_ready(prepared, tell)
     person, shown, said = Person(yes=options.yes), numbers(), words()
     counted = ("throws", "caught") if prepared.cell.task is None else ("parts", "met", "placed")
     drawn = nullcontext() if options.json else live_table(shown, said, STATES, counted)

@@ -152,5 +152,6 @@ def view(options: ViewOptions) -> int:
     watch(
         lambda: newest(place) if place.is_dir() else place,
         host=options.host, port=options.port, ready=ready, until=options.seconds,
+        loads=lambda path: say(f"loading {path}"),
     )  # fmt: skip
     return 0

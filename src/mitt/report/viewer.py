@@ -444,7 +444,7 @@ def _bars(name: str, shares: Array, joints: tuple[str, ...]) -> str:
 
 def watch(
     find: Callable[[], Path | None], *, host: str, port: int, ready: Callable[[str], None],
-    until: float | None = None,
+    until: float | None = None, loads: Callable[[Path], None] | None = None,
 ) -> None:  # fmt: skip
     """Serve the viewer until it is interrupted.
 
@@ -454,11 +454,14 @@ def watch(
         port: Port; the next free one where it is taken.
         ready: Is told the address once it can be opened.
         until: Time after which to end [s]; never if left out.
+        loads: Is told which recording is loaded, before that takes its time.
     """
     end = np.inf if until is None else monotonic() + until
     path = _first(find, end)
     if path is None:
         return
+    if loads is not None:
+        loads(path)
     with served(host, port) as server:
         viewer = Viewer(server, path)
         ready(f"http://{server.get_host()}:{server.get_port()}")
