@@ -10,7 +10,7 @@ import pytest
 import mitt
 from mitt.cli.main import main
 from mitt.errors import InputError
-from mitt.files.writing import check_own, open_own, remove_own
+from mitt.files.writing import check_own, own_file, remove_own
 
 PACKAGE = Path(mitt.__file__).parent
 SCHEMA = "mitt.search/1"
@@ -36,7 +36,7 @@ SYSTEM = {
     "cell/recorder.py main": "a file that must be new",
     "cli/main.py _open_streams": "the null device",
     "cli/main.py _give_up": "the null device",
-    "design/search_jobs.py Answers.open": "what open_own opened",
+    "design/search_jobs.py Answers.open": "what own_file opened",
     "errors.py heard": "a file without a name",
     "files/recordings.py _fill": "the temporary file of write_atomically",
     "files/recordings.py Recorded._opened": "reads",
@@ -184,33 +184,33 @@ def test_a_file_of_ours_is_gone_on_with_and_another_is_not(tmp_path: Path) -> No
     for content in (None, b"", b'{"schema": "mitt.search/1", "version": "0"}\n'):
         if content is not None:
             path.write_bytes(content)
-        os.close(open_own(path, SCHEMA))
+        os.close(own_file(path, SCHEMA))
         assert path.read_bytes() == (content or b"")
     for content in (b"mine", b'{"schema": "mitt.map/2"}', b"\0" * 10):
         path.write_bytes(content)
         with pytest.raises(InputError, match="which mitt did not write"):
-            open_own(path, SCHEMA)
+            own_file(path, SCHEMA)
         assert path.read_bytes() == content
     path.unlink()
     os.mkfifo(path)
     with pytest.raises(InputError):
-        open_own(path, SCHEMA)
+        own_file(path, SCHEMA)
     path.unlink()
-    handle = open_own(path, SCHEMA)
+    handle = own_file(path, SCHEMA)
     with pytest.raises(BlockingIOError):
-        open_own(path, SCHEMA)
+        own_file(path, SCHEMA)
     path.unlink()
     path.write_text("mine")
     remove_own(path, handle)
     os.close(handle)
     assert path.read_text() == "mine"
     path.write_text("")
-    handle = open_own(path, SCHEMA)
+    handle = own_file(path, SCHEMA)
     remove_own(path, handle)
     os.close(handle)
     assert not path.exists()
     path.symlink_to(tmp_path / "nowhere")
-    for refuse in (lambda: open_own(path, SCHEMA), lambda: check_own("--out", path)):
+    for refuse in (lambda: own_file(path, SCHEMA), lambda: check_own("--out", path)):
         with pytest.raises(InputError, match="a link"):
             refuse()
     assert path.is_symlink()

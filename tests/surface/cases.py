@@ -12,6 +12,7 @@ from soak.examples import ball_of
 
 import mitt
 import mitt.gym
+from mitt.arm.load import described
 from mitt.ball.filter import BallFilter, FilterConfig
 from mitt.catcher.catcher import Catcher
 from mitt.catcher.generators import Direct
@@ -33,6 +34,9 @@ from mitt.world.scene import Scene, read_scene
 from surface import names
 
 URDF = names.ROOT / "examples" / "own_arm.urdf"
+#: Joints of a UR5e, which meets parts.
+UR5E = ["shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint", "wrist_1_joint",
+        "wrist_2_joint", "wrist_3_joint"]  # fmt: skip
 
 #: Settings of which an infinite number says that there is no bound.
 _ENDLESS = frozenset(("sigma_ready", "adapt_q", "adapt_dq", "tolerance", "max_tracking_error",
@@ -228,7 +232,7 @@ class Cases:
             "again": {"generator": self.direct}, "learn_background": {"views": [self.frames]},
             "move": {"motion": motion}, "recover": {"checked": True},
             "step": {"senses": self.senses}, "ticked": {"todo": 0, "since": 0.0},
-            "take_over": {"torques": np.zeros(self.arm.n)},
+            "take_over": {"torques": np.zeros(self.arm.n), "t": -0.002},
         }  # fmt: skip
         of_eyes = {
             "arrange": {"frames": self.frames}, "gaze": {"ball": ball, "t": 0.25},
@@ -271,7 +275,8 @@ class Cases:
         for kind in ("gym.Catch", "gym.CatchPixels"):
             found |= {kind: Case(names.public()[kind], builds, slow=True)}
             found |= self._methods(kind, env, acts)
-        meets = {"render_mode": "rgb_array", "arm": "ur5e", "limits": "ur5e", "tool": "suction",
+        meets = {"render_mode": "rgb_array", "arm": described("ur5e"), "tip": "tool0",
+                 "joints": UR5E, "limits": "ur5e", "tool": "suction",
                  "target": "belt", "speed": 0.3, "gripper_delay": 0.05, "scene": "ideal",
                  "action": "torque", "ticks": 1}  # fmt: skip
         found["gym.Meet"] = Case(names.public()["gym.Meet"], meets, slow=True)

@@ -95,7 +95,7 @@ def build_arm(
     ships = is_shipped(name_or_path)
     mount = hand_mount if hand_mount is not None else "plate" if ships else "catch"
     path = described(name_or_path)
-    names = _names(joints)
+    names = checked_joints(joints)
     turn = checks.number("hand_turn", hand_turn, finite=True)
     checks.one_of("hand_mount", mount, _MOUNTS)
     wanted = _Wanted(name=path.stem, joints=names, held=_angles(held), ready=ready, hand=mounted,
@@ -469,7 +469,7 @@ def _limits(
     return limits if given is None else replace(limits, force=given.force)
 
 
-def _names(joints: Sequence[str] | None) -> tuple[str, ...]:
+def checked_joints(joints: Sequence[str] | None) -> tuple[str, ...]:
     """Return names of joints; none where they were left out."""
     if joints is None:
         return ()

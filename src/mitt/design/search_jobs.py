@@ -25,7 +25,7 @@ from mitt.design.evaluation import Evaluation, How, able_to_hold, judged, learne
 from mitt.design.task import Task
 from mitt.errors import FileError, InputError, MittError
 from mitt.files.schema import to_plain
-from mitt.files.writing import open_own, remove_own
+from mitt.files.writing import own_file, remove_own
 from mitt.reading import read_text
 from mitt.trials.workers import Engine, run_tasks
 
@@ -126,7 +126,7 @@ class Answers:
         self._path = path
         head = json.dumps({"schema": _SCHEMA, "version": mitt.__version__, "search": search})
         try:
-            self._file = open_own(path, _SCHEMA)
+            self._file = own_file(path, _SCHEMA)
         except BlockingIOError:
             raise InputError("--out", "a design that no other search is looking for",
                              f"{path}, where one is looking") from None  # fmt: skip

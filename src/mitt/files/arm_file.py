@@ -22,7 +22,15 @@ from mitt.arm.description import Hand
 from mitt.arm.description_files import MAX_BYTES
 from mitt.arm.hands import HandModel
 from mitt.arm.limits import KINDS, LimitSet
-from mitt.arm.load import Mount, arm_names, build_arm, is_shipped, with_encoders, with_hand
+from mitt.arm.load import (
+    Mount,
+    arm_names,
+    build_arm,
+    checked_joints,
+    is_shipped,
+    with_encoders,
+    with_hand,
+)
 from mitt.arm.wam import LIMIT_SETS
 from mitt.errors import FileError, InputError, MittError, UnknownNameError, printable
 from mitt.files.schema import Finite, Part, Settings, from_plain, parsed
@@ -379,12 +387,13 @@ def arm_of_task(
         InputError: Something is said beside an arm file.
         FileError: The arm file is missing, or says what cannot be.
     """
-    path = checks.path("arm", name_or_path)
+    path, names = checks.path("arm", name_or_path), checked_joints(joints)
+    tip = None if tip is None else checks.text("tip", tip)
     if is_arm_file(path):
         _refuse_beside(path, {"tip": tip, "joints": joints})
         return read_arm_file(path)
     named = str(name_or_path) == "wam" or is_shipped(name_or_path)
-    return ArmFile(arm=str(name_or_path) if named else path, tip=tip, joints=tuple(joints or ()),
+    return ArmFile(arm=str(name_or_path) if named else path, tip=tip, joints=names,
                    hand="none")  # fmt: skip
 
 

@@ -106,7 +106,7 @@ def _in_the_way(name: str, path: Path) -> InputError:
                       do="move that away, or choose another name for the output")  # fmt: skip
 
 
-def open_own(path: Path, schema: str) -> int:
+def own_file(path: Path, schema: str) -> int:
     """Open a file of ours to go on with, or make it; return its descriptor, to append to.
 
     It is locked as long as the descriptor is open.
@@ -140,7 +140,7 @@ def open_own(path: Path, schema: str) -> int:
 
 
 def remove_own(path: Path, handle: int) -> None:
-    """Remove a file that :func:`open_own` opened, unless another file has taken its name since."""
+    """Remove a file that :func:`own_file` opened, unless another file has taken its name since."""
     with suppress(OSError):
         if os.path.samestat(os.lstat(path), os.fstat(handle)):
             path.unlink()

@@ -297,7 +297,8 @@ def arm_with_tool(
     Raises:
         MittError: The arm cannot be, or so many joints bring no tool to a target.
     """
-    file, told = arm_of_task(name, tip=tip, joints=joints), tuple(joints or ())
+    file = arm_of_task(name, tip=tip, joints=joints)
+    told = tuple(joints or ())
     arm = file.carrying(tool, joints=told, limits=limits)
     if arm.n not in _COUNTS and file.held and not told:  # held for a catch alone
         arm = file.carrying(tool, joints=(*file.joints, *file.held), limits=limits)
