@@ -181,7 +181,7 @@ def test_the_planner_of_the_tutorial_catches(
     trials = json.loads((tmp_path / "careful" / "result.json").read_text())["trials"]
     assert {t["status"] for t in trials} == {"caught", "unreachable"}
     refused = [t["certificate"]["margin"] for t in trials if t["status"] == "unreachable"]
-    assert max(refused) < 0.4
+    assert max(x for x in refused if x is not None) < 0.4  # a later one may have none
     text = (planner / "study.toml").read_text()
     assert "throws = 100" in text
     study.write_text(text.replace("throws = 100", "throws = 1").replace('"quintic", ', ""))

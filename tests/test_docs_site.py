@@ -19,6 +19,8 @@ from PIL import Image, ImageSequence
 import mitt
 from mitt.arm.arm import Arm
 from mitt.arm.catch import CaughtBall
+from mitt.arm.load import with_hand
+from mitt.arm.tools import TOOLS
 from mitt.catcher.generators import Direct
 from mitt.cli.main import main
 from mitt.cli.options import COMMANDS
@@ -154,7 +156,7 @@ def kinds_in_code(learned: Learned) -> set[str]:
     verdict = judge(f, seen, f.arm.q_ready, tolerance=Tolerance())
     assert verdict.approach is not None
     names = set(shares_of(f.arm, verdict.approach.motion, Tolerance(strength=1.0)))
-    for arm in (f.arm, basket):
+    for arm in (f.arm, basket, with_hand(f.arm, TOOLS["suction"])):
         for mass in (0.05, 0.5):  # an arm that is kept slow for the impact says so
             caught = CaughtBall(mass=mass, radius=0.04)
             names |= set(shares_after(arm, verdict.approach, caught))

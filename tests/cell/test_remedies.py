@@ -195,7 +195,7 @@ REMEDIES: dict[str, tuple[Callable[[], str], Callable[[], str]]] = {
     ),
 }  # fmt: skip
 #: Settings that a line names as what is wrong, or as what it speaks of.
-NO_REMEDY = {"robot.watchdog", "robot.driver", "robot.options", "task.put"}
+NO_REMEDY = {"robot.watchdog", "robot.driver", "robot.options", "task.put", "task.belt"}
 
 
 def test_each_setting_that_a_line_names_is_tried() -> None:

@@ -90,10 +90,10 @@ def judge(
             found.append("good" if good else said[-1])
         return found[0], found[1]
 
-    before = sorted(x.name for x in here.iterdir())
+    before = set(here.iterdir()) | set(here.parent.iterdir())
     yield verdict
-    for path in here.iterdir():
-        if path.name not in before:
+    for path in (*here.iterdir(), *here.parent.iterdir()):
+        if path not in before:
             shutil.rmtree(path) if path.is_dir() else path.unlink()
 
 

@@ -53,9 +53,7 @@ SYSTEM = {
 WRITERS = {
     "cameras/filtering.py": "cli: check_new_files",
     "cameras/video_writer.py": "cli: check_new_files",
-    "cli/batting.py": "run_folder",
     "cli/measuring.py": "a run of ours that has no result",
-    "cli/meeting.py": "run_folder",
     "files/arm_file.py": "cli: check_new_files",
     "files/maps.py": "cli: check_new_files or claim_folder; the cache of maps",
     "files/recordings.py": "claim_folder",
@@ -72,6 +70,7 @@ WRITERS = {
     "trials/result.py": "claim_folder",
     "trials/study_folder.py": "claim_folder",
     "trials/study_run.py": "Folder.claim",
+    "trials/task_folder.py": "run_folder",
     "trials/task_run.py": "Folder.claim",
 }
 

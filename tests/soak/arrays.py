@@ -134,7 +134,8 @@ def _fits(name: str, wanted: str, value: Value) -> bool:
     if value is None:
         left_out = ("alpha", "least", "ddr_o", "t_seen", "t_first", "q_rest")
         at_rest = wanted == "dq" and name.endswith(".verdict")
-        return wanted in left_out or at_rest or (name == "eyes.step" and wanted == "frames")
+        own = {"eyes.step": "frames", "catcher.take_over": "t"}.get(name) == wanted
+        return wanted in left_out or at_rest or own
     if name == "ArmState":  # the catcher knows how many joints there are
         return False
     shape = np.shape(value) if isinstance(value, np.ndarray | np.floating) else None

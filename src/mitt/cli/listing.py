@@ -57,8 +57,7 @@ def _words(found: tuple[ShippedArm, ...]) -> list[str]:
              "m/s, N: of ball and hand when they meet, the largest contact force; medians",
              "limits: those of the vendor, but for the WAM's; --json has all"]  # fmt: skip
     words += _commands(found)
-    words += [f"{_said(x)}: {x.figures.beyond} beyond a limit of the arm, or pressed harder than"
-              " hand or arm take"
+    words += [f"{_said(x)}: {x.figures.beyond} beyond a limit of the arm, or of the force on it"
               for x in found if x.figures is not None and x.figures.beyond]  # fmt: skip
     if not all(x.designed for x in found):
         words.append("hand none: no design yet; mitt design NAME --out NAME.toml looks for one")

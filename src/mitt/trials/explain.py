@@ -34,6 +34,7 @@ LIMITS = {
     "force": "the ball would press on the hand harder than hand or arm take",
     "hand": "the fingers would have too little time to close",
     "grip": "the fingers would not hold the ball",
+    "seal": "the cup would not hold the part",
     "palm": "the ball would come from behind the palm and touch the fingers first",
     "spill": "the ball would leave the basket in the brake",
     "optimum": "the oracle found no motion within the limits",
