@@ -179,7 +179,7 @@ def test_a_bad_domain_is_refused_alike(
 @pytest.mark.parametrize(
     ("robot", "said"),
     [
-        ('driver = "ur"', "pip install ./examples/drivers"),
+        ('driver = "ur"', "pip install './examples/drivers[franka]'"),
         ('driver = "mine"', "a driver comes with a package"),
         ('driver = "franka"\n[robot.options]\naddress = "x"', "robot.joints: wanted some of"),
     ],

@@ -69,7 +69,7 @@ def test_two_names_never_share_a_recording(tmp_path: Path) -> None:
     names = ("kick 1", "kick_1", "kick/1", "kick=1", "kick+1")
     paths = {Folder(tmp_path).recording("direct", name, 0) for name in names}
     assert len(paths) == len(names)
-    assert Folder(tmp_path).recordings / "direct-kick_1-0.mcap" in paths
+    assert Folder(tmp_path).recordings / "direct+kick_1-0.mcap" in paths
 
 
 @pytest.mark.parametrize("name", shipped("studies"))

@@ -52,7 +52,7 @@ _HEADS = {
 _EXPAND = "expand it first: xacro FILE.urdf.xacro > FILE.urdf"
 _ENCODING = re.compile(rb"""^<\?xml[^>]*?encoding\s*=\s*["']([\w.:-]{1,40})["']""")
 #: A comment, in which files of others have "--", which XML forbids and their readers pass over.
-_COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
+_COMMENT = re.compile(r"<!--.*?(?:-->|\Z)", re.DOTALL)
 #: What xacro puts in the place of values.
 _UNEXPANDED = re.compile(r"\$\{|\$\((find|arg|env|optenv|dirname|eval|cwd|anon)\b")
 

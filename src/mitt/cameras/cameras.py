@@ -222,7 +222,10 @@ class Video(Camera):
             raise FileError(place, "a frame that decodes", _reason(error)) from error
         if picture is None:
             return None
-        deep = max(x.bits for x in picture.format.components) > 8
+        most = max(x.bits for x in picture.format.components)
+        deep = most > 8
+        if 8 < most < 16:  # what decodes these fills all 16 bits
+            self._depth.bits = 16
         kinds = ("gray16le", "rgb48le") if deep else ("gray", "rgb24")
         kind = kinds[not picture.format.name.startswith("gray")]
         pixels = self._depth.eight(grey(picture.to_ndarray(format=kind)))

@@ -74,10 +74,11 @@ class CatchNotes:
         self._saw += 1
 
     def _catch(self, state: CatcherState) -> Catch:
-        """Return what was kept, readings in the order of their stamps."""
+        """Return what was kept, in the order of stamps."""
         s = state.scalars[0]
         read, saw = self._readings[: self._read], self._sightings[: self._saw]
         read = read[np.argsort(read["t"], kind="stable")]
+        saw = saw[np.argsort(saw["t"], kind="stable")]
         rising = read[np.diff(read["t"], prepend=-np.inf) > 0.1 * TICK]
         return Catch(
             t_arm=rising["t"], q=rising["q"], t_seen=saw["t"], seen=saw["r_o"],

@@ -64,7 +64,7 @@ _FOLLOWED = (Outcome.FEASIBLE, Outcome.OPEN)
 def too_early(
     t: float, begun: float, sigma: float, t_look: float, watch: float, sigma_ready: float
 ) -> bool:
-    """Say that no verdict can be given yet: a verdict is for good.
+    """Say that no verdict can be given yet: a verdict is for this flight.
 
     It is too soon to look again; or the ball is not known well enough at its catch, and the
     verdict is not due.
@@ -270,8 +270,8 @@ class Planner:
     def _watch(self, ball: BallState) -> None:
         """Give the verdict once the ball is known well enough, or when it is due.
 
-        A verdict is for good, so it waits until the ball is as near as it has to be for a start,
-        and until a ball that has left the images is back in them.
+        A verdict is for this flight, so it waits until the ball is as near as it has to be for a
+        start, and until a ball that has left the images is back in them.
         """
         t_look, of = self._scalars["t_look"].item(), self._settings
         sigma = 0.0 if ball.t < t_look else self.generator.sharpness(ball)
@@ -374,7 +374,10 @@ class Planner:
 
         The arm brakes where the ball, known well, has come back and cannot be caught.
         """
-        if ball.t < self._scalars["t_look"] or not self.generator.returns(ball):
+        if ball.t < self._scalars["t_look"]:
+            return
+        if not self.generator.returns(ball):
+            self._doubt = None
             return
         verdict = self._judged(ball)
         if verdict.outcome is Outcome.FEASIBLE:

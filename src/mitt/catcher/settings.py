@@ -46,7 +46,8 @@ class CatcherSettings(Settings):
     Attributes:
         bandwidth: Bandwidth of the tracking error [rad/s].
         sigma_ready: Predicted 1-sigma at the catch at which the arm starts to move [m].
-        watch: Longest time from first sight to the verdict [s].
+        watch: Longest time from the start of a flight (seen first, let go or kicked) to the verdict
+            [s].
         adapt_q: Gap between desired and true joint angles at which to adapt anew [rad]; at 0
             in each tick.
         adapt_dq: The same for joint speeds [rad/s].

@@ -28,7 +28,7 @@ from mitt.catcher.settings import (
 )
 from mitt.control.closing import fingers_of
 from mitt.control.encoders import Monitor, faulty, monitor_of
-from mitt.control.envelope import bounds_of
+from mitt.control.envelope import bounds_of, speeds_of
 from mitt.control.health import (
     ENCODER_REASONS,
     Reason,
@@ -305,7 +305,8 @@ def arm_numbers(arm: Arm) -> ArmNumbers:
 def exchange_arm(state: CatcherState, arm: Arm) -> None:
     """Let a state go on with an arm that begins to hold a ball, or lets it go.
 
-    What the safety filter rests on stays (:mod:`mitt.control.viability`).
+    What a stop rests on stays (:mod:`mitt.control.viability`); speeds that were kept low for the
+    ball to strike are free again.
 
     Args:
         state: Whose model, limits and bounds of encoders are overwritten.
@@ -313,6 +314,7 @@ def exchange_arm(state: CatcherState, arm: Arm) -> None:
     """
     of = state.arm, state.monitor.bounds, state.tracking.drives, state.limits
     overwrite(of, arm_numbers(arm))
+    state.safety.bounds["dq_max"] = speeds_of(arm)
 
 
 def overwrite(old: tuple[Any, ...], new: tuple[Any, ...]) -> None:
@@ -437,7 +439,8 @@ class Memory:
     def held(self) -> bool:
         """Whether a throw is over and the arm rests, by its torques, or by its brakes by now."""
         phase, gone = self.scalars["phase"], self.t >= self.scalars["t_gone"]
-        over = phase in (BRAKE, STOPPED) or (phase == REFUSED and gone)
+        lost = phase == WATCH and not self.out["tracked"]  # it flew otherwise, and was lost
+        over = phase in (BRAKE, STOPPED) or (gone and (phase == REFUSED or lost))
         return bool(over and self.rests and (self.scalars["braked"] or not self.out["brakes"]))
 
     def read(self, arm: Arm, given: ArmState) -> None:

@@ -437,10 +437,11 @@ class LiveLoop:
         """Go back after a stop for the ball's sake; else stay, once at rest."""
         found = catcher.stopped_by
         for_the_ball = found is not None and (self._missed or found.reason is Reason.LOST)
-        if for_the_ball and not self._link.braked:
-            if not self._ticks.rests:
+        if found is not None and for_the_ball and not self._link.braked:
+            rests = self._ticks.rests  # never where something keeps it from where it was to stop
+            if not rests and self._ticks.stamps.t < found.t + _STOPS:
                 return
-            if (gap := self._ticks.gap) < 0.1:  # [rad]
+            if (gap := self._ticks.gap) < 0.1 and rests:  # [rad]
                 self.counts.stopped += not self._missed
                 self._over()
                 return

@@ -29,7 +29,9 @@ from mitt.signals import TICK, ArmState, Array, Command, Sighting
 #: Groups of the entry points: drivers, and their checks.
 GROUP, CHECKS = "mitt.robots", "mitt.robot_checks"
 #: Where the example drivers are.
-_EXAMPLES = " (franka and ur: pip install ./examples/drivers in the repository of mitt)"
+_EXAMPLES = (
+    " (franka or ur: pip install './examples/drivers[franka]' or '[ur]' in the repository of mitt)"
+)
 P = ParamSpec("P")
 R = TypeVar("R")
 #: Time after which a setpoint says nothing of the next [s].

@@ -132,7 +132,12 @@ def own_file(path: Path, schema: str) -> int:
         ours = whole.st_size == 0 or stated.match(os.pread(handle, 200, 0))
         if not stat.S_ISREG(whole.st_mode) or not ours:
             raise _in_the_way("--out", path)
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise
+        except OSError as error:
+            raise FileError(str(path), _FILE, error.strerror or "no lock") from error
     except BaseException:
         os.close(handle)
         raise
