@@ -200,8 +200,9 @@ def test_the_types_are_those_of_a_throw(
     assert done.value == begun.value - 1
     given: dict[str, Any] = {}
 
-    def play(plant: Any, sight: Any, parts: Any, kept: Any, *_: Any) -> int:  # noqa: ANN401
+    def play(plant: Any, sight: Any, parts: Any, kept: Any, *others: Any) -> int:  # noqa: ANN401
         given.update(sight._asdict(), plant=plant, parts=parts, rows=kept.trace, sight=sight)
+        given["path"] = others[-1]
         raise StopIteration
 
     monkeypatch.setattr(loop, "play", play)
@@ -220,7 +221,13 @@ def test_the_types_are_those_of_a_throw(
         "act": (brake, state, result),
         "refer": (state, result),
         "undecided": (whole, state, result),
-        "move": (typeof(given["plant"]), q, number, typeof(given["rows"])),
+        "move": (
+            typeof(given["plant"]),
+            q,
+            number,
+            typeof(given["rows"]),
+            typeof(given["path"]),
+        ),
         "capture": (typeof(given["plant"]), typeof(given["sight"]), state, whole, typeof(True)),
     }
     assert {name: spy.types for name, spy in spies.items()} == {k: [v] for k, v in wanted.items()}
