@@ -53,6 +53,8 @@ TEXTS = ("", "nonsense", "²", "../x", "tmp/such/file.toml", ".", "mine.toml", "
          "POINTS.csv", "\x1b[31m", "x" * 300, "dask://x:99999", "1e308,0,0", "nan,1,2")  # fmt: skip
 ALL = [(name, option) for name in COMMANDS for option in options_of(COMMANDS[name])
        if option.kind is not bool]  # fmt: skip
+#: Every option takes minutes (MITT_EVERY_OPTION=1); each run tries a third of them.
+STRIDE = 1 if os.environ.get("MITT_EVERY_OPTION") else 3
 Judge = Callable[[str, list[str]], tuple[str, str]]
 
 
@@ -117,7 +119,9 @@ def test_what_is_good_is_good_for_both(name: str, judge: Judge) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "option"), ALL, ids=[f"{x} {y.name}" for x, y in ALL])
+@pytest.mark.parametrize(
+    ("name", "option"), ALL[::STRIDE], ids=[f"{x} {y.name}" for x, y in ALL[::STRIDE]]
+)
 def test_a_bad_value_of_an_option_is_refused_alike(name: str, option: Option, judge: Judge) -> None:
     words = GOOD[name][0]
     overwrite = ["--overwrite"] * any(x.name == "--overwrite" for x in options_of(COMMANDS[name]))
@@ -153,7 +157,7 @@ OPTIONS = [("robot", "options", x) for x in ("state", "command", "brake", "inter
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("key", [*keys(Cell), *OPTIONS], ids=".".join)
+@pytest.mark.parametrize("key", [*keys(Cell), *OPTIONS][::STRIDE], ids=".".join)
 def test_a_bad_value_of_a_cell_is_refused_alike(
     key: tuple[str, ...], judge: Judge, here: Path
 ) -> None:
