@@ -24,12 +24,12 @@ robot's own controller holds the arm.
 """
 
 from collections.abc import Callable, Sequence
-from importlib.util import find_spec
 from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
 from robot_clock import RobotClock  # type: ignore[import-not-found]
+from robot_options import address_of, check_library  # type: ignore[import-not-found]
 
 from mitt.arm.arm import Arm
 from mitt.errors import InputError
@@ -49,18 +49,8 @@ def check(cell: Cell, arm: Arm) -> list[str]:
     """Refuse a cell that this driver cannot be for; connects to nothing: the entry point."""
     index_of(cell, arm)
     address_of(cell)
-    if find_spec("pylibfranka") is None:
-        raise InputError("driver 'franka'", "the library pylibfranka", "a Python without it",
-                         do="pip install pylibfranka")  # fmt: skip
+    check_library("franka", "pylibfranka", "pylibfranka")
     return []
-
-
-def address_of(cell: Cell) -> str:
-    """Return the address of the robot."""
-    address = cell.robot.options.get("address")
-    if not isinstance(address, str):
-        raise InputError("robot.options.address", "the address of the robot", repr(address))
-    return address
 
 
 def index_of(cell: Cell, arm: Arm) -> NDArray[np.int64]:

@@ -24,12 +24,12 @@ in operation: ``engage_brakes`` lets it stop and be held by its drives.
 """
 
 from collections.abc import Callable, Sequence
-from importlib.util import find_spec
 from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
 from robot_clock import RobotClock, wait  # type: ignore[import-not-found]
+from robot_options import address_of, check_library  # type: ignore[import-not-found]
 
 from mitt.arm.arm import Arm
 from mitt.clock import monotonic
@@ -50,18 +50,8 @@ def check(cell: Cell, arm: Arm) -> list[str]:
     index_of(cell, arm)
     address_of(cell)
     for library in ("dashboard_client", "rtde_control", "rtde_receive"):
-        if find_spec(library) is None:
-            raise InputError("driver 'ur'", f"the library {library}", "a Python without it",
-                             do="pip install ur_rtde")  # fmt: skip
+        check_library("ur", library, "ur_rtde")
     return []
-
-
-def address_of(cell: Cell) -> str:
-    """Return the address of the robot."""
-    address = cell.robot.options.get("address")
-    if not isinstance(address, str):
-        raise InputError("robot.options.address", "the address of the robot", repr(address))
-    return address
 
 
 def index_of(cell: Cell, arm: Arm) -> NDArray[np.int64]:
