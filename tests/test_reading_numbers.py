@@ -14,7 +14,8 @@ from mitt.cli.line import options_of
 from mitt.cli.main import main
 from mitt.cli.options import COMMANDS
 from mitt.errors import InputError
-from mitt.reading import real_of, reals_of, whole_of
+from mitt.numerals import real_of, whole_of
+from mitt.reading import reals_of
 from mitt.trials.workers import check_engine
 
 PACKAGE = Path(mitt.__file__).parent

@@ -20,6 +20,7 @@ from typing import Any
 
 from mitt import checks
 from mitt.errors import FileError, InputError
+from mitt.numerals import real_of
 
 #: Largest TOML and JSON file that is read [bytes]; JSON may take twenty times as much memory.
 MAX_TOML_BYTES, MAX_JSON_BYTES = 1_000_000, 10_000_000
@@ -35,9 +36,6 @@ _PIECE = re.compile(
     re.DOTALL,
 )
 
-
-#: A whole number: its sign, and its digits without leading zeros.
-_WHOLE = re.compile(r"([+-]?)0*([0-9]+)")
 
 #: Where what comes with mitt is.
 _PACKAGE = Path(__file__).parent
@@ -65,26 +63,6 @@ def difference(was: Mapping[str, str], now: Mapping[str, str]) -> str:
     """Return the name of the first file that holds something else than before; nothing if none."""
     pairs = zip_longest(was.items(), now.items(), fillvalue=("", ""))
     return next((b[0] or a[0] for a, b in pairs if a[1] != b[1]), "")
-
-
-def whole_of(text: str) -> int | None:
-    """Return the whole number that a user's text is; None where it is none.
-
-    Digits are those of ASCII, as many as one likes: of a number of more than 100 digits the first
-    100 are taken, which is beyond any range as well.
-    """
-    found = _WHOLE.fullmatch(text.strip(" \t"))
-    return None if found is None else int(found[1] + found[2][:100])
-
-
-def real_of(text: str) -> float | None:
-    """Return the real number that a user's text is, infinity and NaN included; None if none."""
-    if not text.isascii() or "_" in text:
-        return None
-    try:
-        return float(text)
-    except ValueError:
-        return None
 
 
 def reals_of(name: str, text: str, count: int, *, most: float) -> tuple[float, ...]:

@@ -18,7 +18,8 @@ import numpy as np
 
 from mitt.clock import monotonic
 from mitt.errors import FileError, InputError, check_package, heard
-from mitt.reading import read_bytes, whole_of
+from mitt.numerals import whole_of
+from mitt.reading import read_bytes
 from mitt.signals import Frame, Image
 
 #: Largest image file that is read [bytes].

@@ -15,7 +15,7 @@ from socket import if_nameindex
 from typing import Any, Literal, final
 
 from mitt.errors import InputError
-from mitt.reading import whole_of
+from mitt.numerals import whole_of
 
 try:
     from cyclonedds.core import (

@@ -16,7 +16,7 @@ import mitt
 from mitt.cli.options import COMMANDS, Arg, Options
 from mitt.errors import FileError, InputError, MittError, UnknownNameError, meant
 from mitt.interrupts import safe_path
-from mitt.reading import real_of, whole_of
+from mitt.numerals import real_of, whole_of
 
 #: Columns of a screen, and of what an option is called.
 _WIDE, _CALLED = 80, 22

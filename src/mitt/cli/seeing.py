@@ -57,7 +57,7 @@ from mitt.files.arm_file import load_arm
 from mitt.files.csv_table import header_of
 from mitt.files.rig import CalibratedRig, read_rig, write_rig
 from mitt.interrupts import notice
-from mitt.reading import whole_of
+from mitt.numerals import whole_of
 from mitt.world.fall import WANTED, doubt_of
 
 #: Largest standard deviation of a coordinate that makes sense [m].

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from mitt.catcher.state import Result, fresh_result
 from mitt.files.cdr import Field, Rows, layout, text
 from mitt.files.robot_description import Frame as Drawn
-from mitt.reading import real_of
+from mitt.numerals import real_of
 from mitt.signals import Array, Frame, Senses, Sighting
 
 #: Topics, and the frame in which all points are given (REP 105 has no name for a shoulder frame).

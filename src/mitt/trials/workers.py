@@ -26,7 +26,7 @@ from typing import Protocol, TypeVar, final
 from mitt.clock import settle
 from mitt.errors import InputError, MittError, check_package
 from mitt.interrupts import end_with_parent, safe_path
-from mitt.reading import whole_of
+from mitt.numerals import whole_of
 
 _Task = TypeVar("_Task")
 
