@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from exact_plant import ExactPlant
 from support import ball_state
 
 from mitt.arm.arm import Arm
@@ -84,21 +85,28 @@ def sinking(
 
 def caught(
     arm: Arm, generator: Generator, way: Callable[[float], Array], settings: CatcherSettings,
-    watch: Callable[[Catcher], None],
+    watch: Callable[[Catcher], None], *, exact: bool = False,
 ) -> Catcher:  # fmt: skip
-    """Return the catcher after a throw at an arm that does what it is told."""
-    catcher, q, dq = Catcher(arm, generator, settings=settings), arm.q_ready, np.zeros(arm.n)
+    """Return the catcher after a throw at an arm that is where it is told to be.
+
+    Or, ``exact``, where its torques bring it.
+    """
+    catcher, plant = Catcher(arm, generator, settings=settings), ExactPlant(arm)
     rng = np.random.default_rng(0)
     for k in range(900):
         t, seen = k * TICK, way(k * TICK) + 1e-3 * rng.standard_normal(3)
         point = Sighting(t=t, found=True, r_o=seen, covariance=1e-6 * np.eye(3))
+        q, dq = plant.state.copy()
         senses = Senses(t=t, arm=ArmState(t=t, q=q, dq=dq), points=(point,))
         command = catcher.step(senses)
         catcher.think()
         watch(catcher)
         if catcher.phase in (Phase.BRAKE, Phase.STOPPED, Phase.REFUSED):
             break
-        q, dq = command.q.copy(), command.dq.copy()
+        if exact:
+            plant.move(command, TICK)
+        else:
+            plant.state[:] = command.q, command.dq
     return catcher
 
 
@@ -208,7 +216,7 @@ def test_a_ball_that_goes_away_ends_in_the_brake(
         if is_coming(arm, catcher, way):
             coming.append(catcher.result.scalars["t"].item())
 
-    catcher = caught(arm, make(taught.map), way, settings_for(0.07), watch)
+    catcher = caught(arm, make(taught.map), way, settings_for(0.07), watch, exact=True)
     assert catcher.phase is Phase.BRAKE
     assert catcher.state.fingers["t_begun"][0] == np.inf
     assert catcher.state.scalars[0]["t_brake"] - coming[-1] < PATIENCE + 0.012
@@ -246,7 +254,7 @@ def test_no_forecast_stops_an_arm_whose_ball_comes(arm: Arm, taught: Learned, se
     """Of a ball that flutters a map foresees no catch for 0.1 s, and it comes all the same."""
     way, coming = fluttering(seed), list[bool]()
     catcher = caught(arm, Direct(taught.map), way, settings_for(0.07),
-                     lambda x: coming.append(is_coming(arm, x, way)))  # fmt: skip
+                     lambda x: coming.append(is_coming(arm, x, way)), exact=True)  # fmt: skip
     assert catcher.phase is Phase.BRAKE
     assert catcher.verdict is not None
     closed = catcher.state.fingers["t_begun"][0] < np.inf

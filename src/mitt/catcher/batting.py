@@ -160,6 +160,10 @@ class Batting(Generator):
                            t_catch=self.t_contact, sigma=self.sharpness(ball))  # fmt: skip
         return self._planned(ball, q, np.zeros(len(q)) if dq is None else dq).verdict
 
+    def afresh(self) -> "Batting":
+        """Return the generator before any ball."""
+        return replace(self, memory=_Memory())
+
     def pause(self) -> float:
         """Return the time after which a ball that could not be struck is judged anew [s]."""
         return _ANEW

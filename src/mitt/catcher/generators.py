@@ -162,6 +162,15 @@ class Paced(Generator, Protocol):
 
 
 @runtime_checkable
+class Remembering(Generator, Protocol):
+    """A generator that keeps what it found out of a ball: a throw begins without."""
+
+    def afresh(self) -> Self:
+        """Return the generator as it is before any ball."""
+        ...
+
+
+@runtime_checkable
 class Leaving(Generator, Protocol):
     """A generator that says how the arm goes away with what it has grasped.
 

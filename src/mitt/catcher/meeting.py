@@ -314,6 +314,10 @@ class Meeting(Generator):
         """Return the 1-sigma of the target's position now: nothing rests on a forecast [m]."""
         return spread(ball, 0.0)
 
+    def afresh(self) -> "Meeting":
+        """Return the generator before any target."""
+        return replace(self, glide=Glide(), memory=Memory())
+
     def pause(self) -> float:
         """Return the time from one verdict to the next [s]."""
         return _PAUSE

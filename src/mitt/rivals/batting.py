@@ -70,6 +70,10 @@ class BatRival(Generator):
         """Return what the batting map says."""
         return self.batting.verdict(self._known(ball), q)
 
+    def afresh(self) -> "BatRival":
+        """Return the rival before any target."""
+        return replace(self, batting=self.batting.afresh(), memory=ChaseMemory(None))
+
     def pause(self) -> float:
         """Return what the batting map says."""
         return self.batting.pause()

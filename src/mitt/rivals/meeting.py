@@ -120,6 +120,10 @@ class MeetingRival(Generator):
         begun = self.way.begin(np.array([q, 0.0 * q, 0.0 * q]), ball)
         return replace(self, meeting=self.meeting.adapt(ball, q, dq), way=begun, q_hold=q.copy())
 
+    def afresh(self) -> "MeetingRival":
+        """Return the rival before any target."""
+        return replace(self, meeting=self.meeting.afresh())
+
     def pause(self) -> float:
         """Return what the meeting map says."""
         return self.meeting.pause()

@@ -18,7 +18,7 @@ if it has the time to make up for it. What counts is how far the hand is from it
 """
 
 from dataclasses import replace
-from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -34,6 +34,7 @@ from mitt.map.demand import Tolerance, shares_of
 from mitt.signals import TICK, Array
 from mitt.verdict.feasibility import Approach, Outcome, Verdict
 from mitt.verdict.holding import force_of, hand_shares
+from mitt.verdict.pieces import Pieces
 
 #: Distance of the ball from the catch point at which the fingers still close around it [m].
 GRASP = 0.030
@@ -46,6 +47,8 @@ _ROOM = 0.9
 #: Share of its way that the planned brake needs at most: it is found to within 4 % of its rate, and
 #: leaves 2 % of the torque to feedback (:mod:`mitt.control.stop`).
 _HARDEST = 0.94
+#: Ticks of a motion that are run on the model in one piece: 0.2 ms or so.
+_STRETCH = 50
 #: Rounds in which caps and the impact at these caps are made to agree.
 _ROUNDS = 4
 #: Share of its speed limit to which a joint is slowed down at most, for an impact and for a brake.
@@ -89,27 +92,37 @@ def relative_velocity(arm: Arm, approach: Approach, cap: Array) -> Array:
     return relative
 
 
-@lru_cache(maxsize=4)
-def speed_caps(arm: Arm, approach: Approach, ball: CaughtBall) -> Array:
+def speed_caps(
+    arm: Arm, approach: Approach, ball: CaughtBall, pieces: Pieces | None = None
+) -> Array:
     """Return the joint speeds that leave room for the impact and the brake [rad/s], shape (n,).
 
-    Worked out once for an approach, not to be written to.
+    Not to be written to; ``pieces`` as of :func:`examined`.
     """
-    cap = _impact_caps(arm, approach, ball)
-    for _ in range(_ROUNDS):
-        start, rest = _stop(arm, approach, ball, cap)[1:]
+    pieces = pieces or Pieces()
+    return pieces.whole("slowed", _slowed, arm, approach, ball, pieces)[0]
+
+
+def _slowed(
+    arm: Arm, approach: Approach, ball: CaughtBall, pieces: Pieces
+) -> tuple[Array, Brake, Array]:
+    """Return these speeds, the brake after a catch at them, and where it ends [rad], shape (n,)."""
+    cap = pieces.of("impact", _impact_caps, arm, approach, ball)
+    for k in range(_ROUNDS):
+        brake, start, rest = pieces.of(f"brake {k}", _stop, arm, approach, ball, cap)
         way = np.where(rest >= start, 1.0, -1.0)
         end = _end(arm, _ROOM * way)
         end = np.where(way * (end - start) > 0.0, end, _end(arm, way))
         room = way * (end - start) / np.maximum(way * (rest - start), 1e-9)
         if np.all(room >= 1.0):
-            return cap
+            return cap, brake, rest
         speed = np.abs(np.clip(approach.motion[-1, 1], -cap, cap))
         slower = np.maximum(
             np.sqrt(np.maximum(room, 0.0)) * speed, _SLOWEST_TO_BRAKE * speeds_of(arm)
         )
         cap = np.where(room < 1.0, np.minimum(cap, slower), cap)
-    return cap
+    brake, _, rest = pieces.of("brake", _stop, arm, approach, ball, cap)
+    return cap, brake, rest
 
 
 def _end(arm: Arm, share: Array) -> Array:
@@ -148,9 +161,21 @@ def _impact_caps(arm: Arm, approach: Approach, ball: CaughtBall) -> Array:
     return cap
 
 
-def speed_jumps(arm: Arm, approach: Approach, ball: CaughtBall) -> Array:
-    """Return by how much the ball changes the joint speeds at its hardest [rad/s], shape (n,)."""
-    v_rel = relative_velocity(arm, approach, speed_caps(arm, approach, ball))
+def speed_jumps(
+    arm: Arm, approach: Approach, ball: CaughtBall, pieces: Pieces | None = None
+) -> Array:
+    """Return by how much the ball changes the joint speeds at its hardest [rad/s], shape (n,).
+
+    ``pieces`` as of :func:`examined`.
+    """
+    pieces = pieces or Pieces()
+    cap = speed_caps(arm, approach, ball, pieces)
+    return pieces.of("jumps", _jumps_at, arm, approach, ball, cap)
+
+
+def _jumps_at(arm: Arm, approach: Approach, ball: CaughtBall, cap: Array) -> Array:
+    """Return the same for joints no faster than a cap [rad/s], shape (n,)."""
+    v_rel = relative_velocity(arm, approach, cap)
     jumps: Array = _hardest(arm, approach.motion[-1, 0], ball) @ v_rel
     return jumps
 
@@ -161,20 +186,34 @@ def _hardest(arm: Arm, q: Array, ball: CaughtBall) -> Array:
     return out
 
 
-def examined(arm: Arm, verdict: Verdict, ball: CaughtBall, *, bandwidth: float) -> Verdict:
+def examined(
+    arm: Arm, verdict: Verdict, ball: CaughtBall, *, bandwidth: float,
+    pieces: Pieces | None = None,
+) -> Verdict:  # fmt: skip
     """Return a verdict that has looked at what the arm will do, up to the catch and after it.
 
     One that refuses for torque or speed is run on the model (:func:`gap_at_catch`); one that is
     feasible, then, looks beyond the catch. Any other stays as it is, as a generator's that refuses
     although no limit is exceeded.
+
+    Args:
+        arm: The arm, without the ball.
+        verdict: What the generator says.
+        ball: The ball.
+        bandwidth: Of the tracking error [rad/s].
+        pieces: What is known of this approach, and how much may be worked out; all if left out.
+
+    Raises:
+        Unfinished: It is to be gone on with.
     """
+    pieces = pieces or Pieces()
     if verdict.approach is None:
         return verdict
     if verdict.outcome is Outcome.UNREACHABLE and verdict.share > 1.0:
-        verdict = _rehearsed(arm, verdict, verdict.approach, ball, bandwidth)
+        verdict = _rehearsed(arm, verdict, verdict.approach, ball, bandwidth, pieces)
     if verdict.outcome is not Outcome.FEASIBLE or verdict.approach is None:
         return verdict
-    shares = shares_after(arm, verdict.approach, ball)
+    shares = shares_after(arm, verdict.approach, ball, pieces)
     binding = max(shares, key=lambda name: shares[name])
     if shares[binding] <= verdict.share:
         return verdict
@@ -183,20 +222,23 @@ def examined(arm: Arm, verdict: Verdict, ball: CaughtBall, *, bandwidth: float) 
 
 
 def _rehearsed(
-    arm: Arm, verdict: Verdict, approach: Approach, ball: CaughtBall, bandwidth: float
-) -> Verdict:
+    arm: Arm, verdict: Verdict, approach: Approach, ball: CaughtBall, bandwidth: float,
+    pieces: Pieces,
+) -> Verdict:  # fmt: skip
     """Return the verdict by how far the hand will be from its place, where no range is exceeded."""
     endless = Tolerance(torque=np.inf, speed=np.inf, acceleration=np.inf)
-    shares = shares_of(arm, approach.motion, endless)
+    shares = pieces.of("ranges", shares_of, arm, approach.motion, endless)
     if not np.all(np.isfinite(approach.motion)) or max(shares.values()) > 1.0:
         return verdict
-    caps = speed_caps(arm, approach, ball)
-    share = gap_at_catch(arm, approach, caps, bandwidth) / GRASP
+    caps = speed_caps(arm, approach, ball, pieces)
+    share = gap_at_catch(arm, approach, caps, bandwidth, pieces) / GRASP
     outcome = Outcome.FEASIBLE if share <= 1.0 else Outcome.UNREACHABLE
     return replace(verdict, outcome=outcome, share=share)
 
 
-def shares_after(arm: Arm, approach: Approach, ball: CaughtBall) -> dict[str, float]:
+def shares_after(
+    arm: Arm, approach: Approach, ball: CaughtBall, pieces: Pieces | None = None
+) -> dict[str, float]:
     """Return the largest share of each limit that catch and brake ask for; 1 is the limit.
 
     Returns:
@@ -209,13 +251,20 @@ def shares_after(arm: Arm, approach: Approach, ball: CaughtBall) -> dict[str, fl
         ``spill`` how far the ball leaves the bottom of a basket, in units of its depth; ``force``
         the largest force of a contact, in units of what hand and arm take.
     """
-    cap = speed_caps(arm, approach, ball)
+    pieces = pieces or Pieces()
+    return pieces.whole("after", _shares_after, arm, approach, ball, pieces)
+
+
+def _shares_after(
+    arm: Arm, approach: Approach, ball: CaughtBall, pieces: Pieces
+) -> dict[str, float]:  # fmt: skip
+    """Return the same."""
+    cap, brake, end = pieces.whole("slowed", _slowed, arm, approach, ball, pieces)
     dq = np.clip(approach.motion[-1, 1], -cap, cap)
-    brake, _, end = _stop(arm, approach, ball, cap)
     middle, half = 0.5 * (arm.q_max + arm.q_min), 0.5 * (arm.q_max - arm.q_min)
     rest = np.abs(end - middle) / half
-    late = _lateness(arm, approach, cap) / GRASP
-    driven = np.abs(dq + speed_jumps(arm, approach, ball)) / arm.dq_max
+    late = pieces.of("late", _lateness, arm, approach, cap) / GRASP
+    driven = np.abs(dq + speed_jumps(arm, approach, ball, pieces)) / arm.dq_max
     late = np.where(driven > 1.001, np.maximum(late, driven), late)
     slowed = cap < speeds_of(arm)
     shares = {f"brake:{name}": float(x) for name, x in zip(arm.names, rest, strict=True)}
@@ -223,20 +272,20 @@ def shares_after(arm: Arm, approach: Approach, ball: CaughtBall) -> dict[str, fl
         shares[f"{'impact' if kept else 'speed'}:{name}"] = x
     v_rel = relative_velocity(arm, approach, cap)
     q, left = approach.motion[-1, 0], approach.step * (len(approach.motion) - 1)
-    shares |= hand_shares(arm, brake, ball, q=q, v_rel=v_rel, left=left)
+    shares |= pieces.of("hand", hand_shares, arm, brake, ball, q=q, v_rel=v_rel, left=left)
     if np.isfinite(arm.force):
-        shares["force"] = force_of(arm, q, v_rel, ball) / arm.force
+        shares["force"] = pieces.of("force", force_of, arm, q, v_rel, ball) / arm.force
     return shares
 
 
-def harms(arm: Arm, verdict: Verdict, ball: CaughtBall) -> bool:
+def harms(arm: Arm, verdict: Verdict, ball: CaughtBall, pieces: Pieces | None = None) -> bool:
     """Say whether the catch of a verdict would drive a joint too far, or not keep the ball.
 
     Fingers that should have begun to close may have done so.
     """
     if verdict.approach is None:
         return False
-    shares = shares_after(arm, verdict.approach, ball)
+    shares = shares_after(arm, verdict.approach, ball, pieces)
     return any(x > 1.0 for name, x in shares.items() if not name.startswith(("speed:", "hand")))
 
 
@@ -250,7 +299,9 @@ def _lateness(arm: Arm, approach: Approach, cap: Array) -> Array:
     return late
 
 
-def gap_at_catch(arm: Arm, approach: Approach, caps: Array, bandwidth: float) -> float:
+def gap_at_catch(
+    arm: Arm, approach: Approach, caps: Array, bandwidth: float, pieces: Pieces | None = None
+) -> float:
     """Return how far the hand will be from its place at the catch [m].
 
     Args:
@@ -258,13 +309,40 @@ def gap_at_catch(arm: Arm, approach: Approach, caps: Array, bandwidth: float) ->
         approach: The motion that is asked for.
         caps: Largest joint speeds that are emitted [rad/s], shape (n,).
         bandwidth: Of the tracking error [rad/s].
+        pieces: As of :func:`examined`.
     """
+    pieces = pieces or Pieces()
+    run = pieces.of("run", _run_of, arm, approach, caps)
+    for k in range(0, len(run.rows) - 1, _STRETCH):
+        pieces.of(f"run {k}", _run_on, arm, run, bandwidth, k)
+    there, desired = arm.position(run.state[0]), arm.position(run.rows[-1, 0])
+    return float(np.linalg.norm(there - desired))
+
+
+class _Run(NamedTuple):
+    """A motion that is run on the model; see :func:`rehearse`."""
+
+    bounds: Record
+    rows: Array
+    state: Array
+    last: Array
+    tracking: Tracking
+    mass: MassWork
+
+
+def _run_of(arm: Arm, approach: Approach, caps: Array) -> _Run:
+    """Return a motion before its first tick."""
     rows, b = _each_tick(approach), bounds_of(arm)
     b["dq_max"] = np.minimum(b["dq_max"], caps)
-    state = rows[0, :2].copy()
-    rehearse(arm.tables, b, bandwidth, rows, state, tracking_of(arm), mass_work(arm))
-    there, desired = arm.position(state[0]), arm.position(rows[-1, 0])
-    return float(np.linalg.norm(there - desired))
+    state, last = rows[0, :2].copy(), np.zeros((3, arm.n))
+    last[:2] = state
+    return _Run(b, rows, state, last, tracking_of(arm), mass_work(arm))
+
+
+def _run_on(arm: Arm, run: _Run, bandwidth: float, first: int) -> None:
+    """Let it go on for a stretch, from a tick on."""
+    rows = run.rows[first : first + _STRETCH + 1]
+    rehearse(arm.tables, run.bounds, bandwidth, rows, run.state, run.last, run.tracking, run.mass)
 
 
 def _each_tick(approach: Approach) -> Array:
@@ -283,8 +361,9 @@ def _each_tick(approach: Approach) -> Array:
 
 @kernel
 def rehearse(
-    arm: Tables, b: Record, bandwidth: float, rows: Array, state: Array, w: Tracking, m: MassWork
-) -> None:
+    arm: Tables, b: Record, bandwidth: float, rows: Array, state: Array, last: Array, w: Tracking,
+    m: MassWork,
+) -> None:  # fmt: skip
     """Carry q, dq on along a motion within all limits, on the model of the arm.
 
     Args:
@@ -293,12 +372,12 @@ def rehearse(
         bandwidth: Of the tracking error [rad/s].
         rows: q_d, dq_d, ddq_d at each tick, shape (K, 3, n); the last is where the motion ends.
         state: q, dq, overwritten [rad, rad/s], shape (2, n).
+        last: q, dq, ddq commanded before, overwritten [rad ...], shape (3, n).
         w: Of the tracking, before the first torques.
         m: Scratch.
     """
     bodies, index, n = arm.bodies, arm.active, state.shape[1]
-    command, last = np.zeros((4, n)), np.zeros((3, n))
-    last[:2] = state
+    command = np.zeros((4, n))
     motion, system = np.zeros((3, n)), np.zeros((n, n + 1))
     for k in range(len(rows) - 1):
         command[:3] = rows[k]
