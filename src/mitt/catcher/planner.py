@@ -52,7 +52,7 @@ _LOOK_AGAIN = 0.02
 #: Time after which a ball that has come back and cannot be caught yet is judged again [s].
 _JUDGE_AGAIN = 0.005
 #: Pieces of a verdict that are worked out in a millisecond: with two the arm begins 5 ms later than
-#: if all were worked out at once, and none takes half a millisecond on an idle machine.
+#: if all were worked out at once. What a generator says, and its adaptation, have a tick each.
 _PIECES = 2
 #: Age of an estimate up to which a verdict on it is gone on with [s].
 _STALE = 0.1
@@ -318,7 +318,7 @@ class Planner:
         return True
 
     def _go_on(self, ball: BallState) -> None:
-        """Go on with the verdict on a ball as it was when that was begun: a piece a millisecond.
+        """Go on with the verdict on a ball as it was when that was begun, some pieces a tick.
 
         Args:
             ball: Its estimate now.
@@ -375,9 +375,9 @@ class Planner:
             return verdict
         if self.phase != WATCH and not isinstance(g, Underway):
             verdict = replace(verdict, outcome=Outcome.FEASIBLE)
-        of = self._arm, verdict, self._caught
         pieces.rest()
-        return examined(*of, bandwidth=self._settings.bandwidth, pieces=pieces)
+        bandwidth = self._settings.bandwidth
+        return examined(self._arm, verdict, self._caught, bandwidth=bandwidth, pieces=pieces)
 
     def _said(self, ball: BallState) -> Verdict:
         """Return what the generator says of a ball, of an arm that moves if it knows of one."""
@@ -393,9 +393,7 @@ class Planner:
 
     def _take(self, verdict: Verdict, ball: BallState, pieces: Pieces | None = None) -> None:
         """Let a verdict that the ball can be caught, or waited for, take effect: follow it."""
-        self._make_room(verdict, pieces)
-        if pieces is not None:
-            pieces.rest()
+        self._make_room(verdict, pieces or Pieces())
         self._verdict, self._deferred, self._doubt = verdict, None, None
         self._scalars["surrogate"] = verdict.outcome is Outcome.OPEN
         self._adapt(ball, waits=verdict.outcome is Outcome.OPEN)
@@ -406,18 +404,18 @@ class Planner:
         age, sigma = self._out["age"].item(), self._scalars["flight_sigma"].item()
         return bool(is_lost(age, sigma, self._settings.tolerance))
 
-    def _make_room(self, verdict: Verdict, pieces: Pieces | None = None) -> None:
+    def _make_room(self, verdict: Verdict, pieces: Pieces) -> None:
         """Keep the joints that the ball will drive on below their speed limits by as much.
 
-        The motors' torque is kept to what is left of it at such speeds.
+        The motors' torque is kept to what is left of it at such speeds. Nothing is written before
+        all is worked out.
         """
-        speeds = self._state.safety.bounds["dq_max"]
-        if verdict.approach is None:
-            speeds[:], self._state.jump[:] = speeds_of(self._arm), 0.0
-            return
-        given = self._arm, verdict.approach, self._caught, pieces or Pieces()
-        caps, jumps = speed_caps(*given), speed_jumps(*given)
-        speeds[:], self._state.jump[:] = caps, jumps
+        caps, jumps = speeds_of(self._arm), np.zeros(self._arm.n)
+        if verdict.approach is not None:
+            given = self._arm, verdict.approach, self._caught, pieces
+            caps, jumps = speed_caps(*given), speed_jumps(*given)
+        pieces.rest()
+        self._state.safety.bounds["dq_max"][:], self._state.jump[:] = caps, jumps
 
     def _reconsider(self, ball: BallState) -> None:
         """Follow the ball itself as soon as it can be caught; its surrogate target until then.

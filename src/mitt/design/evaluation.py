@@ -40,6 +40,7 @@ from mitt.trials.runner import TrialRunner
 from mitt.trials.score import Trial, reason_of
 from mitt.verdict.feasibility import Approach, Verdict, judge
 from mitt.verdict.impact import examined, relative_velocity, speed_caps
+from mitt.verdict.pieces import Pieces
 from mitt.world.flights import CATCH_FRACTION, PlacedFlight
 from mitt.world.throws import Throw
 
@@ -121,9 +122,10 @@ def verdicts(
     strict = Tolerance(torque=1.0, speed=1.0, acceleration=1.0)
     said, ends = list[Verdict](), list[_End]()
     for ball in balls:
-        verdict = judge(f, ball, q, tolerance=strict)
-        said.append(examined(driven, verdict, caught, bandwidth=settings.bandwidth))
-        ends.append(_end(driven, verdict.approach, caught))
+        verdict, pieces = judge(f, ball, q, tolerance=strict), Pieces()
+        bandwidth = settings.bandwidth
+        said.append(examined(driven, verdict, caught, bandwidth=bandwidth, pieces=pieces))
+        ends.append(_end(driven, verdict.approach, caught, pieces))
     return Verdicts(
         share=np.array([v.share for v in said]),
         speed=np.array([end.speed for end in ends]),
@@ -141,8 +143,8 @@ class _End(NamedTuple):
     place: Array
 
 
-def _end(arm: Arm, approach: Approach | None, ball: CaughtBall) -> _End:
-    """Return how a ball is met.
+def _end(arm: Arm, approach: Approach | None, ball: CaughtBall, pieces: Pieces) -> _End:
+    """Return how a ball is met; ``pieces`` are those that are known of the approach.
 
     A map may ask for more speed than the joints have; the hand is then a little late, and the ball
     meets it faster than the map asks for.
@@ -150,7 +152,7 @@ def _end(arm: Arm, approach: Approach | None, ball: CaughtBall) -> _End:
     if approach is None or not _possible(arm, approach.motion):
         return _End(np.inf, np.inf, np.full(3, np.inf))
     q = approach.motion[-1, 0]
-    relative = relative_velocity(arm, approach, speed_caps(arm, approach, ball))
+    relative = relative_velocity(arm, approach, speed_caps(arm, approach, ball, pieces))
     speed = float(np.linalg.norm(relative))
     normal = arm.orientation(q)[:, 2]
     cosine = float(np.clip(-relative @ normal / max(speed, 1e-9), -1.0, 1.0))

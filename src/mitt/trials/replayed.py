@@ -232,7 +232,7 @@ class _Run:
     def _note(self, t: float) -> None:
         """Keep the verdict where it has changed, and why the catcher stopped."""
         verdict = self.catcher.verdict if not self.verdicts or self.catcher.flying else None
-        if verdict is not None and (not self.verdicts or verdict is not self.verdicts[-1].verdict):
+        if verdict is not None and (not self.verdicts or verdict != self.verdicts[-1].verdict):
             self.verdicts.append(Judged(t, verdict))
         self.stopped_by = self.stopped_by or self.catcher.stopped_by
         self.t_0 = min(self.t_0, self.catcher.t_0)
