@@ -278,3 +278,21 @@ def test_a_ball_that_is_waited_for_and_lies_still_ends_in_the_brake(
     assert catcher.phase is Phase.BRAKE
     assert catcher.state.fingers["t_begun"][0] == np.inf
     assert catcher.state.scalars[0]["t_brake"] - STOPS < PATIENCE + 0.012
+
+
+def test_a_verdict_that_is_read_changes_nothing(
+    arm: Arm, taught: Learned, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It may be read in every tick of a ball that nothing is known of yet, and even fail then."""
+
+    def fails(*_: object) -> Verdict:
+        raise ArithmeticError
+
+    monkeypatch.setattr(Direct, "unsettled", lambda *_: True)
+    monkeypatch.setattr(Direct, "verdict", fails)
+    read = list[Verdict | None]()
+    catcher = caught(arm, Direct(taught.map), fluttering(0), settings_for(0.07),
+                     lambda x: read.append(x.verdict))  # fmt: skip
+    assert catcher.phase is Phase.WATCH
+    assert catcher.stopped_by is None
+    assert read == [None] * len(read)
