@@ -139,6 +139,19 @@ def test_the_first_missing_mesh_is_named_with_a_remedy(
     assert "other.stl" not in note
 
 
+@pytest.mark.parametrize("there", [False, True])
+def test_a_mesh_that_wants_another_package_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, there: bool
+) -> None:
+    """COLLADA is read by pycollada, which may be missing; where it is there, the file is broken."""
+    monkeypatch.setattr("mitt.arm.meshes.find_spec", lambda _: there or None)
+    (tmp_path / "broken.dae").write_text("no mesh")
+    path = _shaped(tmp_path / "a.urdf", l2='<mesh filename="broken.dae"/>')
+    (note,) = build_arm(path, tip="l5", joints=_NAMES).model.notes
+    also = "" if there else "pip install pycollada, or "
+    assert note.endswith(f"it cannot be read, {also}save it as .stl")
+
+
 def test_a_missing_mesh_of_an_mjcf_is_named(tmp_path: Path) -> None:
     """With the folder that the file names for its meshes."""
     path = tmp_path / "two.xml"

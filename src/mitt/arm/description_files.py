@@ -145,10 +145,14 @@ class Tree:
         """Return a joint."""
         return self.parts[self._places[name]]
 
-    def body(self, name: str) -> Part:
-        """Return the link that a joint moves."""
-        at = self._places[name]
-        return next(x for x in self.parts if x.before == at and x.kind == "link")
+    def carried(self, name: str) -> float:
+        """Return the mass that a joint carries, up to the next joints that move [kg]."""
+        fixed, mass = {self._places[name]}, 0.0
+        for k, part in enumerate(self.parts):
+            if part.before in fixed and part.kind not in _MOVING:
+                fixed.add(k)
+                mass += part.mass
+        return mass
 
     def joints_to(self, name: str) -> list[str]:
         """Return the joints that move a frame, from the base outwards.
@@ -259,16 +263,19 @@ class Stated:
     unusable: Mapping[str, str] = field(default_factory=dict)
 
     def missing(self, name: str) -> tuple[str, ...]:
-        """Return which of range, torque and speed are not known of a joint."""
+        """Return which of range, torque, speed and the mass behind it are not known of a joint."""
         tables = {"range": self.ranges, "torque": self.torque, "speed": self.speed}
-        return tuple(kind for kind, table in tables.items() if name not in table)
+        light = ("mass",) if self.tree.carried(name) == 0.0 else ()
+        return tuple(kind for kind, table in tables.items() if name not in table) + light
 
-    def remedy(self, name: str) -> str:
-        """Return where what is missing of a joint can be stated."""
-        missing = self.missing(name)
+    def remedy(self, *names: str) -> str:
+        """Return where what is missing of joints can be stated: of all that lack the same."""
+        missing = self.missing(names[0])
+        alike = [repr(name) for name in names if self.missing(name) == missing]
         keys = " and ".join(self.keys.get(kind, kind) for kind in missing)
-        own = " and ".join("lower, upper" if kind == "range" else kind for kind in missing)
-        return f"state {keys} of {name!r} in the file, or {own} in a limits file ({_OPTION})"
+        limits = ["lower, upper" if kind == "range" else kind for kind in missing if kind != "mass"]
+        also = f", or {' and '.join(limits)} in a limits file ({_OPTION})" if limits else ""
+        return f"state {keys} of {', '.join(alike)} in the file{also}"
 
     def neutral(self, values: Mapping[str, float]) -> dict[str, float]:
         """Return the values of all joints of one axis [rad or m].

@@ -43,9 +43,9 @@ _Z = np.array([0.0, 0.0, 1.0])
 _READERS = {".urdf": read_urdf, ".xml": read_mjcf, ".mjcf": read_mjcf}
 #: What else may be named as an arm; an arm file is read by :func:`mitt.load_arm`.
 _FILES = ("an arm file (.toml)", "a URDF (.urdf)", "an MJCF (.xml)")
-#: How an error calls the limits that an active joint needs.
+#: How an error calls what an active joint needs.
 _LIMITS = {"range": "a range", "torque": "an effort limit above 0",
-           "speed": "a velocity limit above 0"}  # fmt: skip
+           "speed": "a velocity limit above 0", "mass": "a mass above 0 behind it"}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -256,7 +256,7 @@ def _serial_arm(stated: Stated, wanted: _Wanted) -> Arm:
 
 def _bears(stated: Stated, name: str) -> bool:
     """Say whether it is known what a held joint can bear, and what it carries."""
-    return name in stated.torque and name in stated.speed and stated.tree.body(name).mass > 0.0
+    return set(stated.missing(name)) <= {"range"}
 
 
 def _body(stated: Stated, seats: Sequence[Seat], k: int) -> tuple[Inertial, str]:
@@ -298,9 +298,8 @@ def _left_out_notes(stated: Stated, loads: Sequence[str], active: Sequence[str])
 def _locked_note(stated: Stated, name: str) -> str:
     """Return why a held joint is taken as rigid, and where what is missing can be stated."""
     missing = [x for x in stated.missing(name) if x != "range"]
-    missing += [] if stated.tree.body(name).mass > 0.0 else ["mass"]
-    remedy = f"; {stated.remedy(name)}" if stated.missing(name) else ""
-    return f"held joint {name!r}: no {' and no '.join(missing)} known; taken as rigid{remedy}"
+    return (f"held joint {name!r}: no {' and no '.join(missing)} known; taken as rigid;"
+            f" {stated.remedy(name)}")  # fmt: skip
 
 
 def _follower_notes(stated: Stated, chain: Sequence[str], active: Sequence[str]) -> Iterator[str]:
@@ -388,7 +387,7 @@ def _tightened(stated: Stated, limits: Mapping[str, Mapping[str, float]]) -> Sta
 
 
 def check_active(stated: Stated, name: str) -> None:
-    """Refuse an active joint whose range, torque or speed is missing, or a range in degrees.
+    """Refuse an active joint without range, torque, speed or mass, or with a range in degrees.
 
     Raises:
         ModelError: As said; it names what is missing and where to state it.

@@ -13,6 +13,7 @@ ones of the points. A shape that two capsules, side by side along it, hold in le
 import os
 import re
 from collections.abc import Iterator, Sequence
+from importlib.util import find_spec
 from io import BytesIO
 from pathlib import Path, PurePosixPath
 from typing import NamedTuple, final
@@ -102,7 +103,8 @@ def _remedy(path: Path, mesh: str) -> str:
     """Return why a mesh of a description file is not there, and what to do."""
     package, inner = _split(mesh)
     if find_mesh(path, mesh) is not None:
-        return "it cannot be read, save it as .stl"
+        lacks = inner.suffix.lower() == ".dae" and find_spec("collada") is None
+        return f"it cannot be read, {'pip install pycollada, or ' if lacks else ''}save it as .stl"
     if inner.suffix.lower() not in _KINDS:
         return f"save it as one of {', '.join(_KINDS)}"
     if inner.is_absolute() or ".." in inner.parts or (not package and "://" in mesh):

@@ -49,7 +49,7 @@ from mitt.signals import GRAVITY, Array
 
 _KEYS = {
     "range": "range", "torque": "actuatorfrcrange or forcerange",
-    "speed": "the numeric velocity_limit_JOINT",
+    "speed": "the numeric velocity_limit_JOINT", "mass": "<inertial> of the body",
 }  # fmt: skip
 #: Kinds of geoms, joints, ways of actuators to a joint and what they add to their control. As plain
 #: numbers: an enum of MuJoCo is not equal to a number of numpy.

@@ -39,7 +39,8 @@ _TYPES = (*_MOVING, "fixed", "floating", "planar")
 #: Elements of an actuator: inertia of its rotor [kg m^2], and its turns for one of the joint.
 _ROTOR, _GEARS = (f"{{http://drake.mit.edu}}{x}" for x in ("rotor_inertia", "gear_ratio"))
 _KEYS_OF = {
-    "range": "<limit> lower and upper", "torque": "<limit> effort", "speed": "<limit> velocity"
+    "range": "<limit> lower and upper", "torque": "<limit> effort", "speed": "<limit> velocity",
+    "mass": "<inertial> of the child link",
 }  # fmt: skip
 
 

@@ -98,7 +98,7 @@ def movable(whole: Arm) -> NDArray[np.bool_]:
 def driven_joints(
     path: Path, tip: str, limits: str | LimitSet | None, joints: Sequence[str] = ()
 ) -> Sequence[str] | None:
-    """Return the joints between base and tip that have a range, a torque and a speed.
+    """Return the joints between base and tip with a range, a torque, a speed and a mass behind.
 
     None where the file is of a kind that nobody reads.
 
@@ -118,7 +118,7 @@ def driven_joints(
     found = [name for name in own if not stated.missing(name)]
     if len(found) < 3:
         lacking = [name for name in own if stated.missing(name)]
-        do = stated.remedy(lacking[0]) if lacking else "name as tip a link behind more joints"
-        wanted = f"three joints up to {tip!r} with a range, a torque and a speed"
+        do = stated.remedy(*lacking) if lacking else "name as tip a link behind more joints"
+        wanted = f"three joints up to {tip!r} with a range, a torque, a speed and a mass"
         raise ModelError(str(path), wanted, ", ".join(found) or "none", do=do)
     return found
