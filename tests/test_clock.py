@@ -6,6 +6,7 @@ import threading
 from types import SimpleNamespace
 from unittest.mock import patch
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -155,13 +156,38 @@ def _left(steps: list[tuple[float, int]], of: int) -> list[float | None]:
 
 
 @given(st.lists(st.tuples(st.floats(0.01, 100.0), st.integers(0, 20)), max_size=40))
-def test_the_time_left_never_grows(steps: list[tuple[float, int]]) -> None:
+def test_the_time_left_is_told_once_it_is_known(steps: list[tuple[float, int]]) -> None:
     """However the pace changes; nothing is told before the first report is due."""
     left = _left(steps, 1000)
     told = [x for x in left if x is not None]
     assert left == [None] * (len(left) - len(told)) + told
-    assert told == sorted(told, reverse=True)
-    assert all(x >= 0.0 for x in told)
+    assert all(0.0 <= x < np.inf for x in told)
+
+
+@given(
+    slower=st.floats(1.0, 5.0), before=st.integers(20, 200), after=st.integers(60, 200),
+    more=st.integers(0, 200),
+)  # fmt: skip
+def test_the_time_left_never_grows_in_silence(
+    slower: float, before: int, after: int, more: int
+) -> None:
+    """A machine that slows down, work that turns out to be more: what is said is true, and new."""
+    now, of, ends = [100.0], before + after, list[float]()
+    with patch("mitt.clock.time", SimpleNamespace(monotonic=lambda: now[0])):
+        pace, said, least = Pace(), "", np.inf
+        pace.left(0, of)
+        for k in range(before + after + more):
+            now[0] += 5.0 if k < before else 5.0 * slower
+            of += more if k == before else 0
+            left = pace.left(k + 1, of)
+            if left is None:
+                continue
+            said, end = pace.words(left), now[0] + left
+            grown = end - least > 0.1 * (least - 100.0) + 30.0 + 1e-6
+            assert ("more than was said" in said) == grown
+            least = end if grown else min(least, end)
+            ends.append(end)
+    assert now[0] / 1.5 < ends[len(ends) - after // 2] < 1.5 * now[0]
 
 
 def test_the_time_left_is_that_of_the_pace_and_follows_it() -> None:

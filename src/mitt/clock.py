@@ -11,7 +11,7 @@ import os
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from math import expm1, inf
+from math import exp, inf
 from typing import final
 
 import numpy as np
@@ -46,8 +46,13 @@ _SPIN = 1.2e-4
 STALL = 0.003
 """How late a tick may come on a machine that a live loop is to run on [s]; longer stalls add up
 with those of the robot's side to the 10 to 20 ms at which the arm is stopped."""
-#: Time constant with which the expected end of some work follows its pace [s].
-_SMOOTH = 30.0
+#: Time constant with which the pace of some work forgets what was before [s]: long beside a stage
+#: of a search, short beside a search.
+_SMOOTH = 120.0
+#: By how much of the whole time, and of a minute besides, an expected end may move off before that
+#: is said [1, s].
+_LATE_SHARE = 0.1
+_LATE = 30.0
 #: For how long a machine is watched [ticks].
 _WATCHED = 2000
 
@@ -119,6 +124,9 @@ Progress = Callable[[str, int, int], None]
 class Pace:
     """Estimates the time left of some work, and says when to report it.
 
+    The pace is that of the last minutes: what a machine did before others began to use it says
+    little of the rest. Work may turn out to be more or less; only what is done takes time.
+
     Attributes:
         every: Shortest time between two reports, and from the start to the first [s].
     """
@@ -127,8 +135,9 @@ class Pace:
         """Start now."""
         self.every = every
         self._start = self._reported = self._asked = time.monotonic()
-        self._before: int | None = None
-        self._end = self._left = inf
+        self._before: float | None = None
+        self._gone = self._spent = 0.0
+        self._left = self._said = inf
 
     def due(self) -> bool:
         """Say whether it is time for a report, and count it as given."""
@@ -138,21 +147,36 @@ class Pace:
         self._reported = now
         return True
 
-    def left(self, done: int, of: int) -> float | None:
-        """Return the time left [s] at the pace so far; None before the first report is due.
+    def left(self, done: float, of: float) -> float | None:
+        """Return the time left [s] at the pace of late; None before the first report is due.
 
-        The end that is expected is smoothed, and where it moves off the time left stands: it never
-        grows.
+        What was done before this is asked for the first time does not count.
         """
         now = time.monotonic()
-        self._before = done if self._before is None else self._before
-        spent, gone = now - self._start, done - self._before
-        if gone > 0 and spent >= self.every:
-            end = now + spent / gone * (of - done)
-            new = -expm1((self._asked - now) / _SMOOTH)
-            self._end = end if self._end == inf else self._end + new * (end - self._end)
-            self._left, self._asked = min(self._left, max(self._end - now, 0.0)), now
+        if self._before is None:
+            self._before, self._asked = done, now
+            return None
+        gone, spent = done - self._before, now - self._asked
+        kept = exp(-spent / _SMOOTH)
+        self._gone, self._spent = kept * self._gone + gone, kept * self._spent + spent
+        self._before, self._asked = done, now
+        if self._gone > 0.0 and now - self._start >= self.every:
+            self._left = self._spent / self._gone * (of - done)
         return None if self._left == inf else self._left
+
+    def words(self, left: float) -> str:
+        """Return in words what is reported of the time left [s], and how much more that is.
+
+        A forecast that is late by a tenth of the whole time, and half a minute, is called so.
+        """
+        now = time.monotonic()
+        late = now + left - self._said
+        allowed = _LATE_SHARE * (self._said - self._start) + _LATE
+        more = late > allowed
+        if more or late < 0.0 or self._said == inf:
+            self._said = now + left
+        said = f"{left / 60.0:.1f} min left"
+        return f"{said}, {late / 60.0:.1f} min more than was said" if more else said
 
 
 def sleep_until(t: float) -> float:

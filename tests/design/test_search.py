@@ -1,6 +1,7 @@
 """The search: same seed, same design; the contract holds; the file gives the design back."""
 
 import json
+import re
 import shlex
 from collections.abc import Iterator
 from concurrent.futures import BrokenExecutor
@@ -537,6 +538,45 @@ def test_a_design_whose_force_is_too_much_says_so_and_what_helps(
     assert "slower throws" in softer(net)
 
 
+def test_an_arm_that_cannot_hold_itself_is_told_so_after_one_search(whole: Arm, task: Task) -> None:
+    """As by a file with placeholders for torques: slower throws would need as much."""
+    limits, asked = whole.limits, list[str]()
+    weak = replace(limits, tau_peak=0.02 * limits.tau_peak, tau_stall=0.02 * limits.tau_stall)
+
+    def heard(name: str, *_: int) -> None:
+        asked.append(name)
+
+    mine = design(Arm(whole.model, weak), task, TINY, progress=heard)
+    assert (mine.found, mine.best, mine.usable) == (False, None, False)
+    assert mine.reason is not None
+    assert re.search(r"j\d is too weak to hold the arm.*--limits FILE\.toml", mine.reason)
+    assert not [x for x in asked if "slower" in x]
+
+
+def test_what_catches_nothing_is_not_thrown_at_again(
+    found: Design, whole: Arm, task: Task, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By many throws in images; the reason is that of the few throws there were."""
+    assert found.best is not None
+    c, asked = found.best.candidate, list[str]()
+    none = replace(found.best, thrown=4, caught=0, clean=0, hard=0, binding="torque:j2")
+    monkeypatch.setattr(search_module, "_sought", lambda *_: [c])
+    monkeypatch.setattr(search_jobs, "hindrance", lambda *_: "")
+    monkeypatch.setattr(search_jobs, "learned", lambda *_: object())
+    monkeypatch.setattr(search_jobs, "judged", lambda c, *_: replace(none, candidate=c, thrown=0))
+    monkeypatch.setattr(search_jobs, "thrown", lambda c, *_, **__: replace(none, candidate=c))
+    monkeypatch.setattr(arm_design, "slower", lambda *_, **__: None)
+
+    def heard(name: str, *_: int) -> None:
+        asked.append(name)
+
+    mine = design(whole, task, TINY, progress=heard)
+    assert mine.reason is not None
+    assert "caught 0 of 4 throws within every limit; most were lost by: torque:j2" in mine.reason
+    assert [x for x in asked if "throwing" in x]
+    assert not [x for x in asked if "confirming" in x or "reporting" in x]
+
+
 def test_what_was_not_thrown_at_has_no_throws_and_says_why(
     found: Design, whole: Arm, task: Task, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -555,10 +595,10 @@ def test_an_error_of_one_candidate_is_counted_and_ends_nothing(
     assert found.best is not None
     c, bench = found.best.candidate, Evaluator(whole, task, None, silent)
 
-    def broken(*_: object, **__: object) -> bool:
+    def broken(*_: object, **__: object) -> str:
         raise InputError("throw", "a throw", "none")
 
-    monkeypatch.setattr(search_jobs, "able_to_hold", broken)
+    monkeypatch.setattr(search_jobs, "hindrance", broken)
     assert bench.try_all("some", [c, c], Procedure(throws=1, seed=1)) == []
     assert (bench.tally.errors, bench.tally.lost) == (2, 0)
     assert bench.tally.told() == [

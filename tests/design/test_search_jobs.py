@@ -6,17 +6,22 @@ import signal
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from unittest.mock import patch
 
 import numpy as np
 import pytest
 from design.conftest import TINY, silent
+from hypothesis import given
+from hypothesis import strategies as st
 
 from mitt.arm.arm import Arm
 from mitt.cli import designing as command
 from mitt.cli.main import main
+from mitt.clock import Pace
 from mitt.design.arm_design import Design, best_so_far, design
 from mitt.design.evaluation import Evaluation
-from mitt.design.search import EFFORTS, RATE, SearchProgress, search_of
+from mitt.design.search import EFFORTS, RATE, SearchProgress, search_of, stages
 from mitt.design.search_jobs import Answers, Evaluator, Job, Procedure
 from mitt.design.task import Task
 from mitt.errors import FileError, InputError
@@ -27,9 +32,12 @@ from mitt.trials.workers import Processes
 
 def breaking(stage: str) -> Callable[[str, int, int], None]:
     """Return what interrupts a search as soon as something is done in a stage."""
+    begun = list[str]()
 
     def progress(name: str, *_: int) -> None:
         if name.startswith(f"designing: {stage}"):
+            begun.append(name)
+        if len(begun) > 1:
             raise Interrupted(signal.SIGINT)
 
     return progress
@@ -274,36 +282,57 @@ def test_the_best_so_far_is_of_the_last_stage_that_caught_enough(
                     f"designing: confirming (50 of 50 caught, {how})"]  # fmt: skip
 
 
+def _search(total: SearchProgress, now: list[float], *, known: int, out: int) -> None:
+    """Go through the stages of a search, a second for what takes as long as one throw.
+
+    The first ``known`` are known already, half of the next one too; ``out`` are left out.
+    """
+    for n, (stage, takes) in enumerate(list(total._takes.items())):
+        if n >= len(total._takes) - out:
+            break
+        first = 8 if n < known else 4 if n == known and n else 0
+        total(stage, first, 8)
+        for k in range(first, 8):
+            now[0] += takes / 8.0
+            total(stage, k + 1, 8)
+
+
 @pytest.mark.parametrize("slower", [False, True])
 @pytest.mark.parametrize("name", EFFORTS)
-def test_the_time_left_is_that_of_the_whole_search(name: str, slower: bool) -> None:
-    """Each stage adds; searches for slower throws add to the whole; at the end all is done."""
-    effort, told = EFFORTS[name], list[float]()
+@given(data=st.data())
+def test_the_time_left_is_that_of_the_whole_search(
+    name: str, slower: bool, data: st.DataObject
+) -> None:
+    """A search of which much is known, as it is resumed, or which leaves out its last stages.
+
+    What takes time is told as it is, whatever was known before; only what is left out, of which
+    nobody knew, was expected.
+    """
+    effort, now, told = EFFORTS[name], [0.0], list[tuple[float, float]]()
+    known = data.draw(st.integers(0, len(stages(effort)) - 1))
+    out = data.draw(st.integers(0, 3)) if known < 2 else 0
 
     def heard(work: str, done: int, of: int) -> None:
         assert work.startswith("designing: ")
-        told.append(done / of)
+        if (left := pace.left(done, of)) is not None:
+            told.append((now[0], left))
 
-    total = SearchProgress(effort, heard, Answers())
-    own = [x for x in total._takes if not x.startswith("changing 2")]  # a stage is left out
-    for stage in own:
-        for k in range(3):
-            total(stage, k + 1, 3)
-    assert told == sorted(told)
-    assert 0.6 < told[-1] < 1.0
-    if slower:
-        total.again(effort.less())
-        most = told[-1]
-        for _ in range(effort.slower):
-            for stage in list(total._takes):
-                total(stage, 1, 1)
-        assert told[-1] > 0.3
-        assert min(told[len(own) * 3 :]) > 0.3 * most
-    for stage in total._last:
-        total(stage, 1, 1)
-    assert told[-1] == 1.0
-    total("another", 1, 1)
-    assert told[-1] == 1.0
+    with patch("mitt.clock.time", SimpleNamespace(monotonic=lambda: now[0])):
+        total, pace = SearchProgress(effort, heard, Answers()), Pace()
+        _search(total, now, known=known, out=out)
+        if slower:
+            told.clear()
+            total.again(effort.less())
+            for _ in range(effort.slower):
+                _search(total, now, known=0, out=0)
+        for stage, takes in total._last.items():
+            total(stage, 0, 1)
+            now[0] += takes
+            total(stage, 1, 1)
+        total("another", 1, 1)
+    assert told[-1][1] == pytest.approx(0.0, abs=5.0)
+    for at, left in told if slower or not out else told[-3:]:
+        assert left == pytest.approx(now[0] - at, rel=0.05, abs=10.0)
 
 
 def test_every_stage_of_a_search_is_expected(

@@ -195,7 +195,7 @@ def progress() -> Iterator[Progress]:
             pace = paces.setdefault(name.partition(":")[0], Pace())
             left = pace.left(done, of)
             if left is not None and done < of and pace.due():
-                tell(f"{name} {done} of {of}, {left / 60.0:.1f} min left")
+                tell(f"{name} {done} of {of}, {pace.words(left)}")
 
         yield line
         return
@@ -214,8 +214,12 @@ def progress() -> Iterator[Progress]:
                 tasks[work], paces[work] = bar.add_task(name, total=of, left=""), Pace()
             part = name.rpartition(": ")[2]  # a line of 80 columns has no more room
             left = paces[work].left(done, of)
+            said = "" if left is None else paces[work].words(left)
+            words, _, more = said.removesuffix(" than was said").partition(", ")
+            if more:  # a line of its own: the bar has no room
+                bar.console.print(f"{work}: {said}")
             bar.update(tasks[work], description=part, completed=done, total=of,
-                       left="" if left is None else f"{left / 60.0:.1f} min")  # fmt: skip
+                       left=words.removesuffix(" left"))  # fmt: skip
 
         yield report
 

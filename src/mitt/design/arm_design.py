@@ -26,9 +26,11 @@ from mitt.clock import Progress, monotonic
 from mitt.design.candidate import Candidate
 from mitt.design.evaluation import ENOUGH, FORCE, START, Evaluation, Verdicts, learned, verdicts
 from mitt.design.search import (
+    NEARER,
     RATE,
     Effort,
     SearchProgress,
+    part_of,
     ranked,
     reported,
     search,
@@ -96,6 +98,7 @@ def region_of(
         return None
     steps = np.linspace(-_FARTHEST, _FARTHEST, 2 * each_way + 1)
     caught, hand, binding = list[Array](), list[Array](), list[tuple[str, ...]]()
+    progress("region", 0, len(steps))
     for k, up in enumerate(steps):
         said = _row(f, c, task, steps, float(up))
         shares = said.share.reshape(len(steps), len(_SPEEDS))
@@ -216,13 +219,14 @@ def release_speed(task: Task) -> float:
 
 
 def by_speed(
-    evaluator: Evaluator, c: Candidate, task: Task, speeds: Sequence[float], *, throws: int
-) -> list[AtSpeed]:
+    evaluator: Evaluator, c: Candidate, task: Task, speeds: Sequence[float], *, throws: int,
+    stage: str = "speeds",
+) -> list[AtSpeed]:  # fmt: skip
     """Return how a design does at several speeds, its map learned for each.
 
-    Speeds are those at release [m/s].
+    Speeds are those at release [m/s]; ``stage`` is what the progress calls it.
     """
-    worth = evaluator.try_each("speeds", _at_speeds(c, task, speeds, throws=throws))
+    worth = evaluator.try_each(stage, _at_speeds(c, task, speeds, throws=throws))
     return [_at(speed, w) for speed, w in zip(speeds, worth, strict=True)]
 
 
@@ -275,9 +279,11 @@ def fastest(
     good = {x.speed_m_s for x in rows if x.enough and x.speed_m_s < end} | ({own} if own else set())
     low = max(good, default=0.0)
     if failed is not None and good:
-        for _ in range(3):
+        for k in range(NEARER):
             middle = 0.5 * (low + failed)
-            if by_speed(evaluator, c, task, [middle], throws=effort.each_speed)[0].enough:
+            at = by_speed(evaluator, c, task, [middle], throws=effort.each_speed,
+                          stage=part_of("nearer", k, NEARER))  # fmt: skip
+            if at[0].enough:
                 low = middle
                 good.add(middle)
             else:
@@ -286,8 +292,8 @@ def fastest(
     halves = [Procedure(throws=n, seed=_SURE_SEED + k, give_up=False, images=True)
               for k, n in enumerate((first, effort.sure - first))]  # fmt: skip
     for speed in sorted(good, reverse=True):
-        at = task_at(task, speed)
-        one, other = evaluator.try_each("fastest", [(c, at, by) for by in halves])
+        there = task_at(task, speed)
+        one, other = evaluator.try_each("fastest", [(c, there, by) for by in halves])
         if one.with_more(other).enough:
             return Fastest(speed_m_s=speed, more=failed is None and speed == rows[-1].speed_m_s)
     return Fastest(speed_m_s=0.0)
@@ -482,8 +488,10 @@ def design(
     usual, rows = _described(evaluator, confirmed[0].candidate, effort) if confirmed else (None, ())
     found = usual is not None and usual.enough
     best, own, reason = usual, release_speed(task) if found else 0.0, None
-    if not found and (task.own or start is not None):
-        reason = _lost(whole, usual)
+    lost = "" if found else _lost(whole, usual or answers.most, evaluator.tally.hindrance)
+    weak = usual is None and answers.most is None and _kind(evaluator.tally.hindrance) == "hold"
+    if not found and (task.own or start is not None or weak):  # slower throws would not help
+        reason = lost
     elif not found:
         total.again(effort.less())
         again = slower(evaluator, effort.less(), joints=joints, rate=rate)
@@ -492,7 +500,7 @@ def design(
             own = release_speed(task)
             rows = tuple(by_speed(evaluator, best.candidate, task, effort.speeds,
                                   throws=effort.each_speed))  # fmt: skip
-        reason = _reason(whole, usual, None if again is None else best, own)
+        reason = _reason(lost, None if again is None else best, own)
     most, region = Fastest(speed_m_s=own), None
     if best is not None:
         region = region_of(whole, best.candidate, task, total, each_way=effort.grid)
@@ -527,13 +535,35 @@ def softer(whole: Arm) -> str:
     )
 
 
-def _lost(whole: Arm, usual: Evaluation | None) -> str:
+#: Why most candidates had no pose, by the kind of what hindered them.
+_HINDERED = {
+    "hold": "{0} is too weak to hold the arm in most of them; are the torques those of its drives?"
+            " others go into a limits file (--limits FILE.toml)",
+    "torque": "{0} is too weak to bring the hand to the speed of the ball",
+    "speed": "{0} is too slow to bring the hand to the speed of the ball",
+    "range": "they begin at the end of a range",
+    "clearance": "the arm touches itself or the floor in most of them",
+    "domain": "the flights leave the domain of most of their maps",
+}  # fmt: skip
+
+
+def _kind(hindrance: str) -> str:
+    """Return the kind of a hindrance, without its joint."""
+    return hindrance.partition(":")[0]
+
+
+def _lost(whole: Arm, usual: Evaluation | None, hindrance: str) -> str:
     """Return in words why nothing was found for the throws that were asked for.
 
-    ``usual`` is the best design for them, with throws that no search used.
+    ``usual`` is the best design for them, with throws that no search used or, where none was worth
+    these, with those by which it was chosen; ``hindrance`` is what kept most candidates from a pose
+    (:func:`mitt.design.evaluation.hindrance`).
     """
+    if usual is None and hindrance:
+        joint = hindrance.partition(":")[2]
+        return f"no pose meets the throws: {_HINDERED[_kind(hindrance)].format(joint)}"
     if usual is None:
-        return "no design meets the throws within the joint speeds and ranges"
+        return "no pose meets the throws within the joint speeds and ranges"
     why = f"the best design caught {usual.clean} of {usual.thrown} throws within every limit"
     over = usual.caught - usual.clean
     why += f", and {over} beyond a limit" if over else ""
@@ -543,16 +573,15 @@ def _lost(whole: Arm, usual: Evaluation | None) -> str:
     return why + (f"; {softer(whole)}" if pressed else "")
 
 
-def _reason(whole: Arm, usual: Evaluation | None, slow: Evaluation | None, speed: float) -> str:
+def _reason(lost: str, slow: Evaluation | None, speed: float) -> str:
     """Return in words why nothing was found for default throws, and what was for slower ones.
 
-    ``usual`` and ``slow`` are the best designs for default and for slower throws, with throws that
-    no search used; ``speed`` is that of the slower ones at release [m/s].
+    ``lost`` is the former; ``slow`` is the best design for slower throws, with throws that no
+    search used; ``speed`` is theirs at release [m/s].
     """
-    why = _lost(whole, usual)
     if slow is None or not slow.enough:
-        return f"{why}; no design for slower throws catches enough of them either"
+        return f"{lost}; no design for slower throws catches enough of them either"
     return (
-        f"{why}; the design given is for slower throws: {rate_of(slow.clean, slow.thrown)} that"
+        f"{lost}; the design given is for slower throws: {rate_of(slow.clean, slow.thrown)} that"
         f" leave at {speed:.1f} m/s"
     )

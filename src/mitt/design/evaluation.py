@@ -263,7 +263,7 @@ class Evaluation:
         force: Median of their largest contact forces [N].
         binding: Why balls most often were not caught within every limit; nothing where all were.
         failed: Why it was not thrown at: ``no pose``, ``no map``, ``error`` or ``lost``.
-        said: What the error said.
+        said: What the error said, or what :func:`hindrance` says where there is no pose.
     """
 
     candidate: Candidate
@@ -327,21 +327,32 @@ class Evaluation:
         return self.share - price * self.hardness
 
 
-def able_to_hold(whole: Arm, c: Candidate, task: Task) -> bool:
-    """Say whether a candidate holds its poses and typical flights are in its domain."""
+def hindrance(whole: Arm, c: Candidate, task: Task) -> str:
+    """Return what keeps a candidate from its poses, or typical flights from its domain, on paper.
+
+    As limits are named: ``hold:J`` and ``torque:J`` where the drive of a joint is too weak to hold
+    the arm, or to speed up to the catch, ``speed:J``, ``range``, ``clearance``, ``domain``; nothing
+    where nothing does.
+    """
     try:
         arm = c.arm(whole, task.arrivals)
         start = unlearned(arm, c.design)
         flights = task.flights(start, np.random.default_rng(_JUDGE_SEED), _ON_PAPER)
     except MittError:
-        return False
-    if len(flights) < _ON_PAPER.flights or not _holds(arm, c, task.scene.floor):
-        return False
-    if touching(arm, task.scene, _to_catch(c)) or not _on_branch(arm, start, c):
-        return False
+        return "domain"
+    if len(flights) < _ON_PAPER.flights:
+        return "domain"
+    why = _unheld(arm, c, task.scene.floor)
+    if why:
+        return why
+    if touching(arm, task.scene, _to_catch(c)):
+        return "clearance"
     inside = [x for x in (lift_flight(start, flight) for flight in flights) if x is not None]
+    if not _on_branch(arm, start, c) or len(inside) < 4:
+        return "domain"
     most = _PAPER.speed_weighed if c.match_weight > 0.0 else _PAPER.speed
-    return len(inside) >= 4 and sum(_asks_little(arm, x.virtual[-1], most) for x in inside) >= 3
+    beyond = [x for x in (_asks_much(arm, x.virtual[-1], most) for x in inside) if x]
+    return Counter(beyond).most_common(1)[0][0] if len(inside) - len(beyond) < 3 else ""
 
 
 def _to_catch(c: Candidate) -> Array:
@@ -356,28 +367,30 @@ def _on_branch(arm: Arm, start: DirectMap, c: Candidate) -> bool:
     return status is MapStatus.INSIDE and bool(np.abs(q_o - c.q_catch).max() < _PAPER.same)
 
 
-def _holds(arm: Arm, c: Candidate, floor: float) -> bool:
-    """Say whether the arm can rest in its ready pose and at the catch, clear of itself."""
+def _unheld(arm: Arm, c: Candidate, floor: float) -> str:
+    """Return why the arm cannot rest in its ready pose and at the catch, clear of itself."""
     still, ready = np.zeros(arm.n), c.q_ready
     shapes = shapes_of(arm, Surroundings(floor=floor))
     for q in (ready, c.q_catch):
         share = arm.limits.torque_ratio(arm.torque(q, still, still), np.zeros(len(arm.bodies)))
         if float(share.max()) > _PAPER.holding:
-            return False
+            return f"hold:{arm.model.links[int(share.argmax())].name}"
         if clearance(arm.bodies, q, shapes.table, shapes.pairs, shapes.ends) < _PAPER.gap:
-            return False
-    return bool(np.all((ready > arm.q_min) & (ready < arm.q_max)))
+            return "clearance"
+    return "" if np.all((ready > arm.q_min) & (ready < arm.q_max)) else "range"
 
 
-def _asks_little(arm: Arm, virtual: Array, most: float) -> bool:
-    """Say whether the arm could about reach the joint speeds of l_c^-1 at a catch.
+def _asks_much(arm: Arm, virtual: Array, most: float) -> str:
+    """Return what keeps the arm from about reaching the joint speeds of l_c^-1 at a catch.
 
     ``virtual`` has the rows q_o, dq_o, ddq_o there; ``most`` is a share of a joint's speed.
     """
     q, dq = virtual[0], virtual[1]
     tau = arm.torque(q, np.zeros(arm.n), dq / _PAPER.rise)
-    share = arm.limits.torque_ratio(tau, np.zeros(len(arm.bodies)))
-    return bool(float(share.max()) <= _PAPER.speeding and np.abs(dq / arm.dq_max).max() <= most)
+    share, fast = arm.limits.torque_ratio(tau, np.zeros(len(arm.bodies))), np.abs(dq / arm.dq_max)
+    if float(share.max()) > _PAPER.speeding:
+        return f"torque:{arm.model.links[int(share.argmax())].name}"
+    return f"speed:{arm.names[int(fast.argmax())]}" if fast.max() > most else ""
 
 
 def learned(whole: Arm, c: Candidate, task: Task, how: How = "quick") -> DirectMap | None:

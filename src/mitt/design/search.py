@@ -47,6 +47,8 @@ _COMPARE, _CONFIRM, _AGAIN = 100, 1000, 1500
 _BY_THROWS, _BY_VERDICTS = 2, 3
 #: What a catch that is harder by 1 m/s costs, in shares of throws; the best for each are kept.
 PRICES = (0.005, 0.1, 0.03, 0.2)
+#: How often the speed of the fastest throws is bisected.
+NEARER = 3
 #: In how many parts candidates by geometry are tried on paper, in their order: no more of them once
 #: there are enough to learn.
 _PARTS = 6
@@ -182,29 +184,29 @@ def stages(effort: Effort) -> dict[str, float]:
         "geometry, changed": 6.0 * effort.changes,
     }
     for k in range(_PARTS):
-        of[_part("on paper", k, _PARTS)] = 1.0 * effort.judged
+        of[part_of("on paper", k, _PARTS)] = 1.0 * effort.judged
     of["learning"] = _LEARNED["glance"] * 2 * effort.judged
     for k in range(effort.generations):
         each = _LEARNED["glance"] * effort.offspring
-        of[_part("changing", k, effort.generations)] = each
+        of[part_of("changing", k, effort.generations)] = each
     seen = _SEEN if effort.images else 1.0
     of["throwing"] = effort.thrown * (_LEARNED["quick"] + seen * effort.throws[0])
     for k, throws in enumerate(effort.throws[1:]):
-        how = "quick" if throws == effort.throws[0] else "many"
-        again = effort.parents if throws > effort.throws[k] else 0
-        each = (effort.children + again) * (_LEARNED[how] + seen * throws)
-        of[_part("improving", k, len(effort.throws) - 1)] = each
+        each = _LEARNED["quick" if throws == effort.throws[0] else "many"] + seen * throws
+        parts = len(effort.throws) - 1
+        if throws > effort.throws[k]:
+            of[part_of("comparing", k, parts)] = each * effort.parents
+        of[part_of("improving", k, parts)] = each * effort.children
     full = _LEARNED["full"]
     of["confirming"] = len(effort.weights) * effort.last * (full + _SEEN * effort.confirm)
     pairs = _pairs(effort.again)
     for k in range(pairs):
         each = effort.again / pairs * (full + _SEEN * effort.more)
-        of[_part("confirming again", k, pairs)] = each
-    speeds = len(effort.speeds) * (_LEARNED["quick"] + _SEEN * effort.each_speed)
-    return of | {"reporting": full + _SEEN * effort.report + speeds}
+        of[part_of("confirming again", k, pairs)] = each
+    return of
 
 
-def _part(stage: str, k: int, of: int) -> str:
+def part_of(stage: str, k: int, of: int) -> str:
     """Return the name of one of the parts of a stage, from 0."""
     return f"{stage} {k + 1} of {of}"
 
@@ -214,13 +216,26 @@ def _pairs(count: int) -> int:
     return -(-count // _PAIR)
 
 
-def last_stages(effort: Effort) -> dict[str, float]:
-    """Return what is done with a design once it is found."""
+def last_stages(effort: Effort, *, slower: bool = False) -> dict[str, float]:
+    """Return what is done with a design once it is found, in the time of one throw.
+
+    One for slower throws is thrown at in several speeds once it is reported, others meanwhile.
+    """
+    full, each = _LEARNED["full"], _LEARNED["quick"] + _SEEN * effort.each_speed
+    speeds = len(effort.speeds) * each
+    nearer = {part_of("nearer", k, NEARER): each for k in range(NEARER)}
     return {
-        "region": _LEARNED["full"] + 4.0 * (2 * effort.grid + 1),
-        "speeds": 3 * (_LEARNED["quick"] + _SEEN * effort.each_speed),
+        "reporting": full + _SEEN * effort.report + (0.0 if slower else speeds),
+        "speeds": speeds if slower else 0.0,
+        "region": full + 4.0 * (2 * effort.grid + 1),
+        **nearer,
         "fastest": _LEARNED["quick"] + _SEEN * effort.sure,
     }
+
+
+def slower_stages(effort: Effort) -> dict[str, float]:
+    """Return what each stage of a search for slower throws takes, in the time of one throw."""
+    return stages(effort) | {"accepting": _LEARNED["full"] + _SEEN * effort.report}
 
 
 @final
@@ -228,7 +243,8 @@ class SearchProgress:
     """Tells the progress of a whole search whenever it is told that of a stage.
 
     And the best that is found so far: of those that catch enough the one to take, or else what
-    catches most.
+    catches most. What is done is what took time: a stage that is left out, or whose answers were
+    known, is taken off the whole.
     """
 
     def __init__(
@@ -237,29 +253,40 @@ class SearchProgress:
         """Expect one search, and what follows it; what is found is in its answers."""
         self._answers, self._rate = answers, rate
         self._takes, self._last = stages(effort), last_stages(effort)
-        self._progress, self._before, self._further, self._at = progress, 0.0, 0, 0
+        self._progress, self._done, self._further, self._searches = progress, 0.0, 0, 0
+        self._stage, self._share = "", 0.0
 
     def again(self, effort: Effort) -> None:
         """Expect searches for slower throws besides, since one has found nothing."""
-        self._before += sum(self._takes.values())
-        self._takes, self._further, self._at = stages(effort), effort.slower - 1, 0
+        self._takes, self._last = slower_stages(effort), last_stages(effort, slower=True)
+        self._searches = effort.slower
+        self._further, self._stage, self._share = effort.slower, "", 0.0
 
     def __call__(self, name: str, done: int, of: int) -> None:
-        """Take in how much of a stage is done; the stages before it count as done."""
-        takes = self._takes | self._last
-        if name not in takes:
+        """Take in how much of a stage is done; what its first report says was known before."""
+        order = [*self._takes, *self._last]
+        if name not in order or of == 0:
             return
-        order = list(takes)
-        if order.index(name) < self._at and name in self._takes:  # the next search begins
-            self._before += sum(self._takes.values())
-            self._further = max(self._further - 1, 0)
-        self._at = order.index(name)
+        at, before = order.index(name), order.index(self._stage) if self._stage else len(order)
+        begins = name in self._takes and (at < before or (name == self._stage and done == 0))
+        if begins and self._further > 0:  # the next search
+            self._further -= 1
         if name in self._last:
             self._further = 0
-        past = self._before + sum(takes[x] for x in order[: self._at]) + takes[name] * done / of
-        whole = self._before + self._further * sum(self._takes.values()) + sum(takes.values())
-        told = f"designing: {name}{self._so_far()}"
-        self._progress(told, int(1000 * past / whole), 1000)
+        takes, share = self._takes | self._last, done / of
+        if name == self._stage and share > self._share:
+            self._done += takes[name] * (share - self._share)
+        self._stage, self._share = name, share
+        left = takes[name] * (1.0 - share) + sum(takes[x] for x in order[at + 1 :])
+        whole = self._done + left + self._further * sum(self._takes.values())
+        told = f"designing: {self._which()}{name}{self._so_far()}"
+        self._progress(told, round(self._done), max(round(whole), 1))
+
+    def _which(self) -> str:
+        """Return in words which of the searches for slower throws is under way, if one is."""
+        if not self._searches or self._stage in self._last:
+            return ""
+        return f"slower throws {self._searches - self._further} of {self._searches}, "
 
     def _so_far(self) -> str:
         """Return in words the best that is found so far."""
@@ -273,6 +300,9 @@ def search(
     rate: float = RATE, start: Candidate | None = None,
 ) -> list[Evaluation]:  # fmt: skip
     """Search for ways to catch; the one to take comes first, and there may be none.
+
+    There is none where no candidate has caught a ball within every limit when the best have been
+    changed by throws.
 
     Their throws are those by which they were chosen: the best of several on the same throws, so no
     fair figures (:func:`reported`).
@@ -299,6 +329,8 @@ def search(
     by = Procedure(throws=effort.throws[0], seed=_COMPARE + effort.throws[0], images=effort.images)
     pool = evaluator.try_all("throwing", best, by)
     pool = _refined(evaluator, effort, pool)
+    if not any(w.clean for w in pool):
+        return []  # further throws at what caught none would find none
     last = [w.candidate for w in best_by_price(pool, effort.last)]
     if start is not None and start not in last:
         last.append(start)
@@ -320,7 +352,7 @@ def _sought(evaluator: Evaluator, effort: Effort, joints: Sequence[str] | None) 
     for k in range(_PARTS):
         if len(sound) < 2 * effort.judged:
             part = candidates[k * effort.judged : (k + 1) * effort.judged]
-            worth = evaluator.try_all(_part("on paper", k, _PARTS), part, Procedure(how="paper"))
+            worth = evaluator.try_all(part_of("on paper", k, _PARTS), part, Procedure(how="paper"))
             sound += [w.candidate for w in worth]
     return sound[: 2 * effort.judged]
 
@@ -350,7 +382,7 @@ def _confirmed(
     by = Procedure(throws=effort.more, seed=_AGAIN, how="full", give_up=False, images=True)
     both = list[Evaluation]()
     for k in range(pairs):
-        pair, name = best[_PAIR * k : _PAIR * (k + 1)], _part("confirming again", k, pairs)
+        pair, name = best[_PAIR * k : _PAIR * (k + 1)], part_of("confirming again", k, pairs)
         if not any(w.within >= asked for w in both):
             again = evaluator.try_all(name, [w.candidate for w in pair], by)
             before = {w.candidate: w for w in pair}
@@ -399,6 +431,7 @@ def _by_geometry(
     """Return candidates that meet balls all over the box, by geometry alone."""
     whole, balls, progress = evaluator.whole, evaluator.task.balls, evaluator.progress
     found, count, touch = [], 0, Touch(whole, evaluator.task.scene)
+    progress("geometry", 0, effort.rounds)
     for k in range(effort.rounds):
         rows = drawn(whole, balls, triples, rng, count=effort.poses, touch=touch)
         found.append(spread(whole, balls, best_of(rows, count=4000, each=400), touch))
@@ -407,6 +440,8 @@ def _by_geometry(
         if count >= effort.enough:
             break
     rows = joined(found)
+    if len(rows.q):
+        progress("geometry, changed", 0, effort.changes)
     for k in range(effort.changes if len(rows.q) else 0):
         rows = best_of(rows, count=effort.enough, each=effort.enough // 6)
         rows = improved(whole, balls, rows, rng, size=0.3 / (1.0 + 0.25 * k), touch=touch)
@@ -424,7 +459,7 @@ def _softened(evaluator: Evaluator, effort: Effort, worth: list[Evaluation]) -> 
     for generation in range(effort.generations):
         parents = best_by_price(pool, 2 * effort.parents)
         children = _changed(evaluator, effort, parents, (_BY_VERDICTS, generation))
-        name = _part("changing", generation, effort.generations)
+        name = part_of("changing", generation, effort.generations)
         pool += evaluator.try_all(name, children, Procedure(how="glance"))
     return pool
 
@@ -435,14 +470,16 @@ def _refined(evaluator: Evaluator, effort: Effort, pool: list[Evaluation]) -> li
         parents = best_by_price(pool, effort.parents)
         if not parents:
             break
-        name = _part("improving", generation, len(effort.throws) - 1)
+        parts = len(effort.throws) - 1
         how: How = "quick" if throws == effort.throws[0] else "many"
         by = Procedure(throws=throws, seed=_COMPARE + throws, how=how, images=effort.images)
         if throws > parents[0].thrown:  # what was best on a few throws was lucky as well
             again = [w.candidate for w in parents]
+            name = part_of("comparing", generation, parts)
             parents = evaluator.try_all(name, again, replace(by, give_up=False))
             pool = list(parents)
         children = _changed(evaluator, effort, parents, (_BY_THROWS, generation))
+        name = part_of("improving", generation, parts)
         pool += evaluator.try_all(name, children, replace(by, least=0.2))
     return pool
 

@@ -10,8 +10,9 @@ import errno
 import hashlib
 import json
 import os
+from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import astuple, dataclass, fields
+from dataclasses import astuple, dataclass, field, fields
 from pathlib import Path
 from typing import Any, final
 
@@ -21,7 +22,7 @@ import mitt
 from mitt.arm.arm import Arm
 from mitt.clock import Progress
 from mitt.design.candidate import Candidate
-from mitt.design.evaluation import Evaluation, How, able_to_hold, judged, learned, thrown
+from mitt.design.evaluation import Evaluation, How, hindrance, judged, learned, thrown
 from mitt.design.task import Task
 from mitt.errors import FileError, InputError, MittError
 from mitt.files.schema import to_plain
@@ -243,8 +244,9 @@ def evaluated(job: Job) -> Evaluation:
 def _evaluated(job: Job) -> Evaluation:
     """Return what a candidate is worth, stage by stage."""
     c, by = job.candidate, job.by
-    if not able_to_hold(job.whole, c, job.task):
-        return _failed(c, "no pose")
+    why = hindrance(job.whole, c, job.task)
+    if why:
+        return _failed(c, "no pose", why)
     if by.how == "paper":
         return Evaluation(candidate=c, able=1.0, speed=0.0)
     f = learned(job.whole, c, job.task, by.how)
@@ -275,17 +277,27 @@ class Tally:
         errors: Candidates whose throws ended in an error.
         lost: Candidates that were lost with their worker, again and again.
         said: What the first error said.
+        hindered: How many were given up on paper, by what kept them from a pose.
     """
 
     errors: int = 0
     lost: int = 0
     said: str = ""
+    hindered: Counter[str] = field(default_factory=Counter)
 
     def count(self, w: Evaluation) -> None:
         """Count a candidate, if it could not be evaluated."""
         self.errors += w.failed == "error"
         self.lost += w.failed == "lost"
-        self.said = self.said or w.said
+        if w.failed == "error":
+            self.said = self.said or w.said
+        if w.failed == "no pose":
+            self.hindered[w.said] += 1
+
+    @property
+    def hindrance(self) -> str:
+        """What kept most candidates from a pose; nothing where none was given up on paper."""
+        return self.hindered.most_common(1)[0][0] if self.hindered else ""
 
     def told(self) -> list[str]:
         """Return in words what could not be evaluated, a line each."""
@@ -341,6 +353,7 @@ class Evaluator:
         """Return what became of jobs, in their order."""
         found = {job.number: w for job in jobs if (w := self.answers.get(job)) is not None}
         new = [job for job in jobs if job.number not in found]
+        self.progress(name, len(found), len(jobs))
         for number, worth in self._as_they_come(new):
             found[number] = worth
             self.answers.add(jobs[number], worth)
