@@ -4,7 +4,7 @@
 # make extras   add all extras to .venv
 # make docs     build the documentation site: build/docs/index.html
 # make soak     fuzz envelope, ticks, calls and readers: COMMANDS=N TICKS=N CALLS=N FILES=N PROCESSES=N KILLS=N RUN_KILLS=N RUN_SIGNALS=N STUDY_KILLS=N SWINGS=N SEED=S
-# make sweep    give each bad value to each option of each command: minutes; make test gives a third of them
+# make thorough run further cases, as each bad value of each option: half an hour
 # make lint     format, lint, types, import contracts
 # make check    make lint, then make test
 # Each builds .venv with exactly pinned versions first if it is missing; Python >= 3.11 is enough.
@@ -26,7 +26,7 @@ STUDY_KILLS ?= 2
 SWINGS ?= 70
 SEED ?= 1
 
-.PHONY: catch test sweep bare extras lint check bench docs soak clean
+.PHONY: catch test thorough bare extras lint check bench docs soak clean
 
 .venv/ready: pyproject.toml constraints.txt
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "mitt needs Python 3.11 or later")'
@@ -51,8 +51,8 @@ catch: .venv/ready
 test: .venv/complete
 	$(BIN)/python -m pytest --numprocesses 2 --dist worksteal $(ARGS)
 
-sweep: .venv/complete
-	MITT_EVERY_OPTION=1 $(BIN)/python -m pytest --numprocesses 2 --dist worksteal tests/cli/test_check_and_start.py
+thorough: .venv/complete
+	$(BIN)/python -m pytest --numprocesses 2 --dist worksteal -m thorough $(ARGS)
 
 bare: .venv/ready
 	$(BIN)/python tests/bare_run.py

@@ -1,6 +1,6 @@
 """Balls, flights, and packages of tutorials that several tests use."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,15 @@ from documents import write_metadata
 from mitt.arm.arm import Arm
 from mitt.map.learn import Flight
 from mitt.signals import Array, BallState
+
+
+def thorough(cases: Iterable[object], further: Iterable[object]) -> list[object]:
+    """Return cases of a test, and further ones that ``make thorough`` runs.
+
+    A case of several parameters is a tuple.
+    """
+    marked = (x if isinstance(x, tuple) else (x,) for x in further)
+    return [*cases, *(pytest.param(*x, marks=pytest.mark.thorough) for x in marked)]
 
 
 def arrays_in(x: Any) -> Iterator[Any]:  # noqa: ANN401

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from support import thorough
 
 import mitt
 from mitt.interrupts import safe_path
@@ -101,7 +102,9 @@ def poisoned(tmp_path: Path) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("what", _STARTS)
+@pytest.mark.parametrize(
+    "what", thorough(["command", "recorder"], ["workers", "warming", "live table"])
+)
 def test_a_process_that_is_started_imports_nothing_from_the_working_folder(
     tmp_path: Path, poisoned: Path, what: str
 ) -> None:

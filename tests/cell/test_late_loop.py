@@ -32,9 +32,15 @@ def stall(cell: LocalCell, ticks: int) -> None:
 
 @pytest.mark.parametrize(
     ("name", "throws", "after"),
-    [("wam-sim", 6, 0), ("wam-sim", 6, 1), ("wam-sim", 6, 3), ("ur5e-sim", 3, 0),
-     ("ur5e-belt-sim", 3, 1)],
-)  # fmt: skip
+    [
+        ("wam-sim", 6, 0),
+        ("ur5e-sim", 3, 0),
+        ("ur5e-belt-sim", 1, 1),
+        pytest.param("wam-sim", 6, 1, marks=pytest.mark.thorough),
+        pytest.param("wam-sim", 6, 3, marks=pytest.mark.thorough),
+        pytest.param("ur5e-belt-sim", 3, 1, marks=pytest.mark.thorough),
+    ],
+)
 def test_a_stall_as_the_arm_begins_to_move_is_no_fault(name: str, throws: int, after: int) -> None:
     """Of up to 18 ms: no encoder is called silent, no reading repeated, nothing is stopped."""
     cell, stalls = LocalCell(throws=throws, name=name, seed=2), list[int]()

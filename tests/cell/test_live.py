@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from local_cell import LocalCell, Readings
+from support import thorough
 
 from mitt.cameras.hand_calibration import catches_in
 from mitt.catcher.catcher import Catcher
@@ -315,7 +316,7 @@ def test_what_blinds_the_catcher_is_said_within_a_second(
     assert stops or says in session.words.value.decode()
 
 
-@pytest.mark.parametrize("times", [2, 4])
+@pytest.mark.parametrize("times", thorough([4], [2]))
 def test_joint_states_that_repeat_are_lost_readings(times: int) -> None:
     """As of hardware of 500 or 250 Hz behind a publisher of 1 kHz: caught, and said."""
     cell, count, last = LocalCell(throws=1), 0, list[ArmState]()
@@ -453,7 +454,7 @@ def test_an_arm_that_was_pushed_does_not_go_back_by_itself(
     assert cell.robot.braked[-1] == (mode is Mode.STOPPED)
 
 
-@pytest.mark.parametrize("takes", ["position", "velocity"])
+@pytest.mark.parametrize("takes", thorough(["position"], ["velocity"]))
 def test_the_last_setpoint_moves_nothing(takes: str) -> None:
     """Whoever takes it may hold it for ever."""
     cell = read_cell("wam-sim")

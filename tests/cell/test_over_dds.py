@@ -8,6 +8,7 @@ from typing import TypeVar
 
 import pytest
 from local_cell import FaultyRobot
+from support import thorough
 
 from mitt.cell.drivers import Connection
 from mitt.cell.live import Mode
@@ -82,7 +83,7 @@ def cell_that_takes(takes: str) -> Cell:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("takes", ["torque", "velocity", "position"])
+@pytest.mark.parametrize("takes", thorough(["torque", "position"], ["velocity"]))
 def test_a_ball_is_caught_over_dds(takes: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """No limit exceeded; what came of it is told over DDS too.
 

@@ -2,6 +2,7 @@
 
 import pytest
 from local_cell import LocalCell
+from support import thorough
 
 from mitt.arm.load import arm_names
 from mitt.files.cell import arm_of, around_of, read_cell
@@ -28,7 +29,7 @@ def test_what_ships_fits_its_arm(name: str) -> None:
         assert arm.limits.name == (cell.arm.limits or cell.arm.file)
 
 
-@pytest.mark.parametrize("name", ["ur5e-sim", "ur10e-sim", "franka-panda-sim"])
+@pytest.mark.parametrize("name", thorough(["ur5e-sim", "franka-panda-sim"], ["ur10e-sim"]))
 def test_an_arm_by_name_catches_at_its_own_rate(name: str) -> None:
     """By speeds at 500 Hz, by torques at 1 kHz: no reading counts as lost, no limit is exceeded."""
     cell = LocalCell(throws=2, name=name)
