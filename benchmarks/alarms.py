@@ -27,7 +27,7 @@ from arms import SETUPS, WAM, named
 from mitt.arm.arm import Arm
 from mitt.catcher.generators import Direct, Unoptimised
 from mitt.map.mapping import DirectMap, unlearned
-from mitt.trials.learning import learn
+from mitt.map.neighbourhood import learn
 from mitt.trials.runner import TrialRunner
 from mitt.trials.score import reason_of
 from mitt.trials.source import aim_of

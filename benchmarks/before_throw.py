@@ -20,7 +20,7 @@ from thrower_hands import KINDS, thrown
 from mitt.catcher.catcher import Catcher
 from mitt.catcher.generators import Direct
 from mitt.files.arm_file import load_arm
-from mitt.trials.learning import learn
+from mitt.map.neighbourhood import learn
 from mitt.trials.source import source_of
 from mitt.trials.statistics import wilson
 from mitt.world.throws import Throw

@@ -28,8 +28,8 @@ from oracle import Row, counted, is_sampled, judged, parallel
 from mitt.catcher.generators import Generator
 from mitt.files.arm_file import ArmSpec, ThrowSettings
 from mitt.map.learn import Learned
+from mitt.map.neighbourhood import learn, neighbourhood_of_ball
 from mitt.rivals.clairvoyant import make_clairvoyant
-from mitt.trials.learning import learn, neighbourhood_of_ball
 from mitt.trials.registry import make_generator
 from mitt.trials.runner import TrialRunner
 from mitt.trials.score import Trial

@@ -30,8 +30,8 @@ from mitt.catcher.generators import Direct
 from mitt.catcher.state import REASONS, Result, rows_of
 from mitt.control.health import ABORT
 from mitt.map.mapping import DirectMap
+from mitt.map.neighbourhood import learn
 from mitt.signals import Array
-from mitt.trials.learning import learn
 from mitt.trials.result import STATUSES
 from mitt.trials.runner import TrialRunner
 from mitt.trials.score import measure

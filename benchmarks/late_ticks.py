@@ -29,8 +29,8 @@ from mitt.catcher.catcher import Catcher
 from mitt.catcher.generators import Direct
 from mitt.files.arm_file import load_arm, read_arm_file
 from mitt.map.mapping import DirectMap
+from mitt.map.neighbourhood import learn
 from mitt.signals import TICK, ArmState, Array
-from mitt.trials.learning import learn
 from mitt.trials.source import Source, source_of, widened
 from mitt.trials.statistics import wilson
 from mitt.world.throws import Throw

@@ -10,7 +10,7 @@ from mitt.arm.load import build_arm
 from mitt.catcher.generators import Generator, refining
 from mitt.files.recordings import Recorded, write_recording
 from mitt.map.mapping import DirectMap
-from mitt.trials.learning import learn
+from mitt.map.neighbourhood import learn
 from mitt.trials.log import recording_of
 from mitt.trials.registry import make_generator
 from mitt.trials.replayed import Replayed, replay

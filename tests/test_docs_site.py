@@ -27,12 +27,12 @@ from mitt.cli.options import COMMANDS
 from mitt.files.arm_file import load_arm
 from mitt.map.demand import Tolerance, shares_of
 from mitt.map.learn import Learned
+from mitt.map.neighbourhood import learn
 from mitt.report import painter, pictures
 from mitt.report.painter import painted
 from mitt.report.pictures import placed
 from mitt.trials.batting import STATUSES as STRUCK
 from mitt.trials.explain import LIMITS
-from mitt.trials.learning import learn
 from mitt.trials.meeting import STATUSES as MET
 from mitt.trials.result import STATUSES as TRIED
 from mitt.verdict.feasibility import Outcome, judge

@@ -19,7 +19,7 @@ NAMED = re.compile(
 #: Addresses that only an example or a test has, below folders that are made when it runs.
 MADE = re.compile(r"^(?:out|runs|DIR|tmp|package|sub)/|^callee|^caller")
 #: Most lines of a module.
-LONGEST = 700
+LONGEST = 800
 
 
 def committed() -> list[Path]:
@@ -65,7 +65,7 @@ def test_every_file_that_is_named_is_there() -> None:
 
 
 def test_no_module_is_longer_than_it_should_be() -> None:
-    """700 lines."""
+    """800 lines."""
     lengths = {
         path.relative_to(PACKAGE).as_posix(): len(path.read_text().splitlines())
         for path in PACKAGE.rglob("*.py")

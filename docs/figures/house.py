@@ -37,6 +37,7 @@ DOES = {
     "errors": "one line: wanted, given, what to do",
     "fields": "settings held to their annotations",
     "interrupts": "Ctrl-C and its kind",
+    "numerals": "numbers that a user's text says",
     "kernels": "compiling, views, handles",
     "version": "the version of mitt",
 }

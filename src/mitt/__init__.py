@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from mitt.files.maps import read_map as read_map
     from mitt.map.map_design import MapDesign as MapDesign
     from mitt.map.mapping import DirectMap as DirectMap
+    from mitt.map.neighbourhood import learn as learn
     from mitt.signals import ArmState as ArmState
     from mitt.signals import BallState as BallState
     from mitt.signals import Command as Command
@@ -29,7 +30,6 @@ if TYPE_CHECKING:
     from mitt.signals import JointReference as JointReference
     from mitt.signals import Senses as Senses
     from mitt.signals import Sighting as Sighting
-    from mitt.trials.learning import learn as learn
     from mitt.trials.runs import simulate as simulate
     from mitt.verdict.feasibility import Outcome as Outcome
     from mitt.verdict.feasibility import Verdict as Verdict
@@ -55,7 +55,7 @@ _HOMES = {
     "Senses": "mitt.signals",
     "Sighting": "mitt.signals",
     "Verdict": "mitt.verdict.feasibility",
-    "learn": "mitt.trials.learning",
+    "learn": "mitt.map.neighbourhood",
     "load_arm": "mitt.files.arm_file",
     "plan_brake": "mitt.control.stop",
     "read_map": "mitt.files.maps",

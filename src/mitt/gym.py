@@ -41,7 +41,8 @@ from mitt.arm.arm import Arm
 from mitt.arm.limits import saturate
 from mitt.arm.tools import TOOLS
 from mitt.catcher.catcher import Catcher
-from mitt.catcher.generators import Direct, check_arm
+from mitt.catcher.generators import Direct
+from mitt.catcher.given import check_arm
 from mitt.catcher.meeting import Meeting
 from mitt.catcher.settings import Phase
 from mitt.cell.feeds import Parts
@@ -50,12 +51,12 @@ from mitt.files.maps import read_map
 from mitt.map.learn import Learned
 from mitt.map.map_design import default_design
 from mitt.map.mapping import DirectMap, unlearned
+from mitt.map.neighbourhood import learn
 from mitt.report.painter import Faces, painted
 from mitt.report.pictures import body_faces, placed
 from mitt.signals import TICK, Array, Command, Frame, Senses
 from mitt.trials.bat_station import TARGET, BatStation, bat_station
 from mitt.trials.batting import batted, hit_of
-from mitt.trials.learning import learn
 from mitt.trials.runner import LONGEST, TrialRunner
 from mitt.trials.score import (
     HELD_AFTER,

@@ -25,8 +25,8 @@ from mitt.eyes.eyes import Eyes
 from mitt.map.learn import Learned
 from mitt.map.map_design import default_design
 from mitt.map.mapping import unlearned
+from mitt.map.neighbourhood import learn
 from mitt.signals import ArmState, Command, Senses, Sighting
-from mitt.trials.learning import learn
 from mitt.trials.registry import make_generator
 from mitt.trials.runner import LoggedTrial, TrialRunner
 from mitt.trials.score import held

@@ -15,8 +15,8 @@ from mitt.errors import InputError
 from mitt.map.demand import Tolerance
 from mitt.map.learn import Learned
 from mitt.map.map_design import MapDesign
+from mitt.map.neighbourhood import Neighbourhood, learn
 from mitt.signals import BallState
-from mitt.trials.learning import Neighbourhood, learn
 from mitt.verdict.feasibility import Outcome, judge
 
 G = np.array([0.0, 0.0, -9.81])

@@ -12,15 +12,16 @@ from support import ball_state
 from mitt.arm.arm import Arm
 from mitt.ball.filter import THROWN_BALL
 from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
+from mitt.catcher.family import direct
 from mitt.catcher.generators import Direct, Generator
 from mitt.catcher.planner import comes
 from mitt.catcher.settings import PATIENCE, SOON
 from mitt.control.envelope import speeds_of
 from mitt.map.learn import Learned
 from mitt.map.mapping import DirectMap
+from mitt.map.neighbourhood import learn
 from mitt.rivals.planned import make_quintic
 from mitt.signals import GRAVITY, TICK, ArmState, Array, Senses, Sighting
-from mitt.trials.learning import direct, learn
 from mitt.verdict.feasibility import Outcome, Verdict
 from mitt.verdict.impact import speed_caps, speed_jumps
 

@@ -31,6 +31,7 @@ from mitt.control.stop import Brake, mass_work, plan_brake
 from mitt.eyes.camera import fixed_rig
 from mitt.eyes.eyes import Eyes, EyesConfig
 from mitt.map.mapping import DirectMap
+from mitt.map.neighbourhood import learn
 from mitt.signals import (
     TICK,
     ArmState,
@@ -42,7 +43,6 @@ from mitt.signals import (
     Senses,
 )
 from mitt.trials.catcher_settings import filter_settings
-from mitt.trials.learning import learn
 from mitt.trials.runner import TrialRunner
 from mitt.trials.source import aim_of
 from mitt.verdict.feasibility import Verdict

@@ -49,8 +49,8 @@ from mitt.design.task import BOX, FAR, REPORTED, Balls, Task, shifted
 from mitt.errors import InputError
 from mitt.files.arm_file import ArmFile, design_of, hand_of, load_arm, read_arm_file, write_arm_file
 from mitt.map.mapping import unlearned
+from mitt.map.neighbourhood import Neighbourhood
 from mitt.report.design_page import advice_of
-from mitt.trials.learning import Neighbourhood
 from mitt.trials.workers import Processes
 from mitt.world.scene import read_scene
 from mitt.world.throws import Aim, ThrowRanges, default_throw, fly

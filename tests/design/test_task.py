@@ -27,7 +27,7 @@ from mitt.errors import FileError, InputError
 from mitt.files.arm_file import ArmFile, load_arm, write_arm_file
 from mitt.files.schema import to_plain
 from mitt.map.mapping import unlearned
-from mitt.trials.learning import Neighbourhood
+from mitt.map.neighbourhood import Neighbourhood
 from mitt.trials.source import aim_of
 from mitt.world.flights import builtin_flights
 from mitt.world.scene import read_scene

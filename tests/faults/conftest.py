@@ -12,8 +12,8 @@ from mitt.catcher.catcher import Phase
 from mitt.catcher.generators import Direct
 from mitt.catcher.state import REASONS, STATES, Result, copied, gathered
 from mitt.map.learn import Learned
+from mitt.map.neighbourhood import learn
 from mitt.signals import Senses
-from mitt.trials.learning import learn
 from mitt.trials.runner import TrialRunner
 from mitt.trials.score import held, measure, status_of
 from mitt.trials.source import aim_of

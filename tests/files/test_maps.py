@@ -18,7 +18,7 @@ from mitt.errors import FileError
 from mitt.files.maps import read_map, save_map
 from mitt.map.learn import Learned
 from mitt.map.map_design import MapDesign
-from mitt.trials.learning import Neighbourhood, learn
+from mitt.map.neighbourhood import Neighbourhood, learn
 from mitt.version import __version__
 
 

@@ -10,8 +10,8 @@ from mitt.map.family import family_of, moved
 from mitt.map.foresight import foresee
 from mitt.map.learn import Learned
 from mitt.map.mapping import DirectMap
+from mitt.map.neighbourhood import Neighbourhood, learn, nominal_ball
 from mitt.signals import BallState
-from mitt.trials.learning import Neighbourhood, learn, nominal_ball
 from mitt.verdict.feasibility import Outcome, judge
 
 

@@ -10,14 +10,14 @@ from mitt.ball.flight import advance
 from mitt.map.learn import Flight, LearnSettings
 from mitt.map.map_design import MapDesign
 from mitt.map.mapping import DirectMap
-from mitt.signals import Array
-from mitt.trials.learning import (
+from mitt.map.neighbourhood import (
     LEARNING_SEED,
     Neighbourhood,
     learn,
     neighbourhood,
     neighbourhood_of_ball,
 )
+from mitt.signals import Array
 from mitt.trials.source import aim_of
 from mitt.world.throws import default_throw
 

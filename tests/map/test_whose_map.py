@@ -12,7 +12,8 @@ from mitt.arm.limits import Limits
 from mitt.arm.load import build_arm
 from mitt.catcher.catcher import Catcher
 from mitt.catcher.family import Family
-from mitt.catcher.generators import Direct, Generator, check_arm, for_arm, refining
+from mitt.catcher.generators import Direct, Generator, refining
+from mitt.catcher.given import check_arm, for_arm
 from mitt.errors import InputError
 from mitt.map.learn import Learned
 from mitt.rivals.planned import make_quintic

@@ -11,7 +11,7 @@ import tempfile
 from pathlib import Path
 
 from mitt.arm.load import build_arm
-from mitt.trials.learning import learn
+from mitt.map.neighbourhood import learn
 from soak import arrays, commands, files, kills, runs, studies, swings, ticks
 
 #: Where files that did harm are kept.

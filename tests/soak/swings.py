@@ -27,8 +27,8 @@ from mitt.errors import InputError
 from mitt.files.arm_file import load_arm
 from mitt.kernels import Record, kernel
 from mitt.map.mapping import DirectMap
+from mitt.map.neighbourhood import learn
 from mitt.signals import TICK, ArmState, Array, Senses, Sighting
-from mitt.trials.learning import learn
 from mitt.trials.runner import TrialRunner
 from mitt.trials.source import aim_of, ranges_of
 from mitt.world.scene import named_scene

@@ -27,8 +27,8 @@ from mitt.files.maps import save_map
 from mitt.map.demand import Tolerance
 from mitt.map.learn import Flight, Learned, LearnSettings
 from mitt.map.mapping import unlearned
+from mitt.map.neighbourhood import Neighbourhood
 from mitt.signals import ArmState, Frame, Senses, Sighting
-from mitt.trials.learning import Neighbourhood
 from mitt.trials.meet_study import MeetStudySettings
 from mitt.world.scene import Scene, read_scene
 from surface import names

@@ -7,8 +7,8 @@ from franka_design import panda_file
 from mitt.arm.arm import Arm
 from mitt.catcher.generators import Direct
 from mitt.files.arm_file import load_arm, read_arm_file
+from mitt.map.neighbourhood import learn
 from mitt.signals import TICK
-from mitt.trials.learning import learn
 from mitt.trials.runner import TrialRunner
 from mitt.trials.source import Source, source_of, widened
 from mitt.world.scene import read_scene

@@ -12,8 +12,8 @@ from mitt.catcher.generators import Direct, Generator
 from mitt.catcher.settings import BRAKE, FOLLOW, REFUSED, STOPPED, WATCH
 from mitt.map.learn import Learned
 from mitt.map.map_design import MapDesign
+from mitt.map.neighbourhood import Neighbourhood, learn
 from mitt.signals import TICK
-from mitt.trials.learning import Neighbourhood, learn
 from mitt.trials.log import TrialLog
 from mitt.trials.runner import LoggedTrial, TrialRunner
 from mitt.trials.source import source_of

@@ -12,15 +12,16 @@ from mitt.arm.arm import Arm
 from mitt.arm.hands import HandModel
 from mitt.arm.load import build_arm
 from mitt.ball.filter import FilterConfig
+from mitt.catcher.family import direct
 from mitt.catcher.generators import Direct, Unoptimised
 from mitt.errors import InputError, StoppedError
 from mitt.files.recordings import write_recording
 from mitt.map.learn import Learned
 from mitt.map.mapping import DirectMap
+from mitt.map.neighbourhood import learn
 from mitt.rivals.planned import make_quintic
 from mitt.signals import Array, BallState, JointReference
 from mitt.trials.catcher_settings import driven, filter_settings
-from mitt.trials.learning import learn
 from mitt.trials.log import recording_of
 from mitt.trials.runner import LoggedTrial, TrialRunner
 from mitt.trials.runs import simulate
@@ -199,8 +200,9 @@ def test_a_trial_that_is_over_before_its_first_tick_is_a_result(
 
 
 def test_simulate_takes_what_learn_returns(learned: Learned) -> None:
-    """The map and what came of learning it are thrown at alike; anything else is one line."""
-    found = [simulate(f, throws=1, seed=3, pixels=False) for f in (learned, learned.map)]
+    """What came of learning stands for the default generator; anything else is one line."""
+    given = (learned, direct(learned.map))
+    found = [simulate(f, throws=1, seed=3, pixels=False) for f in given]
     assert found[0] == found[1]
     for wrong in (None, 3, [learned.map]):
         with pytest.raises(InputError, match="f: wanted a generator, a map"):
@@ -251,7 +253,7 @@ def test_the_ball_is_caught_beside_whatever_else_is_bright(
 def test_simulate_takes_whatever_moves_an_arm(learned: Learned, tmp_path: Path) -> None:
     """A map, what was learned, a generator of ours with or without a map, one of somebody else."""
     f, given = learned.map, {"throws": 1, "seed": 3, "pixels": False}
-    first = simulate(learned, throws=1, seed=3, pixels=False)
+    first = simulate(f, throws=1, seed=3, pixels=False)
     assert simulate(Direct(f), throws=1, seed=3, pixels=False) == first
     assert simulate(Unoptimised(f), throws=1, seed=3, pixels=False) != first
     rival = make_quintic(f)

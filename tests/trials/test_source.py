@@ -14,8 +14,8 @@ from mitt.errors import FileError
 from mitt.files.arm_file import load_arm
 from mitt.map.map_design import MapDesign
 from mitt.map.mapping import DirectMap, unlearned
+from mitt.map.neighbourhood import Neighbourhood, neighbourhood
 from mitt.signals import Array
-from mitt.trials.learning import Neighbourhood, neighbourhood
 from mitt.trials.source import Source, release_of, source_of
 from mitt.world.flights import PlacedFlight, builtin_flights
 from mitt.world.throws import Throw

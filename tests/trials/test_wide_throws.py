@@ -6,7 +6,7 @@ import pytest
 
 from mitt.arm.load import build_arm
 from mitt.map.learn import Learned
-from mitt.trials.learning import learn
+from mitt.map.neighbourhood import learn
 from mitt.trials.registry import make_generator
 from mitt.trials.runner import TrialRunner
 from mitt.trials.score import Trial

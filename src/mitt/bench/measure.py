@@ -34,8 +34,8 @@ from mitt.clock import Progress, Stopwatch, processor_time, settle
 from mitt.errors import InputError
 from mitt.eyes.camera import fixed_rig
 from mitt.map.mapping import DirectMap
+from mitt.map.neighbourhood import learn
 from mitt.signals import Frame
-from mitt.trials.learning import learn
 from mitt.trials.runner import TrialRunner
 from mitt.trials.source import Source, source_of
 from mitt.world.scene import Scene

@@ -25,9 +25,9 @@ from mitt.map.demand import ArmNumbers, arm_numbers
 from mitt.map.learn import LearnSettings, learn_from, lift_flight
 from mitt.map.map_design import default_design
 from mitt.map.mapping import answer_to_gap, initial_matrix, unlearned
+from mitt.map.neighbourhood import Neighbourhood, neighbourhood
 from mitt.rivals.clairvoyant import Expression, casadi, symbolic
 from mitt.signals import Array
-from mitt.trials.learning import Neighbourhood, neighbourhood
 
 #: Share of the bound from which an instant gets a row; relative gain, and excess, at which a solver
 #: has converged.

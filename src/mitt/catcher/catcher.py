@@ -21,14 +21,8 @@ from mitt import checks
 from mitt.arm.arm import Arm
 from mitt.ball.counts import FilterCounts, counts_of
 from mitt.catcher.catch_notes import CatchNotes
-from mitt.catcher.generators import (
-    Direct,
-    Generator,
-    GeneratorLike,
-    Unoptimised,
-    answering,
-    for_arm,
-)
+from mitt.catcher.generators import Direct, Generator, Unoptimised
+from mitt.catcher.given import GeneratorLike, answering, for_arm
 from mitt.catcher.planner import Planner
 from mitt.catcher.settings import (
     BRAKE,

@@ -25,7 +25,9 @@ from mitt.catcher.generators import Direct
 from mitt.errors import InputError
 from mitt.fields import brief
 from mitt.map.demand import Tolerance
+from mitt.map.family import family_of
 from mitt.map.mapping import DirectMap
+from mitt.map.neighbourhood import nominal_ball
 from mitt.signals import Array, BallState, JointReference
 from mitt.verdict.feasibility import Outcome, Verdict, judge
 
@@ -176,3 +178,9 @@ _KEPT = (Outcome.FEASIBLE, Outcome.OPEN)
 #: than to wait with another map for what the map that was followed had waited for.
 _AT_FIRST = (Outcome.FEASIBLE, Outcome.OPEN, Outcome.UNSETTLED, Outcome.UNREACHABLE)
 _ON_THE_WAY = (Outcome.FEASIBLE, Outcome.UNSETTLED, Outcome.UNREACHABLE, Outcome.OPEN)
+
+
+def direct(learned: DirectMap) -> Family:
+    """Return the default generator: a learned map, and those that catch where it does not."""
+    maps = (learned, *family_of(learned, nominal_ball(learned.arm)))
+    return Family(tuple(Direct(f) for f in maps))

@@ -14,7 +14,7 @@ from mitt.arm.arm import Arm, identity_of
 from mitt.arm.shapes import Surroundings
 from mitt.arm.tools import TOOLS
 from mitt.catcher.catcher import Catcher, CatcherSettings
-from mitt.catcher.generators import Direct
+from mitt.catcher.family import Family, direct
 from mitt.catcher.meeting import Meeting
 from mitt.cell.feeds import Feed, Parts, Throws
 from mitt.cell.placing import PutDown
@@ -44,9 +44,9 @@ from mitt.map.learn import Learned
 from mitt.map.map_design import MapDesign, default_design
 from mitt.map.mapping import DirectMap, unlearned
 from mitt.map.meeting import MeetingMap
+from mitt.map.neighbourhood import learn, neighbourhood_of_ball
 from mitt.signals import TICK
 from mitt.trials.catcher_settings import bandwidth_of, filter_settings, rebound_in, reserved
-from mitt.trials.learning import learn, neighbourhood_of_ball
 from mitt.trials.source import source_of, widened
 from mitt.trials.station import Station, station
 from mitt.version import __version__
@@ -187,27 +187,27 @@ def about_of(prepared: PreparedCell, f: CellMap) -> About:
         settings, notes = work.for_parts(settings), notes | work.notes
     g = generator_of(prepared, f)
     return About(
-        arm=arm, generator="single" if isinstance(g, Direct) else "meeting",
-        maps=(g.map,) if isinstance(g, Direct) else (),
+        arm=arm, generator="direct" if isinstance(g, Family) else "meeting",
+        maps=tuple(x.map for x in g.maps) if isinstance(g, Family) else (),
         meeting=g if isinstance(g, Meeting) else None, settings=settings, rig=prepared.rig,
         eyes=config, driven=reserved(arm).limits, notes=notes,
     )  # fmt: skip
 
 
-def generator_of(prepared: PreparedCell, f: CellMap) -> Direct | Meeting:
-    """Return what moves the arm of a cell, fresh for a throw or a part."""
+def generator_of(prepared: PreparedCell, f: CellMap) -> Family | Meeting:
+    """Return what moves the arm of a cell."""
     if isinstance(f, DirectMap):
-        return Direct(f)
+        return direct(f)
     assert isinstance(prepared.work, Station)
     return Meeting(f, prepared.work.settings)
 
 
 def catchers(prepared: PreparedCell, f: CellMap) -> tuple[Catcher, Callable[[Catcher], Catcher]]:
     """Return a catcher of a cell, and what makes a fresh one of it for another throw."""
-    of = about_of(prepared, f)
-    first = Catcher(of.driven_arm, generator_of(prepared, f), Eyes(of.rig, of.eyes),
-                    settings=of.settings)  # fmt: skip
-    return first, lambda catcher: catcher.again(generator_of(prepared, f))
+    of, generator = about_of(prepared, f), generator_of(prepared, f)
+    eyes = Eyes(of.rig, of.eyes)
+    first = Catcher(of.driven_arm, generator, eyes, settings=of.settings)
+    return first, lambda catcher: catcher.again(generator)
 
 
 def setpoints_of(prepared: PreparedCell) -> Setpoints | None:

@@ -37,9 +37,9 @@ from mitt.interrupts import notice, status_of, words_of
 from mitt.map.learn import Learned
 from mitt.map.map_design import warnings_of
 from mitt.map.mapping import unlearned
+from mitt.map.neighbourhood import LEARNING_SEED, Neighbourhood
+from mitt.map.neighbourhood import learn as learn_map
 from mitt.reading import difference, noted
-from mitt.trials.learning import LEARNING_SEED, Neighbourhood
-from mitt.trials.learning import learn as learn_map
 from mitt.trials.registry import check_generator
 from mitt.trials.result import LEAVES, MAP, STATUSES, Kept, force_words, kept_words
 from mitt.trials.runs import FinishedRun, Prepared, RunSettings

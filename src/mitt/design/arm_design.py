@@ -50,9 +50,9 @@ from mitt.design.task import (
 )
 from mitt.files.arm_file import ArmFile, ArrivalSettings, ThrowSettings, digest_of
 from mitt.map.mapping import DirectMap
+from mitt.map.neighbourhood import Neighbourhood
 from mitt.signals import Array, BallState
 from mitt.trials.catcher_settings import catcher_settings, driven
-from mitt.trials.learning import Neighbourhood
 from mitt.trials.statistics import wilson
 from mitt.trials.workers import Engine
 from mitt.world.flights import smooth

@@ -33,9 +33,9 @@ from mitt.errors import MittError
 from mitt.map.demand import Tolerance
 from mitt.map.learn import LearnSettings, lift_flight
 from mitt.map.mapping import DirectMap, unlearned
+from mitt.map.neighbourhood import FASTEST_SHARE, Neighbourhood, learn
 from mitt.signals import Array, BallState, MapStatus
 from mitt.trials.catcher_settings import catcher_settings, driven
-from mitt.trials.learning import FASTEST_SHARE, Neighbourhood, learn
 from mitt.trials.runner import TrialRunner
 from mitt.trials.score import Trial, reason_of
 from mitt.verdict.feasibility import Approach, Verdict, judge

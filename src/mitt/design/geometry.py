@@ -42,9 +42,9 @@ from mitt.design.interception import (
 )
 from mitt.design.poses import Poses, Touch, Which, clear, facing, led, off_line, poses_of
 from mitt.design.task import BOX, FAR, Balls
+from mitt.map.neighbourhood import FASTEST_SHARE
 from mitt.map.tangent import Tangent, invert, scratch_of
 from mitt.signals import Array
-from mitt.trials.learning import FASTEST_SHARE
 
 
 class _Draw(NamedTuple):

@@ -16,8 +16,8 @@ from mitt.errors import InputError
 from mitt.files.arm_file import ARRIVALS
 from mitt.map.learn import Flight
 from mitt.map.mapping import DirectMap
+from mitt.map.neighbourhood import Neighbourhood, neighbourhood
 from mitt.signals import Array
-from mitt.trials.learning import Neighbourhood, neighbourhood
 from mitt.trials.source import Source, ranges_of, source_of
 from mitt.world.flights import CATCH_FRACTION, JITTER_POSITION, Recording, place_flight
 from mitt.world.scene import Scene

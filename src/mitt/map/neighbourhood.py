@@ -21,11 +21,8 @@ from mitt import checks
 from mitt.arm.arm import Arm
 from mitt.arm.description import ArmModel
 from mitt.ball.flight import acceleration, advance
-from mitt.catcher.family import Family
-from mitt.catcher.generators import Direct
 from mitt.errors import InputError
 from mitt.fields import Range, Settings
-from mitt.map.family import family_of
 from mitt.map.learn import Flight, Learned, LearnSettings, learn_from
 from mitt.map.map_design import MapDesign, catch_place, default_design
 from mitt.map.mapping import DirectMap, unlearned
@@ -347,9 +344,3 @@ def nominal_ball(arm: Arm) -> BallState:
     r = catch_place(arm).copy()
     advance(r, dr, drag, -_ON_ITS_WAY)
     return BallState(t=0.0, r_o=r, dr_o=dr, drag=drag)
-
-
-def direct(learned: DirectMap) -> Family:
-    """Return the default generator: a learned map, and those that catch where it does not."""
-    maps = (learned, *family_of(learned, nominal_ball(learned.arm)))
-    return Family(tuple(Direct(f) for f in maps))

@@ -21,10 +21,10 @@ from mitt.files.arm_file import arm_of_task, with_notes_logged
 from mitt.map.batting import unlearned_batting
 from mitt.map.demand import Tolerance
 from mitt.map.map_design import MapDesign
+from mitt.map.neighbourhood import Neighbourhood
 from mitt.map.striking import Impact
 from mitt.signals import Array
 from mitt.trials.catcher_settings import catcher_settings
-from mitt.trials.learning import Neighbourhood
 from mitt.trials.source import ranges_of
 from mitt.trials.strikes import STRUCK, learn_strikes
 from mitt.world.build import TOUCH, restitution_on

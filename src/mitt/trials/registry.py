@@ -11,14 +11,15 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 
 from mitt import checks
-from mitt.catcher.generators import Direct, Generator, Unoptimised, added, map_of
+from mitt.catcher.family import direct
+from mitt.catcher.generators import Direct, Generator, Unoptimised
+from mitt.catcher.given import added, map_of
 from mitt.errors import InputError, UnknownNameError, answered_by, check_package
 from mitt.map.mapping import DirectMap, unlearned
 from mitt.rivals.clairvoyant import make_clairvoyant
 from mitt.rivals.mpc import make_mpc
 from mitt.rivals.planned import budgeted, make_quintic, make_ruckig
 from mitt.rivals.servo import make_ds, make_ik
-from mitt.trials.learning import direct
 
 #: Makes a generator for the arm of a learned map.
 Factory = Callable[[DirectMap], Generator]

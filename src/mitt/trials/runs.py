@@ -21,15 +21,8 @@ from mitt import checks
 from mitt.arm.arm import Arm
 from mitt.catcher.catcher import Catcher
 from mitt.catcher.family import Family
-from mitt.catcher.generators import (
-    Direct,
-    Generator,
-    Unoptimised,
-    answering,
-    generator_of,
-    map_of,
-    refining,
-)
+from mitt.catcher.generators import Direct, Generator, Unoptimised, refining
+from mitt.catcher.given import answering, generator_of, map_of
 from mitt.catcher.planner import load_decisions, undecided
 from mitt.catcher.settings import CatcherSettings
 from mitt.catcher.tick import act, perceive, refer
@@ -43,8 +36,8 @@ from mitt.kernels import cache_folder, is_cold
 from mitt.map.learn import Learned
 from mitt.map.map_design import MapDesign
 from mitt.map.mapping import DirectMap, unlearned
+from mitt.map.neighbourhood import learn, neighbourhood_of_ball
 from mitt.signals import TICK, ArmState, Senses, Sighting
-from mitt.trials.learning import learn, neighbourhood_of_ball
 from mitt.trials.log import recording_of
 from mitt.trials.play import NOTHING, capture, sight_of
 from mitt.trials.registry import make_generator

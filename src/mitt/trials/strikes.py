@@ -1,6 +1,6 @@
 """Flights from which batting is learned: how balls come, and how each is struck.
 
-Drawn where they end, as those of :mod:`mitt.trials.learning`: about a place, with a speed and a
+Drawn where they end, as those of :mod:`mitt.map.neighbourhood`: about a place, with a speed and a
 direction there, and flown backwards. Each is struck at the instant within the settings' time about
 that place at which the strike is easiest. All are believed slightly wrongly at t_0.
 """
@@ -15,9 +15,9 @@ from mitt.catcher.batting import BattingSettings
 from mitt.errors import InputError
 from mitt.map.batting import BattingMap, easiest, learn_batting
 from mitt.map.learn import Flight, Learned, LearnSettings
+from mitt.map.neighbourhood import LEARNING_SEED, Neighbourhood
 from mitt.map.striking import Strike
 from mitt.signals import Array
-from mitt.trials.learning import LEARNING_SEED, Neighbourhood
 
 #: How balls come to a paddle: those of the default throws that are aimed at a box before the arm.
 STRUCK = Neighbourhood(

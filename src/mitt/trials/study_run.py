@@ -26,8 +26,8 @@ from mitt.files.recordings import write_recording
 from mitt.files.writing import write_atomically, write_bytes, write_json
 from mitt.interrupts import notice, status_of
 from mitt.map.learn import Learned
+from mitt.map.neighbourhood import learn
 from mitt.reading import read_json
-from mitt.trials.learning import learn
 from mitt.trials.log import recording_of
 from mitt.trials.registry import make_generator, origin_of
 from mitt.trials.runner import LoggedTrial, TrialRunner
