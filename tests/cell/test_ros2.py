@@ -61,6 +61,7 @@ def both(request: pytest.FixtureRequest) -> Iterator[tuple[Ros2Robot, Ros2Cell]]
     soon(lambda: sent(other.ball, 1.0, Q) and robot.points())
     yield robot, other
     robot.close()
+    other.close()
 
 
 def taken(robot: Ros2Robot, names: tuple[str, ...], q: np.ndarray) -> ArmState | None:

@@ -537,7 +537,8 @@ class Ros2Cell:
         return self._orders.read(raw[-1], self._closing) if raw else None
 
     def close(self) -> None:
-        """Take the shared memory away."""
+        """Leave the graph, and take the shared memory away."""
+        self._node.close()
         if self._frames is not None:
             self._frames.close()
 
