@@ -11,10 +11,13 @@ import pytest
 from support import ball_state
 
 from mitt.arm.arm import Arm
+from mitt.arm.hands import HandModel
+from mitt.arm.wam import wam, wam_limits
 from mitt.catcher.generators import Generator
 from mitt.errors import InputError, UnknownNameError
 from mitt.map.learn import Learned
-from mitt.map.mapping import DirectMap
+from mitt.map.map_design import default_design
+from mitt.map.mapping import DirectMap, unlearned
 from mitt.rivals.intercept import Intercept
 from mitt.rivals.planned import Plan, Planned, Planner
 from mitt.rivals.pursuit import rival as rival_by
@@ -136,6 +139,22 @@ def test_a_rival_catches(
     trial = runner.run(0, throw_of(5), seed=3).trial
     assert trial.status == "caught"
     assert trial.limit_violations == 0
+
+
+@pytest.mark.parametrize("name", ["quintic", "ruckig", "mpc"])
+def test_a_rival_catches_with_motors_that_cannot_match_the_ball_s_velocity(
+    name: str, throw_of: Callable[[int], Throw]
+) -> None:
+    """It lets the ball close in, as a map of this arm does, and keeps the limits.
+
+    But for a thousandth in the tick of the impact, which drives the joints on.
+    """
+    arm = Arm(wam(HandModel()), wam_limits("wam-80v"))
+    f = unlearned(arm, default_design(arm))
+    runner = TrialRunner(arm, make_generator(name, f), Scene(), pixels=False)
+    trial = runner.run(0, throw_of(5), seed=3).trial
+    assert trial.status == "caught"
+    assert max(*trial.peak_torque_ratio, *trial.peak_speed_ratio) < 1.001
 
 
 def test_names_are_listed_and_unknown_ones_refused() -> None:

@@ -8,32 +8,40 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mitt.arm.arm import Arm
+from mitt.arm.hands import HandModel
 from mitt.arm.kinematics import ZERO
+from mitt.arm.wam import wam, wam_limits
 from mitt.map.demand import demand
+from mitt.map.map_design import default_design
+from mitt.map.mapping import unlearned
 from mitt.map.prediction import flown, fly_on, state_of
 from mitt.rivals.intercept import (
     APPROACH,
+    CLOSINGS,
     FOLLOW,
     HORIZON,
     INSTANTS,
+    LEFT,
     LOW,
     PRICE,
-    REFUSED,
     SOONEST,
     SPARE,
     STRIDE,
     Chooser,
+    Entry,
+    Intercept,
     lift,
     meet,
-    meetings,
     reach,
     resolve,
+    slowest,
 )
 from mitt.rivals.mpc import MpcPlanner, MpcSettings
 from mitt.rivals.paths import responses, sample
 from mitt.rivals.planned import QuinticPlan
 from mitt.rivals.pursuit import still
 from mitt.signals import Array, BallState
+from mitt.verdict.feasibility import Outcome
 
 seeds = st.integers(0, 2**31)
 #: Residuals of positions [m] and of central differences.
@@ -140,7 +148,37 @@ def test_no_meeting_out_of_reach(chooser: Chooser, arm: Arm) -> None:
     """A ball that stays 3 m away is not met."""
     f, rows = chooser.map, np.array([arm.q_ready, np.zeros(3), np.zeros(3)])
     ball = np.array([[3.0, 0.0, 0.0], np.zeros(3), np.zeros(3)])
-    assert not meet(f.packed, chooser.hand, APPROACH, ball, rows, f.work)
+    assert not meet(f.packed, chooser.hand, Entry(0.0, *APPROACH), ball, rows, f.work)
+
+
+@given(seed=seeds, closing=st.floats(0.0, 5.0))
+def test_a_ball_closes_in_along_the_palm_as_fast_as_chosen(
+    chooser: Chooser, seed: int, closing: float
+) -> None:
+    """Relative to the hand its velocity is that along the normal, whatever the pose."""
+    f, arm, q = chooser.map, chooser.arm, _angles(seed)
+    ball = np.array([arm.position(q), np.random.default_rng(seed).normal(size=3), [0.0, 0.0, -9.8]])
+    rows = np.array([q, np.zeros(3), np.zeros(3)])
+    assert meet(f.packed, chooser.hand, Entry(closing, *APPROACH), ball, rows, f.work)
+    relative = ball[1] - arm.jacobian(rows[0]) @ rows[1]
+    assert np.allclose(relative, -closing * arm.orientation(rows[0])[:, 2], atol=EXACT)
+
+
+@given(seed=seeds)
+def test_no_other_closing_speed_has_slower_joints(chooser: Chooser, seed: int) -> None:
+    """In shares of the limits: a little more or less is faster."""
+    f, arm, q = chooser.map, chooser.arm, _angles(seed)
+    ball = np.array([arm.position(q), [-4.0, 0.5, -1.0], [0.0, 0.0, -9.8]])
+    rows = np.array([q, np.zeros(3), np.zeros(3)])
+    assert meet(f.packed, chooser.hand, Entry(0.0, *APPROACH), ball, rows, f.work)
+    u = slowest(f.packed, chooser.hand, rows, f.work)
+
+    def speed(closing: float) -> float:
+        met = rows.copy()
+        meet(f.packed, chooser.hand, Entry(closing, *APPROACH), ball, met, f.work)
+        return float(np.sum((met[1] / arm.dq_max) ** 2))
+
+    assert all(speed(u) <= speed(x) + ROUNDING for x in (0.0, 0.9 * u, 1.1 * u, u + 0.1))
 
 
 #: Agreement of two ways of reckoning, relative to the size of what is reckoned.
@@ -168,33 +206,97 @@ def _price(chooser: Chooser, way: Array, end: Array) -> tuple[float, str, float]
     return asked.cost + PRICE * max(shares[name] - SPARE, 0.0) ** 2, name, shares[name]
 
 
+def _candidates(
+    chooser: Chooser, after: Array, balls: Array, motion: Array
+) -> dict[tuple[int, float], tuple[float, str, float]]:
+    """Return price, limit and utilization of all catches that are tried, by instant and closing."""
+    f, arm, priced = chooser.map, chooser.arm, dict[tuple[int, float], tuple[float, str, float]]()
+    rows, way = np.array([f.start, 0.0 * f.start, 0.0 * f.start]), np.empty((INSTANTS, 3, arm.n))
+    for k in range(len(after)):
+        top, begun = 0.0, rows[0].copy()
+        for share in CLOSINGS:
+            how = Entry(share * top, *APPROACH)
+            if not meet(f.packed, chooser.hand, how, balls[k], rows, f.work):
+                rows[0] = begun
+                break
+            begun = rows[0].copy()
+            sample(motion, rows, after[k], way)
+            price, name, used = _price(chooser, way, rows)
+            within = np.all((rows[0] > arm.q_min) & (rows[0] < arm.q_max))
+            within &= np.abs(way[:, 1] / arm.dq_max).max() <= 1.6
+            low = LOW * float(balls[k, 0, 2] < chooser.floor)
+            if within:
+                priced[k, how.closing] = price + LEFT * how.closing**2 + low, name, used
+            if share == 0.0:
+                top = slowest(f.packed, chooser.hand, rows, f.work)
+            if (within and used <= SPARE) or top == 0.0:
+                break
+    return priced
+
+
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("moving", [0.0, 1.0])
 def test_the_chosen_catch_is_the_cheapest_of_all(
     chooser: Chooser, ball_of: Callable[[int, float], BallState], seed: int, moving: float
 ) -> None:
     """Every candidate weighed by the stages' own functions: the same is the best, at its share."""
-    f, arm = chooser.map, chooser.arm
-    after, ball = np.arange(SOONEST, HORIZON, STRIDE), ball_of(seed, START)
+    arm, after, ball = chooser.arm, np.arange(SOONEST, HORIZON, STRIDE), ball_of(seed, START)
     motion = still(arm.q_ready) + moving * np.random.default_rng(seed).normal(size=(3, arm.n))
-    balls, ends = flown(ball, after), np.zeros((len(after), 3, arm.n))
-    ends[0, 0] = f.start
-    found = meetings(f.packed, chooser.hand, APPROACH, balls, ends, f.work)
-    found &= np.all((ends[:, 0] > arm.q_min) & (ends[:, 0] < arm.q_max), axis=1)
-    ways = np.empty((len(after), INSTANTS, 3, arm.n))
-    for k in range(len(after)):
-        sample(motion, ends[k], after[k], ways[k])
-    quick = np.abs(ways[:, :, 1] / arm.dq_max).max(axis=(1, 2))
-    allowed = np.flatnonzero(found & (quick <= max(REFUSED, float(quick[found].min()))))
-    priced = {int(k): _price(chooser, ways[k], ends[k]) for k in allowed}
-    low = {k: LOW * float(balls[k, 0, 2] < chooser.floor) for k in priced}
-    k = min(priced, key=lambda key: priced[key][0] + low[key])
+    balls = flown(ball, after)
+    priced = _candidates(chooser, after, balls, motion)
+    k, closing = min(priced, key=lambda key: priced[key][0])
     best = chooser.best(after, balls, motion)
     assert best is not None
     assert best.t_c == after[k]
-    assert best.binding_limit == priced[k][1]
-    assert best.utilization == pytest.approx(priced[k][2], rel=ROUNDING)
-    assert best.low == (low[k] > 0.0)
+    assert best.closing == pytest.approx(closing, rel=ROUNDING)
+    assert best.binding_limit == priced[k, closing][1]
+    assert best.utilization == pytest.approx(priced[k, closing][2], rel=ROUNDING)
+    assert best.low == (balls[k, 0, 2] < chooser.floor)
+
+
+def _real(limits: str) -> Chooser:
+    """Return what chooses catches for the WAM with real motors."""
+    arm = Arm(wam(HandModel()), wam_limits(limits))
+    return Chooser(unlearned(arm, default_design(arm)))
+
+
+@pytest.mark.parametrize("limits", ["wam-80v", "wam-48v"])
+@pytest.mark.parametrize("seed", range(4))
+def test_motors_that_cannot_match_a_ball_s_velocity_are_asked_for_what_they_can(
+    ball_of: Callable[[int, float], BallState], limits: str, seed: int
+) -> None:
+    """Weaker motors meet it slower, within limits; the idealised arm as fast as the ball."""
+    real, ball = _real(limits), ball_of(seed, START)
+    catch = real.choose(ball, still(real.arm.q_ready))
+    assert catch is not None
+    assert catch.closing > 0.0
+    assert catch.utilization <= 1.05
+    assert _ideal(ball).closing == 0.0
+
+
+def _ideal(ball: BallState) -> Intercept:
+    """Return the catch of the arm of the paper's limits."""
+    chooser = _real("paper")
+    catch = chooser.choose(ball, still(chooser.arm.q_ready))
+    assert catch is not None
+    return catch
+
+
+def test_a_verdict_rests_on_the_way_to_the_catch(
+    chooser: Chooser, ball_of: Callable[[int, float], BallState]
+) -> None:
+    """So what comes after it, as brake and grip, is looked at as for a map."""
+    ball, motion = ball_of(1, START), still(chooser.arm.q_ready)
+    catch = chooser.choose(ball, motion)
+    assert catch is not None
+    verdict = chooser.verdict(catch, ball, motion, sigma=0.001)
+    assert verdict.outcome is Outcome.FEASIBLE
+    assert verdict.approach is not None
+    assert np.allclose(verdict.approach.motion[0], motion)
+    assert np.allclose(verdict.approach.motion[-1], catch.end, atol=1e-6)
+    assert np.allclose(verdict.approach.dr_o, flown(ball, np.array([catch.t_c - START]))[0, 1])
+    span = verdict.approach.step * (len(verdict.approach.motion) - 1)
+    assert span == pytest.approx(catch.t_c - START)
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -40,7 +40,6 @@ from mitt.rivals.intercept import (
     Chooser,
     Intercept,
     hand_of,
-    meet,
 )
 from mitt.rivals.paths import Motion, quintic
 from mitt.rivals.pursuit import resting, still
@@ -204,7 +203,7 @@ class Programme:
         x0 = np.concatenate([start, [span, soft]])
         low = np.concatenate([self._bounds[0], [max(span - window, 0.05), soft]])
         high = np.concatenate([self._bounds[1], [span + window, hard]])
-        p = np.concatenate([motion[0], motion[1], flight.ravel(order="F"), [span]])
+        p = np.concatenate([motion[0], motion[1], flight.ravel(order="F"), [span, guess.closing]])
         lbg, ubg = self._parts[4:]
         answer = self._solver(x0=x0, lbx=low, ubx=high, p=p, lbg=lbg, ubg=ubg)
         if not self._solver.stats()["success"]:
@@ -244,6 +243,7 @@ class Programme:
         q, dq, a = (ca.MX.sym(name, n, M + 1) for name in ("q", "dq", "a"))
         span, approach = ca.MX.sym("span"), ca.MX.sym("approach")
         q_0, dq_0, mid = ca.MX.sym("q_0", n), ca.MX.sym("dq_0", n), ca.MX.sym("mid")
+        closing = ca.MX.sym("closing")
         c = ca.MX.sym("c", 3, DEGREE + 1)
         h = span / M
         tau = model.torque.map(M + 1)(q, dq, a)
@@ -252,16 +252,16 @@ class Programme:
         rows.equal(*steps(q, dq, a, h))
         ball = _flight(ca, c, span - mid)
         tip = model.tip(q[:, -1], dq[:, -1], a[:, -1])
-        met = tip - ball
-        rows.equal(met[:, 0], 0.1 * met[:, 1])
-        rows.equal(0.01 * (met[:, 2] + approach * model.normal(q[:, -1])))
+        met, normal = tip - ball, model.normal(q[:, -1])
+        rows.equal(met[:, 0], 0.1 * (met[:, 1] - closing * normal))
+        rows.equal(0.01 * (met[:, 2] + approach * normal))
         for value, low, high in drive_rows(arm, tau, dq, share=_SHARE):
             rows.within(value, np.full(M + 1, low), np.full(M + 1, high))
         rows.within(braked(arm, q[:, -1], dq[:, -1]), arm.q_min + _GAP, arm.q_max - _GAP)
         active = tau[list(arm.model.active), :] / ca.DM(arm.tau_max)
         cost = (ca.sumsqr(active) + ca.sumsqr(dq / ca.DM(arm.dq_max))) / (M + 1)
         x = ca.vertcat(ca.vec(q), ca.vec(dq), ca.vec(a), span, approach)
-        p = ca.vertcat(q_0, dq_0, ca.vec(c), mid)
+        p = ca.vertcat(q_0, dq_0, ca.vec(c), mid, closing)
         return x, p, cost, ca.vertcat(*rows.values), np.array(rows.low), np.array(rows.high)
 
 
@@ -446,8 +446,10 @@ class Clairvoyant(Generator):
             return resting(ball.t, self.chooser.arm.q_ready)
         rows, end = plan.at(min(ball.t, plan.t_c)), plan.at(plan.t_c)
         if ball.t > plan.t_c:
-            f = self.chooser.map
-            meet(f.packed, self.chooser.hand, (0.0, 0.0), self._ball(ball.t), rows, f.work)
+            arm, r = self.chooser.arm, self._ball(ball.t)
+            faster = arm.jacobian(end[0]) @ end[1] - self._ball(plan.t_c)[1]
+            closing = float(faster @ arm.orientation(end[0])[:, 2])
+            self.chooser.beside(r, closing, ball.t - plan.t_c, rows)
         return JointReference(
             t=ball.t, status=MapStatus.INSIDE, q_d=rows[0], dq_d=rows[1], ddq_d=rows[2],
             q_o=end[0], dq_o=end[1], time_to_catch=plan.t_c - ball.t,

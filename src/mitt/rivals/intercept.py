@@ -1,15 +1,18 @@
 """Choose the catch: where and when on the ball's flight the arm will meet it, and how.
 
-**How**, by inverse kinematics: position and velocity of the catch point are those of the ball. Its
-acceleration is not: the ball must enter the open hand from the front, so relative to the hand it
-accelerates along the palm's normal n, ddl = ddr_o - a n with a > 0; t seconds before the catch it
-is a t^2 / 2 in front of the palm. Of the accelerations ``a`` between two bounds the one with the
-least joint torques is taken, each joint by itself.
+**How**, by inverse kinematics: the catch point is where the ball is, and as fast, but for a closing
+speed ``u`` with which the ball comes in along the palm's normal n: dl = dr_o + u n. It is 0 where
+the limits allow it. The acceleration of the hand is not the ball's: the ball must enter the open
+hand from the front, so relative to the hand it accelerates, ddl = ddr_o - a n with a > 0; t seconds
+before the catch it is u t + a t^2 / 2 in front of the palm. Of the accelerations ``a`` between two
+bounds the one with the least joint torques is taken, each joint by itself.
 
-**Where and when**: candidates are the instants at which the catch point can be where the ball will
-be. A quintic from the arm's state to each is evaluated at a few instants: it costs eq. (22), and
-more where it uses much of a limit or ends low. The distance that the brake needs after the catch
-counts as range.
+**Where, when and how fast**: candidates are the instants at which the catch point can be where the
+ball will be. A quintic from the arm's state to each is evaluated at a few instants: it costs
+eq. (22), and more where it uses much of a limit, ends low, or leaves a closing speed. That is
+raised towards the one with the least joint speeds until some of each limit is left, as a map's line
+is turned inwards until the speeds suffice (:mod:`mitt.map.family`). The distance that the brake
+needs after the catch counts as range.
 
 | here     | meaning                                          | unit          | shape  |
 |----------|--------------------------------------------------|---------------|--------|
@@ -45,16 +48,27 @@ from mitt.arm.kinematics import (
     turn,
 )
 from mitt.kernels import kernel
-from mitt.map.demand import KINDS, ArmNumbers, Demand, Work, arm_numbers, reckon, work_of
+from mitt.map.demand import (
+    KINDS,
+    ArmNumbers,
+    Demand,
+    Tolerance,
+    Work,
+    arm_numbers,
+    reckon,
+    work_of,
+)
 from mitt.map.mapping import DirectMap
 from mitt.map.prediction import flown, fly_on, state_of
 from mitt.map.tangent import unfold, unpack
 from mitt.rivals.paths import sample
 from mitt.signals import Array, BallState
-from mitt.verdict.feasibility import Outcome, Verdict
+from mitt.verdict.feasibility import Approach, Outcome, Verdict, asked
 
 #: Newton: largest step of a joint [rad], residual [m], steps allowed.
 _STEP, _RESIDUAL, _STEPS = 0.4, 1e-9, 30
+#: How long before the catch a ball is in front of the palm by its way in alone [s].
+_EARLY = 0.05
 
 
 class Hand(NamedTuple):
@@ -63,10 +77,12 @@ class Hand(NamedTuple):
     Attributes:
         normal: The palm's normal n in the last joint's frame, shape (3,).
         inertia: M_kk / tau_max of each joint [s^2/rad], shape (n,).
+        speed: Largest speed of each joint [rad/s], shape (n,).
     """
 
     normal: Array
     inertia: Array
+    speed: Array
 
 
 def hand_of(arm: Arm) -> Hand:
@@ -74,7 +90,7 @@ def hand_of(arm: Arm) -> Hand:
     q = arm.q_ready
     frame = np.array([_frame(arm.chain, q, axis) for axis in np.eye(3)]).T
     normal = frame.T @ arm.orientation(q)[:, 2]
-    return Hand(normal, np.diag(arm.mass_matrix(q)) / arm.tau_max)
+    return Hand(normal, np.diag(arm.mass_matrix(q)) / arm.tau_max, arm.dq_max)
 
 
 @kernel
@@ -182,16 +198,25 @@ def _lift(packed: Array, hand: Hand, ahead: Vec, point: Array, rows: Array, work
     return float(gap)
 
 
-@kernel
-def meet(
-    packed: Array, hand: Hand, bounds: tuple[float, float], ball: Array, rows: Array, work: Array
-) -> bool:
-    """Write how the ball is met, shape (3, n); False where the catch point cannot be there.
+class Entry(NamedTuple):
+    """How a ball comes into the hand, along the palm's normal.
 
-    ``bounds`` are the smallest and largest relative acceleration a [m/s^2].
+    Attributes:
+        closing: Its speed relative to the hand u [m/s].
+        least: Smallest relative acceleration a where it has no closing speed [m/s^2].
+        most: Largest.
     """
+
+    closing: float
+    least: float
+    most: float
+
+
+@kernel
+def meet(packed: Array, hand: Hand, how: Entry, ball: Array, rows: Array, work: Array) -> bool:
+    """Write how the ball is met, shape (3, n); False where the catch point cannot be there."""
     n = rows.shape[1]
-    if not _lift(packed, hand, ZERO, ball, rows, work) <= 1e3 * _RESIDUAL:
+    if not _lift(packed, hand, (0.0, -how.closing, 0.0), ball, rows, work) <= 1e3 * _RESIDUAL:
         return False
     g = unpack(packed)
     w = unfold(work, n)
@@ -200,26 +225,28 @@ def meet(
     for k in range(n):
         along += rows[2, k] * w.dq[k] * hand.inertia[k] ** 2
         size += (w.dq[k] * hand.inertia[k]) ** 2
-    a = min(max(along / size, bounds[0]), bounds[1])
+    # By its speed it is in front a while before, so less acceleration does.
+    least = max(how.least - 2.0 * how.closing / _EARLY, 0.0)
+    a = min(max(along / size, least), how.most)
     for k in range(n):
         rows[2, k] -= a * w.dq[k]
     return True
 
 
 @kernel
-def meetings(
-    packed: Array, hand: Hand, bounds: tuple[float, float], balls: Array, rows: Array, work: Array
-) -> NDArray[np.bool_]:
-    """Write how each of several balls (K, 3, 3) is met, shape (K, 3, n); say which can be.
+def slowest(packed: Array, hand: Hand, rows: Array, work: Array) -> float:
+    """Return the closing speed with the least joint speeds [m/s], from how a ball is met at 0.
 
-    Each starts from the one before it; ``rows[0, 0]`` is where the first starts.
+    0 where the joints would have to be faster for any.
     """
-    found = np.zeros(len(balls), np.bool_)
-    first = rows[0, 0].copy()
-    for k in range(len(balls)):
-        rows[k, 0] = rows[k - 1, 0] if k > 0 and found[k - 1] else first
-        found[k] = meet(packed, hand, bounds, balls[k], rows[k], work)
-    return found
+    n, g = rows.shape[1], unpack(packed)
+    w = unfold(work, n)
+    resolve(w.motion.J, _frame(g.chain, rows[0], hand.normal), w.dq)
+    along, size = 0.0, 1e-300
+    for k in range(n):
+        along -= rows[1, k] * w.dq[k] / hand.speed[k] ** 2
+        size += (w.dq[k] / hand.speed[k]) ** 2
+    return float(max(along / size, 0.0))
 
 
 #: Smallest and largest relative acceleration along the palm's normal [m/s^2].
@@ -230,8 +257,15 @@ SOONEST, HORIZON, STRIDE = 0.06, 0.9, 0.02
 INSTANTS = 8
 #: Utilization above which a candidate pays, price per squared excess, and price of a low catch.
 SPARE, PRICE, LOW = 0.9, 100.0, 2.0
-#: Utilization beyond which a throw is refused.
-REFUSED = 1.6
+#: Closing speeds that are tried, in this order, as shares of the one with the least joint speeds.
+CLOSINGS = (0.0, 0.25, 0.5, 0.75, 1.0)
+#: Price of the squared closing speed [(m/s)^-2]: it tells catches within the limits apart, and is
+#: far below that of a limit, as a learned map keeps its limits first.
+LEFT = 0.1
+#: Share of a speed limit beyond which the next closing speed is tried without weighing all limits.
+_TOO_FAST = 1.6
+#: Instants at which the demand of the way to a catch is reckoned for a verdict.
+_JUDGED = 25
 #: Time after the catch for which the ball is still followed [s].
 FOLLOW = 0.004
 
@@ -245,6 +279,7 @@ class Intercept:
         t_c: Its time [s].
         end: q, dq, ddq then [rad ...], shape (3, n).
         r_c: The ball's predicted position then [m], shape (3,).
+        closing: Speed of the ball relative to the hand then, along the palm's normal [m/s].
         binding_limit: The limit that the path there uses most.
         utilization: How much of it is used.
         low: Whether the catch is lower than any that the map was learned on, where a surface may
@@ -254,14 +289,23 @@ class Intercept:
     t_c: float
     end: Array
     r_c: Array
+    closing: float = 0.0
     binding_limit: str
     utilization: float
     low: bool
 
+    @property
+    def entry(self) -> Entry:
+        """How the ball may come into the hand."""
+        return Entry(self.closing, *APPROACH)
+
 
 #: What a catch comes to: its price [1], infinite where there is none; the largest utilization of a
-#: limit [1]; and which limit, kind n + joint, of the first three of KINDS.
-WEIGHED = np.dtype([("price", np.float64), ("utilization", np.float64), ("limit", np.int64)])
+#: limit [1]; which limit, kind n + joint, of the first three of KINDS; and the closing speed [m/s].
+WEIGHED = np.dtype([
+    ("price", np.float64), ("utilization", np.float64), ("limit", np.int64),
+    ("closing", np.float64),
+])  # fmt: skip
 
 
 class Search(NamedTuple):
@@ -336,7 +380,7 @@ class Chooser:
         ends, table = np.zeros((len(after), 3, self.arm.n)), np.zeros(len(after), WEIGHED)
         weigh(self._search, after, balls, motion, ends, table)
         k = int(np.argmin(table["price"]))
-        price, utilization, limit = table[k].tolist()
+        price, utilization, limit, closing = table[k].tolist()
         if not price < np.inf:
             return None
         kind, joint = divmod(limit, self.arm.n)
@@ -344,6 +388,7 @@ class Chooser:
             t_c=float(after[k]),
             end=ends[k],
             r_c=balls[k, 0],
+            closing=closing,
             binding_limit=f"{KINDS[kind]}:{self.arm.names[joint]}",
             utilization=utilization,
             low=bool(balls[k, 0, 2] < self.floor),
@@ -353,30 +398,51 @@ class Chooser:
         """Return the catch with its end where the ball is now predicted to be at its time."""
         f, at, end = self.map, np.empty((3, 3)), catch.end.copy()
         fly_on(state_of(ball), catch.t_c - ball.t, at)
-        if np.isfinite(at).all() and meet(f.packed, self.hand, APPROACH, at, end, f.work):
+        if np.isfinite(at).all() and meet(f.packed, self.hand, catch.entry, at, end, f.work):
             return replace(catch, end=end, r_c=at[0])
         return catch
 
-    def verdict(self, catch: Intercept | None, *, sigma: float) -> Verdict:
-        """Return the verdict on a throw by the catch chosen for it; feasible or unreachable."""
+    def beside(self, ball: Array, closing: float, after: float, rows: Array) -> bool:
+        """Write how the hand goes on after a catch, the ball closing in as it did; say if it can.
+
+        Args:
+            ball: r_o, dr_o, ddr_o as if nothing had touched it, shape (3, 3).
+            closing: Its closing speed at the catch [m/s].
+            after: Time since the catch [s].
+            rows: Result; row 0 is where the hand was, shape (3, n).
+        """
+        ahead, f = (-closing * after, -closing, 0.0), self.map
+        return bool(lift(f.packed, self.hand, ahead, ball, rows, f.work) <= 1e3 * _RESIDUAL)
+
+    def verdict(
+        self, catch: Intercept | None, ball: BallState, motion: Array, *, sigma: float
+    ) -> Verdict:
+        """Return the verdict on a throw by the quintic to the catch chosen for it, as of a map.
+
+        Args:
+            catch: The catch; None where there is none.
+            ball: Estimate of the ball.
+            motion: q, dq, ddq now, shape (3, n).
+            sigma: Predicted 1-sigma of the ball at the catch [m].
+        """
         if catch is None:
             return Verdict(
                 outcome=Outcome.UNREACHABLE, binding_limit="domain", share=np.inf,
                 t_catch=np.inf, sigma=sigma,
             )  # fmt: skip
-        fits = catch.utilization <= REFUSED
-        return Verdict(
-            outcome=Outcome.FEASIBLE if fits else Outcome.UNREACHABLE,
-            binding_limit=catch.binding_limit, share=catch.utilization,
-            t_catch=catch.t_c, sigma=sigma,
-        )  # fmt: skip
+        after, way = catch.t_c - ball.t, np.empty((_JUDGED, 3, self.arm.n))
+        way[0] = motion
+        sample(motion, catch.end, after, way[1:])
+        dr_o = flown(ball, np.array([after]))[0, 1]
+        approach = Approach(motion=way, step=after / (_JUDGED - 1), dr_o=dr_o)
+        return asked(self.arm, approach, Tolerance(), t_catch=catch.t_c, sigma=sigma)
 
 
 @kernel
 def weigh(
     g: Search, after: Array, balls: Array, motion: Array, ends: Array, table: NDArray[np.void]
 ) -> None:
-    """Weigh several catches; those that need much too high speeds only if there are no others.
+    """Weigh several catches, each with the hand as fast as the limits allow.
 
     Args:
         g: The arm.
@@ -386,35 +452,46 @@ def weigh(
         ends: Result: q, dq, ddq then, shape (K, 3, n).
         table: Result: rows of :data:`WEIGHED`, shape (K,).
     """
-    p, n = g.plant, motion.shape[1]
-    ends[0, 0] = g.bounds[2]
-    found = meetings(g.packed, g.hand, APPROACH, balls, ends, g.work)
-    paths, speed = np.empty((len(after), INSTANTS, 3, n)), np.full(len(after), np.inf)
+    tried, known = np.empty((3, motion.shape[1])), g.bounds[2].copy()
     for k in range(len(after)):
-        for j in range(n):
-            found[k] &= g.bounds[0, j] < ends[k, 0, j] < g.bounds[1, j]
-        if found[k]:
-            sample(motion, ends[k], after[k], paths[k])
-            speed[k] = np.max(np.abs(paths[k, :, 1] / p.dq_max))
-            if not speed[k] < np.inf:  # one that is no number would win every comparison
-                found[k], speed[k] = False, np.inf
-    most = max(REFUSED, np.min(speed))
-    for k in range(len(after)):
-        table[k].price = np.inf
-        if found[k] and speed[k] <= most:
-            low = balls[k, 0, 2] < g.floor
-            price, table[k].utilization, table[k].limit = _weigh(g, low, ends[k], paths[k])
-            table[k].price = price if price < np.inf else np.inf
+        table[k].price, top = np.inf, 0.0
+        tried[0] = known
+        for share in CLOSINGS:
+            closing = share * top
+            if not meet(g.packed, g.hand, Entry(closing, *APPROACH), balls[k], tried, g.work):
+                break
+            known[:] = tried[0]
+            price, used, limit = _weigh(g, after[k], balls[k], closing, motion, tried)
+            if price < table[k].price:  # one that is no number never is
+                ends[k] = tried
+                table[k].price, table[k].utilization = price, used
+                table[k].limit, table[k].closing = limit, closing
+            if share == 0.0:
+                top = slowest(g.packed, g.hand, tried, g.work)
+            if used <= SPARE or top == 0.0:
+                break
 
 
 @kernel
-def _weigh(g: Search, low: bool, end: Array, path: Array) -> tuple[float, float, int]:
-    """Return a row of the table for a path, shape (S, 3, n)."""
-    p, inertia, (count, _, n) = g.plant, g.hand.inertia, path.shape
-    links = len(g.scratch.tau)
+def _weigh(
+    g: Search, after: float, ball: Array, closing: float, motion: Array, end: Array
+) -> tuple[float, float, int]:
+    """Return price, utilization and limit, as in :data:`WEIGHED`, of the way to an end, (3, n).
+
+    The price is infinite where the end is beyond a joint's range, or the way far too fast.
+    """
+    p, inertia, n = g.plant, g.hand.inertia, motion.shape[1]
+    links, path = len(g.scratch.tau), np.empty((INSTANTS, 3, n))
+    sample(motion, end, after, path)
+    for j in range(n):
+        if not g.bounds[0, j] < end[0, j] < g.bounds[1, j]:
+            return np.inf, np.inf, 0
+        if not np.max(np.abs(path[:, 1, j])) <= _TOO_FAST * p.dq_max[j]:
+            return np.inf, np.inf, 0
     d = Demand(
-        np.empty(count), np.empty(count), np.empty((count, links)), np.empty((count, links)),
-        np.empty((count, n)), np.empty((count, n)), np.empty((count, n)),
+        np.empty(INSTANTS), np.empty(INSTANTS), np.empty((INSTANTS, links)),
+        np.empty((INSTANTS, links)), np.empty((INSTANTS, n)), np.empty((INSTANTS, n)),
+        np.empty((INSTANTS, n)),
     )  # fmt: skip
     reckon(p, path, d, g.scratch)
     share, which = -1.0, 0
@@ -430,6 +507,7 @@ def _weigh(g: Search, low: bool, end: Array, path: Array) -> tuple[float, float,
                 x = max(np.max(d.range[:, j]), abs(stop - p.middle[j]) / p.half[j])
             if x > share:
                 share, which = x, kind * n + j
-    cost = np.sum(d.cost_torque + d.cost_speed) / count
-    price = cost + PRICE * max(share - SPARE, 0.0) ** 2 + LOW * low
+    low = ball[0, 2] < g.floor
+    cost = np.sum(d.cost_torque + d.cost_speed) / INSTANTS
+    price = cost + PRICE * max(share - SPARE, 0.0) ** 2 + LEFT * closing * closing + LOW * low
     return price, share, which

@@ -21,7 +21,7 @@ from mitt.ball.flight import forecast
 from mitt.catcher.generators import Generator
 from mitt.map.mapping import DirectMap
 from mitt.map.prediction import HORIZON, STRIDE, flown, state_of
-from mitt.rivals.intercept import Chooser, Intercept, meet
+from mitt.rivals.intercept import Chooser, Intercept
 from mitt.signals import GRAVITY, Array, BallState, JointReference, MapStatus
 from mitt.verdict.feasibility import Outcome, Verdict, tempered
 
@@ -127,16 +127,21 @@ class Rival(Generator):
         ahead = forecast(ball, ball.t + _passing(self.chooser.map, ball)).covariance[:3, :3]
         return float(np.sqrt(max(np.linalg.eigvalsh(ahead)[-1], 0.0)))
 
-    def verdict(self, ball: BallState, q: Array) -> Verdict:
-        """Refuse where no catch is within a generous share of the limits."""
+    @property
+    def certificate(self) -> Verdict | None:
+        """Nothing is refined."""
+        return None
+
+    def verdict(self, ball: BallState, q: Array, dq: Array | None = None) -> Verdict:
+        """Judge the best catch from ``q``, at rest or at ``dq``, as a map's is judged."""
         ball = checks.instance("ball", ball, BallState)
-        motion = self._moving(q, None)
+        motion = self._moving(q, dq)
         catch = self._choose(ball, motion)
-        judged = self.chooser.verdict(catch, sigma=self.sharpness(ball))
+        judged = self.chooser.verdict(catch, ball, motion, sigma=self.sharpness(ball))
         if ball.led:
             return tempered(judged, ball)
         if not _easy(catch) and self._may_rise(ball, motion):
-            return replace(judged, outcome=Outcome.OPEN)
+            return replace(judged, outcome=Outcome.OPEN, approach=None)
         return judged
 
     def unsettled(self, ball: BallState, q: Array) -> bool:
@@ -145,8 +150,8 @@ class Rival(Generator):
         q = checks.vector("q", q, self.chooser.arm.n)
         if not ball.led:
             return False
-        catch = self._choose(ball, self._moving(q, None))
-        judged = self.chooser.verdict(catch, sigma=np.inf)
+        motion = self._moving(q, None)
+        judged = self.chooser.verdict(self._choose(ball, motion), ball, motion, sigma=np.inf)
         return tempered(judged, ball).outcome is Outcome.UNSETTLED
 
     def returns(self, ball: BallState) -> bool:
@@ -174,6 +179,15 @@ class Rival(Generator):
             chase = Chase(ball.t, pursuit, catch, catch.r_c, motion)
         return replace(self, q_hold=motion[0].copy(), memory=ChaseMemory(chase))
 
+    def astray(self, ball: BallState) -> bool:
+        """Know of nothing else: what is pursued is chosen anew by itself."""
+        checks.instance("ball", ball, BallState)
+        return False
+
+    def wait(self, ball: BallState, q: Array, dq: Array) -> "Rival":
+        """Pursue the ball that is waited for."""
+        return self.adapt(self.waiting(ball), q, dq)
+
     def reference(self, ball: BallState) -> JointReference:
         """Go on with the pursuit; at rest where there is nothing to pursue."""
         ball = checks.instance("ball", ball, BallState)
@@ -187,7 +201,7 @@ class Rival(Generator):
                 shape = (3, self.chooser.arm.n)
                 motion = checks.array("motion to the catch", motion, shape, finite=True)
         else:
-            motion = self._following(chase, ball)
+            motion = self._following(chase, catch, ball)
         # It can not be met at the old catch, nor anywhere else.
         lost = catch is chase.catch and catch.t_c - t >= _CHOOSE_UNTIL
         return self.memory.follow(chase, Chase(t, pursuit, catch, chosen_at, motion), lost=lost)
@@ -219,12 +233,11 @@ class Rival(Generator):
             return aimed, pursuit, chosen_at
         return chosen, pursuit.begin(chosen, chase.t, chase.motion), chosen.r_c
 
-    def _following(self, chase: Chase, ball: BallState) -> Array:
+    def _following(self, chase: Chase, catch: Intercept, ball: BallState) -> Array:
         """Return the motion with the ball, after the catch."""
-        f, rows = self.chooser.map, chase.motion.copy()
-        at = np.array([ball.r_o, ball.dr_o, ball.ddr_o])
-        near = np.linalg.norm(ball.r_o - f.arm.position(rows[0])) < _MOVED
-        if near and meet(f.packed, self.chooser.hand, (0.0, 0.0), at, rows, f.work):
+        rows, at = chase.motion.copy(), np.array([ball.r_o, ball.dr_o, ball.ddr_o])
+        near = np.linalg.norm(ball.r_o - self.chooser.arm.position(rows[0])) < _MOVED
+        if near and self.chooser.beside(at, catch.closing, ball.t - catch.t_c, rows):
             return rows
         return coasting(chase.motion, ball.t - chase.t)
 

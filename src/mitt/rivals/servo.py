@@ -98,15 +98,17 @@ class Reach:
         far = max(float(np.linalg.norm(arm.position(np.array(q)) - centre)) for q in grid)
         return Sphere(centre, 0.96 * far)
 
-    def lead(self, point: Array, left: float, goal: Array) -> None:
+    def lead(self, point: Array, left: float, closing: float, goal: Array) -> None:
         """Write the joint motion that leads the hand, palm first, to a moving point.
 
         Args:
             point: Position, velocity, acceleration of the point [m ...], shape (3, 3); changed.
             left: Time to the catch [s].
+            closing: Speed with which the point is to come in at the catch [m/s].
             goal: Result, shape (3, n); row 0 is where it was and chooses the branch.
         """
-        _lead(self.map.packed, self.hand, self.sphere, left, point, goal, self.map.work)
+        ahead = _set_back(left, closing)
+        _lead(self.map.packed, self.hand, self.sphere, ahead, point, goal, self.map.work)
 
 
 @final
@@ -169,25 +171,24 @@ def _second(packed: Array, q: Array, place: Array, work: Array) -> None:
 
 @kernel
 def _lead(
-    packed: Array, hand: Hand, sphere: Sphere, left: float, point: Array, rows: Array, work: Array
+    packed: Array, hand: Hand, sphere: Sphere, h: Vec, point: Array, rows: Array, work: Array
 ) -> None:
-    """As :meth:`Reach.lead`."""
-    h = _set_back(left)
+    """As :meth:`Reach.lead`, for a point so far in front of the palm, with two derivatives."""
     _hold_back(point, sphere, h[0])
     lift(packed, hand, h, point, rows, work)
 
 
 @kernel
-def _set_back(left: float) -> Vec:
+def _set_back(left: float, closing: float) -> Vec:
     """Return h [m] and its two derivatives in time, a time ``left`` [s] before the catch.
 
-    h = x / (1 + x / h_max) with x = a left^2 / 2: near the catch the ball nears the palm with the
-    relative acceleration a, far from it h is at most h_max.
+    h = x / (1 + x / h_max) with x = u left + a left^2 / 2: near the catch the ball nears the palm
+    with the closing speed u and the relative acceleration a, far from it h is at most h_max.
     """
-    a, x = _APPROACH, 0.5 * _APPROACH * left * left
-    part = 1.0 / (1.0 + x / _BACK)
-    bend = a * part * part - 2.0 * (a * left) ** 2 * part**3 / _BACK
-    return x * part, -a * left * part * part, bend
+    a, x = _APPROACH, (closing + 0.5 * _APPROACH * left) * left
+    part, dx = 1.0 / (1.0 + x / _BACK), closing + a * left
+    bend = a * part * part - 2.0 * dx * dx * part**3 / _BACK
+    return x * part, -dx * part * part, bend
 
 
 @kernel
@@ -286,7 +287,7 @@ def _servo(
     reach = Reach(f)
 
     def lead(catch: Intercept, ball: BallState, goal: Array) -> None:
-        reach.lead(point(catch, ball), catch.t_c - ball.t, goal)
+        reach.lead(point(catch, ball), catch.t_c - ball.t, catch.closing, goal)
 
     return Servo(most=reach.most, lead=lead, slowest=slowest, join=join)
 

@@ -10,6 +10,7 @@ from enum import Enum
 import numpy as np
 
 from mitt import checks
+from mitt.arm.arm import Arm
 from mitt.fields import brief
 from mitt.kernels import kernel
 from mitt.map.demand import Tolerance, shares_of
@@ -162,16 +163,32 @@ def weigh(f: DirectMap, ball: BallState, after: float, tolerance: Tolerance) -> 
         tolerance: Share of each limit at which the throw is refused.
     """
     path = flown(ball, np.linspace(0.0, after, _INSTANTS))
-    motion = f.motions(path)
-    shares = shares_of(f.arm, motion, tolerance)
+    approach = Approach(motion=f.motions(path), step=after / (_INSTANTS - 1), dr_o=path[-1, 1])
+    sigma = spread(ball, after)
+    return asked(f.arm, approach, tolerance, t_catch=ball.t + after, sigma=sigma)
+
+
+def asked(
+    arm: Arm, approach: Approach, tolerance: Tolerance, *, t_catch: float, sigma: float
+) -> Verdict:
+    """Return the verdict by what a motion to a catch asks of an arm, whatever generates it.
+
+    Args:
+        arm: The arm.
+        approach: The motion.
+        tolerance: Share of each limit at which the throw is refused.
+        t_catch: Predicted time of the catch [s].
+        sigma: Predicted 1-sigma of the ball then [m].
+    """
+    shares = shares_of(arm, approach.motion, tolerance)
     binding = max(shares, key=lambda name: shares[name])
     return Verdict(
         outcome=Outcome.FEASIBLE if shares[binding] <= 1.0 else Outcome.UNREACHABLE,
         binding_limit=binding,
         share=shares[binding],
-        t_catch=ball.t + after,
-        sigma=spread(ball, after),
-        approach=Approach(motion=motion, step=after / (_INSTANTS - 1), dr_o=path[-1, 1]),
+        t_catch=t_catch,
+        sigma=sigma,
+        approach=approach,
     )
 
 
