@@ -11,6 +11,7 @@ from mitt.arm.shapes import MARGIN, Surroundings, clearance, shapes_of
 from mitt.arm.tools import TOOLS
 from mitt.catcher.catcher import Catcher, Phase
 from mitt.catcher.meeting import Meeting
+from mitt.errors import ModelError
 from mitt.signals import TICK, ArmState, Array, Senses, Sighting
 from mitt.trials.meeting import MeetRunner
 from mitt.trials.station import PARTS_SCENE, Station, Target, station
@@ -26,6 +27,12 @@ def station_of(arm: str, tool: str, target: Target) -> Station:
     """Return a station whose tool is slow near a person."""
     speed = 0.25 if target == "hand" else np.inf
     return station(arm, TOOLS[tool], target, named_scene("lab"), speed=speed)
+
+
+def test_a_belt_out_of_reach_says_what_else_to_try() -> None:
+    scene = named_scene("lab").model_copy(update={"belt": Belt(middle=(9.0, 0.0), height=0.3)})
+    with pytest.raises(ModelError, match=r"no pose that does; name other joints.*\[belt\]"):
+        station("ur5e", TOOLS["suction"], "belt", scene)
 
 
 @pytest.mark.parametrize(

@@ -85,6 +85,11 @@ _INSIDE = 0.02
 #: Gap between told and true joint angles at which an arm whose tool has a largest speed gives up
 #: [rad], at least, and for each m/s of that speed.
 _BEHIND, _LAGS = 0.02, 0.08
+#: What to do where no pose brings the tool over what moves the part, looked for towards +x.
+_ELSEWHERE: dict[Target, str] = {
+    "belt": "name other joints (--joints), or say in a scene where the belt is ([belt], --scene)",
+    "hand": "name other joints (--joints), or a tip whose z axis points out of the flange (--tip)",
+}  # fmt: skip
 #: Turns of the tool about its axis that are tried.
 _QUARTERS = [
     np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
@@ -223,7 +228,8 @@ def station(
         places = [np.array([*scene.belt.middle, scene.belt.height + half])]
     best = _best_pose(raw, reach_of(raw, free, coupling), target, scene, places)
     if best is None:
-        raise ModelError(f"arm {name}", f"one that reaches over the {target}", "no pose that does")
+        raise ModelError(f"arm {name}", f"one that reaches over the {target}", "no pose that does",
+                         do=_ELSEWHERE[target])  # fmt: skip
     (_, q, frame), place, room = best
     if scene.belt is None and target == "belt":
         belt = Belt(middle=(float(place[0]), float(place[1])), height=float(place[2]) - half)
