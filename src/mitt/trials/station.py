@@ -87,7 +87,8 @@ _INSIDE = 0.02
 _BEHIND, _LAGS = 0.02, 0.08
 #: What to do where no pose brings the tool over what moves the part, looked for towards +x.
 _ELSEWHERE: dict[Target, str] = {
-    "belt": "name other joints (--joints), or say in a scene where the belt is ([belt], --scene)",
+    "belt": "name other joints (--joints), a tip whose z axis points out of the flange (--tip), or"
+            " another place of the belt ([belt] of a scene)",
     "hand": "name other joints (--joints), or a tip whose z axis points out of the flange (--tip)",
 }  # fmt: skip
 #: Turns of the tool about its axis that are tried.
