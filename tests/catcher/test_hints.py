@@ -141,3 +141,26 @@ def test_a_ball_that_flies_on_through_the_hand_is_said(arm: Arm, learned: Learne
     right = flown_past(arm, learned, latency=0.006, late=0.0)
     assert right is not None
     assert "without contact" in right
+
+
+def test_what_the_newest_say_is_worked_out_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """However often a loop reads the hint; a further sighting is looked at again."""
+    asked = list[int]()
+
+    def counted(t: Array, r: Array, P: Array) -> tuple[float, float]:
+        asked.append(len(t))
+        return scatter_of(t, r, P)
+
+    monkeypatch.setattr("mitt.catcher.sightings.scatter_of", counted)
+    t = np.linspace(0.0, 0.039, 40)
+    notes = noted(t, thrown(t), 1e-3)
+    said = {(notes.hint, notes.scatter) for _ in range(50)}
+    assert len(said) == 1
+    assert len(asked) == 1
+    notes.note((), sighted=False, t=0.041)
+    assert notes.scatter is None
+    assert len(asked) == 1
+    seen = Sighting(t=0.042, found=True, r_o=thrown(t)[-1], covariance=1e-6 * np.eye(3))
+    notes.note((seen,), sighted=False, t=0.042)
+    assert notes.scatter is None
+    assert len(asked) == 2

@@ -32,6 +32,7 @@ class Sightings:
     def __init__(self) -> None:
         """Begin with none."""
         self._newest: deque[tuple[float, Sighting]] = deque(maxlen=_EQUALS)
+        self._said: tuple[str | None, str | None] | None = None  # of the newest, once it was asked
         self._t_begin: float | None = None
         self._t_seen = self._t = 0.0
 
@@ -49,10 +50,10 @@ class Sightings:
         for point in points:
             if point.found:
                 self._newest.append((t, point))
-                self._t_seen = t
+                self._t_seen, self._said = t, None
         if sighted:
             self._newest.clear()
-            self._t_seen = t
+            self._t_seen, self._said = t, None
 
     @property
     def hint(self) -> str | None:
@@ -60,6 +61,22 @@ class Sightings:
         if self._t - self._t_seen > _NOTHING:
             return (f"no sighting for {self._t - self._t_seen:.1f} s: do the points, or the images,"
                     " reach step, and is the ball in view?")  # fmt: skip
+        return self._of_newest[0]
+
+    @property
+    def scatter(self) -> str | None:
+        """Whether the newest scatter by more than their covariance says, in one line."""
+        return self._of_newest[1]
+
+    @property
+    def _of_newest(self) -> tuple[str | None, str | None]:
+        """What the newest say of a mistake, and of their scatter: worked out once for each."""
+        if self._said is None:
+            self._said = self._mistake(), self._scatter()
+        return self._said
+
+    def _mistake(self) -> str | None:
+        """Return why the newest are no ball's, in one line; None where nothing is known of it."""
         faults = [_fault(t, point) for t, point in list(self._newest)[-_FAULTS:]]
         if len(faults) == _FAULTS and all(faults):
             return faults[-1]
@@ -68,9 +85,8 @@ class Sightings:
                     " an old one, with a new stamp?")  # fmt: skip
         return None
 
-    @property
-    def scatter(self) -> str | None:
-        """Whether the newest scatter by more than their covariance says, in one line."""
+    def _scatter(self) -> str | None:
+        """Return what :attr:`scatter` says."""
         if len(self._newest) < _EQUALS:
             return None
         points = sorted((x for _, x in self._newest), key=lambda x: x.t)
