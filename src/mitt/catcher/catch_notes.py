@@ -37,8 +37,31 @@ _ON_FORECAST = 0.05
 _OUTSIDE = 0.12
 _FLOWN = 3
 _SHORTLY = 0.25
+#: About how many sightings after the catch are asked: a loop waits for the answer.
+_ASKED = 25
 #: Age of a sighting in its tick below which it is stamped on arrival [s].
 _AT_ONCE = 0.5 * TICK
+
+
+def catch_of(
+    state: CatcherState, t_arm: Array, q: Array, seen: tuple[Array, Array, Array]
+) -> Catch:  # fmt: skip
+    """Return what arm and eyes said of a catch, in the order of stamps.
+
+    Args:
+        state: Of the catcher, once its arm has braked.
+        t_arm: Stamps of the readings [s], shape (m,).
+        q: The readings [rad], shape (m, n).
+        seen: Stamps of the sightings [s], (k,), positions [m], (k, 3), covariances, (k, 3, 3).
+    """
+    s, t_seen = state.scalars[0], seen[0]
+    order = np.argsort(t_arm, kind="stable")
+    order = order[np.diff(t_arm[order], prepend=-np.inf) > 0.1 * TICK]
+    t_seen, r_o, covariance = (x[np.argsort(t_seen, kind="stable")] for x in seen)
+    return Catch(
+        t_arm=t_arm[order], q=q[order], t_seen=t_seen, seen=r_o, covariance=covariance,
+        t_brake=s["t_brake"].item(), t_rest=s["t_rest"].item(),
+    )  # fmt: skip
 
 
 @final
@@ -74,16 +97,9 @@ class CatchNotes:
         self._saw += 1
 
     def _catch(self, state: CatcherState) -> Catch:
-        """Return what was kept, in the order of stamps."""
-        s = state.scalars[0]
+        """Return what was kept."""
         read, saw = self._readings[: self._read], self._sightings[: self._saw]
-        read = read[np.argsort(read["t"], kind="stable")]
-        saw = saw[np.argsort(saw["t"], kind="stable")]
-        rising = read[np.diff(read["t"], prepend=-np.inf) > 0.1 * TICK]
-        return Catch(
-            t_arm=rising["t"], q=rising["q"], t_seen=saw["t"], seen=saw["r_o"],
-            covariance=saw["cov"], t_brake=s["t_brake"].item(), t_rest=s["t_rest"].item(),
-        )  # fmt: skip
+        return catch_of(state, read["t"], read["q"], (saw["t"], saw["r_o"], saw["cov"]))
 
     def offset(self, state: CatcherState) -> ClockOffset:
         """Return what they say of the clocks, once the arm rests."""
@@ -119,7 +135,8 @@ class CatchNotes:
     def _flew_on(self, of: Catch, state: CatcherState) -> bool:
         """Say whether the ball, which by its stamps was in the hand, was seen to fly on."""
         since = of.t_seen - of.t_brake
-        near = np.flatnonzero((np.abs(of.t_arm - of.t_brake) < 0.02) & np.isfinite(of.q).all(1))
+        off = np.where(np.isfinite(of.q).all(axis=1), np.abs(of.t_arm - of.t_brake), np.inf)
+        near = [k for k in np.argsort(off, kind="stable") if off[k] < 0.02]
         passed, motion, covariance = 0, np.zeros((3, 3)), np.zeros((6, 6))
 
         def gap(k: int, t: float) -> float:
@@ -130,8 +147,12 @@ class CatchNotes:
 
         if not any(gap(int(k), of.t_arm[k]) < _INSIDE for k in near):
             return False
-        for i in np.flatnonzero((since > 0.0) & (since < _SHORTLY)):
+        after = np.flatnonzero((since > 0.0) & (since < _SHORTLY))
+        for i in after[:: max(len(after) // _ASKED, 1)]:
             k = min(int(np.searchsorted(of.t_arm, of.t_seen[i])), len(of.t_arm) - 1)
-            if np.isfinite(of.q[k]).all() and _OUTSIDE < gap(k, of.t_seen[i]) < np.inf:
+            if not np.isfinite(of.q[k]).all():
+                continue
+            away = np.linalg.norm(of.seen[i] - self._arm.position(of.q[k]))
+            if away > _OUTSIDE - _ON_FORECAST and _OUTSIDE < gap(k, of.t_seen[i]) < np.inf:
                 passed += bool(np.linalg.norm(of.seen[i] - motion[0]) < _ON_FORECAST)
         return passed >= _FLOWN

@@ -7,6 +7,7 @@ from typing import final
 import numpy as np
 
 from mitt.arm.arm import Arm
+from mitt.catcher.catch_notes import catch_of
 from mitt.catcher.catcher import Catcher, CatcherSettings
 from mitt.catcher.family import Family
 from mitt.catcher.generators import Direct, Generator
@@ -224,17 +225,15 @@ class TrialRunner:
 
 def _caught(catcher: Catcher, ticks: Result, points: Sequence[Sighting]) -> Catch | None:
     """Return what arm and eyes said of a catch; None where the arm never braked for one."""
-    s, now = ticks.scalars, catcher.state.scalars[0]
-    if not np.isfinite(now["t_rest"]):
+    s = ticks.scalars
+    if not np.isfinite(catcher.state.scalars[0]["t_rest"]):
         return None
     seen = s["sighted"]
-    t, r, P = s["t_sighted"][seen], ticks.sighting[seen, 0], ticks.sighting[seen, 1:]
-    if points:
-        given = [p for p in points if p.found]
-        t, r = np.array([p.t for p in given]), np.array([p.r_o for p in given])
-        P = np.array([p.covariance for p in given])
-    return Catch(t_arm=s["t"], q=ticks.encoders[:, 0], t_seen=t, seen=r, covariance=P,
-                 t_brake=now["t_brake"].item(), t_rest=now["t_rest"].item())  # fmt: skip
+    found = s["t_sighted"][seen], ticks.sighting[seen, 0], ticks.sighting[seen, 1:]
+    if given := [p for p in points if p.found]:
+        found = (np.array([p.t for p in given]), np.array([p.r_o for p in given]),
+                 np.array([p.covariance for p in given]))  # fmt: skip
+    return catch_of(catcher.state, s["t"], ticks.encoders[:, 0], found)
 
 
 def _shifted(senses: Senses, by: float) -> Senses:
