@@ -15,7 +15,7 @@ from mitt.files.recordings import Recorded, write_recording
 from mitt.map.learn import Learned
 from mitt.trials.explain import evidence_of, explain
 from mitt.trials.log import FIRST_CONTACT, recording_of
-from mitt.trials.replayed import changed, replay
+from mitt.trials.replayed import changed, recorded_generator, replay
 from mitt.trials.runner import TrialRunner
 from mitt.trials.runs import simulate
 from mitt.trials.source import source_of
@@ -196,3 +196,17 @@ def test_a_recording_with_ticks_dropped_at_its_end_is_not_identical(one: Path) -
     x.recorded.dropped = 3
     assert not x.identical
     assert x.first_difference is None
+
+
+@pytest.mark.parametrize("name", ["direct", "single"])
+def test_what_was_refined_is_refined_again(one: Path, name: str) -> None:
+    """Also in a recording of when the one map, refined, was called ``direct``."""
+    about = Recorded(one).about
+    about = replace(about, generator=name, maps=about.maps[:1], refines=True)
+    generator = recorded_generator(about)
+    assert isinstance(generator, Direct)
+    assert generator.refines
+    assert generator.learned is about.maps[0]
+    assert not isinstance(recorded_generator(replace(about, refines=False)), Direct) or (
+        name == "single"
+    )

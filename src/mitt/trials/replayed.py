@@ -100,10 +100,10 @@ def recorded_generator(about: About) -> Generator:
     if (batting := about.batting) is not None:
         return replace(batting)
     name, f = about.generator, about.maps[0]
+    if about.refines:  # one map; also of when that was called direct
+        return refining(f)
     if name == "direct":
         return Family(tuple(Direct(x) for x in about.maps))
-    if name == "single" and about.refines:
-        return refining(f)
     if name == "clairvoyant":
         raise InputError("a replay", "a generator that knows what its catcher was told", name)
     return make_generator(name, f)
