@@ -21,7 +21,7 @@ import time
 from collections import Counter
 from collections.abc import Sequence
 
-from mitt.catcher.planner import load_decisions
+from mitt.catcher.loading import load_decisions
 from mitt.cell.drivers import LocalRobot, local_connection, local_robot
 from mitt.cell.live import LiveLoop, Mode
 from mitt.cell.prepare import about_of, generator_of, map_of, prepare

@@ -560,8 +560,7 @@ def test_a_change_of_map_changes_the_waiting_height(arm: Arm) -> None:
     for f in (one.map for one in several.maps):
         dr = np.array([-5.0, 0.0, 2.0])
         start = arm.position(f.start) - 0.4 * dr + 0.08 * np.array([0.0, 0.0, 9.81])
-        catcher._planner.generator = Direct(f)
-        catcher._planner._adapt(ball_state(start, dr, np.array([0.0, 0.0, -9.81])))
+        catcher._planner._adapt(ball_state(start, dr, np.array([0.0, 0.0, -9.81])), Direct(f))
         followed = catcher._planner.generator.as_map()
         assert followed is not None
         assert catcher.state.scalars["waiting_height"][0] == waiting_height(followed)

@@ -16,8 +16,9 @@ from mitt.map.demand import Tolerance
 from mitt.map.learn import Learned
 from mitt.map.map_design import MapDesign
 from mitt.map.neighbourhood import Neighbourhood, learn
-from mitt.signals import BallState
-from mitt.verdict.feasibility import Outcome, judge
+from mitt.signals import Array, BallState
+from mitt.verdict.feasibility import Outcome, Verdict, judge
+from mitt.verdict.pieces import Pieces, Unfinished
 
 G = np.array([0.0, 0.0, -9.81])
 seeds = st.integers(0, 2**31)
@@ -28,6 +29,25 @@ def several(arm: Arm, learned: Learned) -> Family:
     """The paper's map, and one that lets the ball in along the palm's normal."""
     inward = learn(arm, design=MapDesign(q_catch=0.6, inward=3.0), around=Neighbourhood(flights=40))
     return Family((Direct(learned.map), Direct(inward.map)))
+
+
+def chosen(f: Family, ball: BallState, q: Array, dq: Array) -> Family:
+    """Return the choice that the verdict on a ball rests on."""
+    return f.consider(ball, q, dq, Pieces())[1]
+
+
+def in_pieces(
+    f: Family, ball: BallState, q: Array, dq: Array, count: int
+) -> tuple[Verdict, Family, int]:  # fmt: skip
+    """Return verdict and choice, some pieces at a time, and how many times it took."""
+    pieces, times = Pieces(0), 0
+    while True:
+        pieces.grant(count)
+        times += 1
+        try:
+            return *f.consider(ball, q, dq, pieces), times
+        except Unfinished:
+            continue
 
 
 def some_ball(seed: int, speed: float) -> BallState:
@@ -50,6 +70,34 @@ def test_what_one_map_catches_several_catch(several: Family, seed: int, speed: f
     assert (said.outcome is Outcome.FEASIBLE) == any_feasible
 
 
+@settings(max_examples=20)
+@given(seed=seeds, speed=st.floats(4.0, 9.0), low=st.booleans(), count=st.integers(1, 4))
+def test_a_choice_in_pieces_is_the_one_at_once(
+    several: Family, seed: int, speed: float, low: bool, count: int
+) -> None:
+    """Whatever is granted at a time; a piece is a part of one map's verdict, and none is free."""
+    ball = low_ball(seed, 0.4) if low else some_ball(seed, speed)
+    q, still = several.map.map.arm.q_ready, np.zeros(3)
+    said, choice, times = in_pieces(several, ball, q, still, count)
+    at_once = chosen(several, ball, q, still)
+    assert said == several.verdict(ball, q, still)
+    assert choice.chosen == at_once.chosen
+    assert times >= 4 / count
+
+
+@settings(max_examples=20)
+@given(seed=seeds, speed=st.floats(4.0, 9.0), other=st.floats(4.0, 9.0))
+def test_what_is_adapted_is_what_the_verdict_rests_on(
+    several: Family, seed: int, speed: float, other: float
+) -> None:
+    """Also where the ball is another by then: for that one, nothing is chosen again."""
+    q, still = several.map.map.arm.q_ready, np.zeros(3)
+    choice = chosen(several, some_ball(seed, speed), q, still)
+    later = some_ball(seed, other)
+    assert choice.adapt(later, q, still).chosen == choice.chosen
+    assert choice.wait(later, q, still).chosen == choice.chosen
+
+
 @settings(max_examples=30)
 @given(seed=seeds, speed=st.floats(4.0, 9.0), moving=st.floats(0.0, 2.0))
 def test_a_change_of_maps_is_no_jump(
@@ -59,7 +107,8 @@ def test_a_change_of_maps_is_no_jump(
     rng, ball = np.random.default_rng(seed), some_ball(seed, speed)
     q = several.map.map.arm.q_ready + rng.uniform(-0.1, 0.1, 3)
     dq = moving * rng.uniform(-1.0, 1.0, 3)
-    followed = several.adapt(ball, several.map.map.arm.q_ready, np.zeros(3)).adapt(ball, q, dq)
+    followed = several.adapt(ball, several.map.map.arm.q_ready, np.zeros(3))
+    followed = chosen(followed, ball, q, dq).adapt(ball, q, dq)
     reference = followed.reference(ball)
     assert followed.chosen is not None
     assert np.allclose(reference.q_d, q, atol=1e-7)
@@ -99,7 +148,7 @@ def test_the_map_that_is_followed_is_kept_while_it_serves(several: Family) -> No
     """Adapted again to a ball that both can catch, the choice stays as it was."""
     ball, q = some_ball(2, 5.5), several.map.map.arm.q_ready
     for first in (0, 1):
-        followed = Family(several.maps, chosen=first).adapt(ball, q, np.zeros(3))
+        followed = chosen(Family(several.maps, chosen=first), ball, q, np.zeros(3))
         assert followed.chosen == first
         assert followed.sharpness(ball) == followed.map.sharpness(ball)
 
@@ -114,7 +163,7 @@ def test_a_ball_that_falls_short_changes_the_map_in_flight(several: Family) -> N
     short = ball_state(end - steep * 0.2 + 0.5 * G * 0.04, steep - G * 0.2, G)
     assert not followed.map.returns(short)
     assert followed.astray(short)
-    changed = followed.adapt(short, q, still)
+    changed = chosen(followed, short, q, still).adapt(short, q, still)
     assert changed.chosen == 1
     assert not changed.astray(short)
 
@@ -144,7 +193,7 @@ def test_the_map_that_waits_for_a_low_ball_is_the_one_whose_verdict_is_open(
     falls = low_ball(seed, after - later)
     assert not waiting.astray(falls)
     assert waiting.verdict(falls, q, still).outcome is Outcome.OPEN
-    assert waiting.adapt(falls, q, still).chosen == 0
+    assert chosen(waiting, falls, q, still).chosen == 0
 
 
 def test_a_map_that_has_waited_keeps_a_ball_that_it_can_catch(several: Family) -> None:
@@ -152,9 +201,9 @@ def test_a_map_that_has_waited_keeps_a_ball_that_it_can_catch(several: Family) -
     q, still, ball = several.map.map.arm.q_ready, np.zeros(3), some_ball(2, 6.0)
     assert several.adapt(ball, q, still).chosen == 1
     waited = several.wait(low_ball(1, 0.4), q, still)
-    assert waited.adapt(ball, q, still).chosen == waited.chosen == 0
+    assert chosen(waited, ball, q, still).chosen == waited.chosen == 0
     too_fast = some_ball(1, 9.0)
-    assert waited.adapt(too_fast, q, still).chosen == 1
+    assert chosen(waited, too_fast, q, still).chosen == 1
 
 
 @given(before=st.floats(0.05, 1.2), side=st.floats(-0.6, 0.6), led=st.booleans())
@@ -188,7 +237,7 @@ def test_a_ball_that_has_come_back_is_not_waited_for_with_another_map(several: F
     assert low.outcome is Outcome.OPEN
     followed = Family(several.maps, chosen=1)
     assert followed.map.returns(back)
-    assert followed.adapt(back, q, still).chosen == 1
+    assert chosen(followed, back, q, still).chosen == 1
 
 
 def test_maps_that_weigh_the_match_are_chosen_among_their_own_kind(learned: Learned) -> None:

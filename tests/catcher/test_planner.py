@@ -1,8 +1,10 @@
 """What a verdict brings about: the same before the arm moves and on the way."""
 
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,9 +14,9 @@ from support import ball_state
 from mitt.arm.arm import Arm
 from mitt.ball.filter import THROWN_BALL
 from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
-from mitt.catcher.family import direct
+from mitt.catcher.family import Family, direct
 from mitt.catcher.generators import Direct, Generator
-from mitt.catcher.planner import comes
+from mitt.catcher.planner import PIECES, comes
 from mitt.catcher.settings import PATIENCE, SOON
 from mitt.control.envelope import speeds_of
 from mitt.map.learn import Learned
@@ -24,6 +26,7 @@ from mitt.rivals.planned import make_quintic
 from mitt.signals import GRAVITY, TICK, ArmState, Array, Senses, Sighting
 from mitt.verdict.feasibility import Outcome, Verdict
 from mitt.verdict.impact import speed_caps, speed_jumps
+from mitt.verdict.pieces import Pieces
 
 FALL = np.array([0.0, 0.0, -GRAVITY])
 #: Height of the floor [m], share of its vertical speed that a ball has after the bounce there.
@@ -297,3 +300,61 @@ def test_a_verdict_that_is_read_changes_nothing(
     assert catcher.phase is Phase.WATCH
     assert catcher.stopped_by is None
     assert read == [None] * len(read)
+
+
+def coming(t: float) -> Array:
+    """Return where a ball is that comes well [m]."""
+    return along(np.array([3.6, 0.15, 0.2]), np.array([-5.9, -0.2, 2.2]), t)
+
+
+def falling_short(t: float) -> Array:
+    """Return where a ball is that the learned map refuses, and one that catches farther out not."""
+    return along(np.array([3.4, 0.1, 0.15]), np.array([-4.6, -0.1, 1.9]), t)
+
+
+@pytest.mark.parametrize("make", [Direct, direct])
+@pytest.mark.parametrize("way", [coming, falling_short, kicked, bouncing])
+def test_no_call_works_out_more_than_a_few_pieces(
+    arm: Arm, taught: Learned, way: Callable[[float], Array],
+    make: Callable[[DirectMap], Generator], monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    """Of a verdict, before the arm moves and on the way; what it follows is what was judged.
+
+    In the call in which the arm starts, or changes what it follows, no map is judged.
+    """
+    worked, choices, ticks = Counter[int](), list[int | None](), [0]
+    changes, of, consider = set[int](), Pieces.of, Family.consider
+    judged, judge = Counter[int](), Family._judged
+
+    def counted(pieces: Pieces, *args: Any, **kwargs: Any) -> Any:  # noqa: ANN401
+        before, answer = len(pieces._known), of(pieces, *args, **kwargs)
+        worked[ticks[0]] += len(pieces._known) > before
+        return answer
+
+    def considered(f: Family, *args: Any) -> tuple[Verdict, Family]:  # noqa: ANN401
+        answer = consider(f, *args)
+        choices.append(answer[1].chosen)
+        return answer
+
+    def compared(*args: Any) -> Verdict:  # noqa: ANN401
+        judged[ticks[0]] += 1
+        return judge(*args)
+
+    monkeypatch.setattr(Pieces, "of", counted)
+    monkeypatch.setattr(Family, "consider", considered)
+    monkeypatch.setattr(Family, "_judged", compared)
+    followed: list[Verdict | None] = [None]
+
+    def watch(catcher: Catcher) -> None:
+        if catcher.phase is Phase.FOLLOW and catcher._planner._verdict is not followed[-1]:
+            followed.append(catcher._planner._verdict)
+            changes.add(ticks[0])
+            g = catcher._planner.generator
+            assert not isinstance(g, Family) or g.chosen == choices[-1]
+        ticks[0] += 1
+
+    catcher = caught(arm, make(taught.map), way, settings_for(0.07), watch, exact=True)
+    assert catcher.phase is Phase.BRAKE
+    assert max(worked.values()) <= PIECES
+    assert changes
+    assert not any(judged[k] for k in changes)

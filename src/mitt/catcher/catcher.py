@@ -47,7 +47,7 @@ from mitt.catcher.state import (
     stopped_by,
     tick_of,
 )
-from mitt.catcher.tick import act, flight_begun, looks, perceive, take, tick
+from mitt.catcher.tick import act, looks, perceive, take, tick
 from mitt.control.encoders import check_recovered
 from mitt.control.envelope import check_motion
 from mitt.control.health import Reason, StoppedBy
@@ -97,7 +97,6 @@ class Catcher:
             sigma_ready=settings.sigma_ready if plain else np.inf,
         )  # fmt: skip
         self._begin(generator, copy(eyes))
-        flight_begun(*self._memory.handles)
         looks(*self._memory.handles)  # loaded now, not in the middle of a throw
         load_fit(arm)
         self._clock = LearnedClock()  # of all throws
@@ -196,7 +195,7 @@ class Catcher:
     @property
     def flight_begun(self) -> float:
         """When the flight began that the estimate is of [s]: seen first, let go or kicked."""
-        return float(flight_begun(*self._memory.handles))
+        return self._planner.flight_begun
 
     @property
     def halted(self) -> bool:

@@ -3,14 +3,14 @@
 The default generator: the learned map first, then those of :mod:`mitt.map.family`, which catch
 farther out. A throw is given to the first one that catches it with margin, and with room for the
 brake after the catch, unless one asked before finds it low, or else to the one that asks least of
-its tightest limit. Whenever the generator is
-adapted anew, as after a bounce, the choice is made again, and as soon as the predicted catch
-leaves the region of the map that is followed, as where drag or a gust makes the ball fall short. A
-ball that comes in low from the first is waited for: it may be meant to bounce into the region of a
-map. That map waits where it would, and keeps the ball as long as it can catch or await it: another
-map that reaches lower would go for the ball where it falls, and come too late after the bounce.
-Eq. (12) makes the new map start where the arm is and as fast as it moves, so that a change of maps
-is no jump.
+its tightest limit. The choice is part of the verdict (:meth:`Family.consider`): the arm starts with
+the map that the verdict rests on. With each verdict under way, as after a bounce, the choice is
+made again, and as soon as the predicted catch leaves the region of the map that is followed, as
+where drag or a gust makes the ball fall short. A ball that comes in low from the first is waited
+for: it may be meant to bounce into the region of a map. That map waits where it would, and keeps
+the ball as long as it can catch or await it: another map that reaches lower would go for the ball
+where it falls, and come too late after the bounce. Eq. (12) makes the new map start where the arm
+is and as fast as it moves, so that a change of maps is no jump.
 """
 
 from collections.abc import Sequence
@@ -30,6 +30,7 @@ from mitt.map.mapping import DirectMap
 from mitt.map.neighbourhood import nominal_ball
 from mitt.signals import Array, BallState, JointReference
 from mitt.verdict.feasibility import Outcome, Verdict, judge
+from mitt.verdict.pieces import Pieces
 
 #: Share of each limit in units of which maps are compared: one that keeps them is preferred. The
 #: arm may be weaker, or carry more, than modelled: a fifth of its torque is no part of the brake.
@@ -44,7 +45,7 @@ class Family:
     Attributes:
         maps: The maps, the preferred one first.
         margin: Share of its tightest limit up to which a map is taken without asking the others.
-        chosen: Index of the map that is followed; None before the first choice.
+        chosen: Index of the map that is followed, or will be; None before the first choice.
         waited: Whether the map that is followed has waited for the ball.
     """
 
@@ -92,8 +93,15 @@ class Family:
 
         The arm is at rest in ``q``, or moves at ``dq`` [rad, rad/s], shape (n,) each.
         """
-        best = self._best(ball, q, np.zeros(self.map.map.arm.n) if dq is None else dq)
-        return self.maps[best].verdict(ball, q, dq)
+        return self.consider(ball, q, dq, Pieces())[0]
+
+    def consider(
+        self, ball: BallState, q: Array, dq: Array | None, pieces: Pieces
+    ) -> tuple[Verdict, "Family"]:
+        """Return that verdict, and the choice that it rests on, with which :meth:`adapt` starts."""
+        best = self._best(ball, q, np.zeros(self.map.map.arm.n) if dq is None else dq, pieces)
+        said, _ = self.maps[best].consider(ball, q, dq, pieces)
+        return said, replace(self, chosen=best)
 
     def unsettled(self, ball: BallState, q: Array) -> bool:
         """Look whether no map's verdict could settle it."""
@@ -117,13 +125,13 @@ class Family:
         return self.map.waiting(ball)
 
     def adapt(self, ball: BallState, q: Array, dq: Array) -> "Family":
-        """Choose, and adapt the chosen map to start in ``q``, ``dq``, eq. (12)."""
-        index = self._best(ball, q, dq)
+        """Adapt the chosen map to start in ``q``, ``dq``, eq. (12); choose where none was."""
+        index = self._index(ball, q, dq)
         return self._follow(index, self.maps[index].adapt(ball, q, dq))
 
     def wait(self, ball: BallState, q: Array, dq: Array) -> "Family":
         """Let the map whose verdict on a ball is open wait for it, from ``q``, ``dq`` on."""
-        index = self._best(ball, q, dq)
+        index = self._index(ball, q, dq)
         f = self.maps[index]
         return replace(self._follow(index, f.adapt(f.waiting(ball), q, dq)), waited=True)
 
@@ -134,6 +142,10 @@ class Family:
     def as_map(self) -> DirectMap:
         """Hand the chosen map over; all have the same number of monomials."""
         return self.map.map
+
+    def _index(self, ball: BallState, q: Array, dq: Array) -> int:
+        """Return the map that was chosen, or is for a ball where none was."""
+        return self._best(ball, q, dq, Pieces()) if self.chosen is None else self.chosen
 
     def _follow(self, index: int, adapted: Direct) -> "Family":
         """Return the choice of a map, adapted."""
@@ -148,13 +160,13 @@ class Family:
         """Say whether a map has waited for the ball, and has a verdict with which it keeps it."""
         return self.waited and index == self.chosen and outcome in _KEPT
 
-    def _best(self, ball: BallState, q: Array, dq: Array) -> int:
+    def _best(self, ball: BallState, q: Array, dq: Array, pieces: Pieces) -> int:
         """Return the map for a ball; the one followed is asked first."""
         order = sorted(range(len(self.maps)), key=lambda k: k != self.chosen)
         said: list[tuple[int, Verdict]] = []
         waits = self.chosen is None  # for a bounce, until the ball is in a map's region
         for k in order:
-            verdict = judge(self.maps[k].map, ball, q, tolerance=_CHOICE, dq=dq)
+            verdict = pieces.whole(f"map {k}", self._judged, k, ball, q, dq, pieces)
             if verdict.outcome is Outcome.FEASIBLE and verdict.share <= self.margin:
                 return k
             if waits and verdict.outcome is Outcome.OPEN:
@@ -164,12 +176,23 @@ class Family:
             waits = waits and not np.isfinite(verdict.share)
             said.append((k, verdict))
         if all(verdict.outcome is Outcome.UNREACHABLE for _, verdict in said):
-            own = [self.maps[k].verdict(ball, q).outcome for k, _ in said]
+            own = [self._own(k, ball, q, pieces).outcome for k, _ in said]
             said = [(k, replace(x, outcome=y)) for (k, x), y in zip(said, own, strict=True)]
             if self.chosen is not None and self._keeps(self.chosen, own[0]):
                 return self.chosen
         worth = _AT_FIRST if self.chosen is None else _ON_THE_WAY
         return min(said, key=lambda x: (worth.index(x[1].outcome), x[1].share))[0]
+
+    def _judged(self, k: int, ball: BallState, q: Array, dq: Array, pieces: Pieces) -> Verdict:
+        """Return the verdict by which a map is compared with others: by the same shares."""
+        f, name = self.maps[k].map, f"map {k} "
+        return judge(f, ball, q, tolerance=_CHOICE, dq=dq, pieces=pieces, name=name)
+
+    def _own(self, k: int, ball: BallState, q: Array, pieces: Pieces) -> Verdict:
+        """Return the verdict of a map for an arm at rest, by its own shares."""
+        name = f"own {k}"
+        consider = self.maps[k].consider
+        return pieces.whole(name, consider, ball, q, None, pieces, f"{name} ")[0]
 
 
 #: Verdicts with which a map that has waited for a ball keeps it.

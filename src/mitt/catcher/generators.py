@@ -1,7 +1,16 @@
 """Generators of desired joint motion behind one call; rivals implement the same methods."""
 
 from dataclasses import dataclass, field, replace
-from typing import Generic, Protocol, Self, TypeVar, final, runtime_checkable
+from functools import lru_cache
+from typing import (
+    Generic,
+    Protocol,
+    Self,
+    TypeGuard,
+    TypeVar,
+    final,
+    runtime_checkable,
+)
 
 import numpy as np
 
@@ -23,6 +32,7 @@ from mitt.verdict.feasibility import (
     returns,
     unsettled,
 )
+from mitt.verdict.pieces import Pieces
 
 #: What a generator planned.
 _P = TypeVar("_P")
@@ -94,6 +104,24 @@ class Generator(Protocol):
         return None
 
 
+#: A kind of generator.
+_K = TypeVar("_K", bound=Generator)
+
+
+def fits(generator: Generator, kind: type[_K]) -> TypeGuard[_K]:
+    """Say whether a generator is of a kind, one of the protocols here.
+
+    Looked at once for each class: ``isinstance`` takes 20 us each time, and a loop asks often.
+    """
+    return _fits(type(generator), kind)
+
+
+@lru_cache(maxsize=256)
+def _fits(given: type, kind: type) -> bool:
+    """Say whether a class has all that a protocol asks for."""
+    return all(hasattr(given, name) for name in dir(kind) if not name.startswith("_"))
+
+
 @runtime_checkable
 class Movable(Generator, Protocol):
     """A generator that can be given the same arm with other limits."""
@@ -124,6 +152,30 @@ class Underway(Generator, Protocol):
         """Return the generator that waits, from ``q``, ``dq`` on, for a ball whose verdict is OPEN.
 
         It is to follow :meth:`waiting`.
+        """
+        ...
+
+
+@runtime_checkable
+class Piecewise(Underway, Protocol):
+    """A generator whose verdict is worked out in pieces, and that may choose for it what follows.
+
+    What the verdict rests on is not chosen again when the arm starts.
+    """
+
+    def consider(
+        self, ball: BallState, q: Array, dq: Array | None, pieces: Pieces
+    ) -> tuple[Verdict, Self]:
+        """Return the verdict, and the generator that it rests on, which is to be adapted.
+
+        Args:
+            ball: Estimate of the ball.
+            q: Joint angles [rad], shape (n,).
+            dq: Joint speeds [rad/s], shape (n,); None at rest.
+            pieces: What is known of this verdict, and how much may be worked out.
+
+        Raises:
+            Unfinished: It is to be gone on with.
         """
         ...
 
@@ -228,11 +280,19 @@ class Direct:
 
         The arm is at rest in ``q``, or moves at ``dq`` [rad, rad/s], shape (n,) each.
         """
-        judged = judge(self.learned or self.map, ball, q, tolerance=self.tolerance, dq=dq)
+        return self.consider(ball, q, dq, Pieces())[0]
+
+    def consider(
+        self, ball: BallState, q: Array, dq: Array | None, pieces: Pieces, name: str = ""
+    ) -> tuple[Verdict, "Direct"]:
+        """Return that verdict, worked out in pieces called by a ``name``; nothing is chosen."""
+        f, tolerance = self.learned or self.map, self.tolerance
+        judged = judge(f, ball, q, tolerance=tolerance, dq=dq, pieces=pieces, name=name)
         if not self.refines or ball.led or not np.isfinite(judged.share):
-            return judged
-        refined = self.adapt(ball, q, np.zeros(len(q)) if dq is None else dq).certificate
-        return judged if refined is None else refined
+            return judged, self
+        dq = np.zeros(len(q)) if dq is None else dq
+        refined = pieces.of(f"{name}refined", self.adapt, ball, q, dq).certificate
+        return (judged if refined is None else refined), self
 
     def unsettled(self, ball: BallState, q: Array) -> bool:
         """Look whether the ball is led and its catch far ahead or outside the region."""
@@ -316,3 +376,8 @@ class Unoptimised(Generator):
     def as_map(self) -> DirectMap:
         """Hand the map over."""
         return self.map
+
+
+def fresh_for_throw(generator: Generator) -> Generator:
+    """Return a generator as a throw begins with it: it knows nothing of a ball before."""
+    return generator.afresh() if fits(generator, Remembering) else generator

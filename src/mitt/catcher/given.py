@@ -13,7 +13,7 @@ import numpy as np
 from mitt import checks
 from mitt.arm.arm import Arm, difference, identity_of
 from mitt.catcher.family import direct
-from mitt.catcher.generators import Direct, Generator, Movable
+from mitt.catcher.generators import Direct, Generator, Movable, Remembering
 from mitt.errors import InputError, answered_by
 from mitt.map.learn import Learned
 from mitt.map.mapping import DirectMap
@@ -203,6 +203,13 @@ class Added:
             wanted = f"adapt to give a map with alpha of shape {sizes[0]}"
             raise InputError(self.name, wanted, sizes[1], do="repair that package")
         return other
+
+    def afresh(self) -> "Added":
+        """Ask the package, where its generator keeps anything of a ball."""
+        if not isinstance(self.inner, Remembering):
+            return self
+        with answered_by(self.name):
+            return added(self.name, self.inner.afresh(), self.n)
 
     def reference(self, ball: BallState) -> JointReference:
         """Ask the package; finite motion of n joints."""

@@ -37,14 +37,12 @@ from mitt.verdict.feasibility import Approach, Outcome, Verdict
 #: Times that are tried, and instants at which a motion is held against its limits.
 _TIMES, _INSTANTS = 24, 24
 #: A target out of reach at the start is met where its way to the meeting is shorter [m], where it
-#: would be in the work area then even at the first share of its speed, and where the tool would
-#: reach it until then even at the second; instants at which that is looked at. It is given up where
-#: the tool would be led out of reach within so long [s].
+#: would be in the work area then at the first share of its speed, and reached by then at the
+#: second; instants looked at. It is given up where the tool would leave its reach within so long.
 _COMES, _SLOWER, _SLOWEST, _LOOKS, _LED = 0.8, 0.8, 0.6, 8, 0.15
 #: Halvings of the times between the longest and the shortest.
 _HALVINGS = 3
-#: Least time from one verdict to the next while there is nothing to meet [s]: a verdict takes a
-#: millisecond or two, and a start may come up to a tick later than that.
+#: Least time from one verdict, of a millisecond or two, to the next with nothing to meet [s].
 _PAUSE = 0.0075
 #: Times in which the tool lifts what it has grasped and comes to rest [s].
 _LEAVES = (0.2, 0.3, 0.4, 0.6, 0.9, 1.4, 2.0)
@@ -89,8 +87,7 @@ class MeetingSettings(Settings):
             begins [m].
         down: Time of the way down [s].
         settle: Time from the meeting until the tool begins to close [s].
-        closing: Time that it takes [s]; with ``settle``, the window in which the tool stays with
-            the target.
+        closing: Time that it takes [s]: the tool stays with the target until then.
         shortest: Shortest time from start to meeting [s].
         longest: Longest time that is tried [s].
         speed: Largest speed of the tool on its way, relative to the base [m/s]; infinite for none.
@@ -501,9 +498,8 @@ class Meeting(Generator):
         way, lever = self._way_speeds(rows, targets[:, 1] - path[:, 1])
         left = np.maximum(_USED * self.settings.speed - way, 0.0) / lever
         ticks = np.interp(np.arange(0.0, times[-1], TICK), times, left)
-        lag = round(_LAG / TICK)
-        later = np.append(ticks, np.full(lag - 1, inf))
-        least: Array = sliding_window_view(later, lag).min(axis=1)
+        later = np.append(ticks, np.full(round(_LAG / TICK) - 1, inf))
+        least: Array = sliding_window_view(later, round(_LAG / TICK)).min(axis=1)
         return least
 
     def approach(self, T: float) -> float:

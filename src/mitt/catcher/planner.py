@@ -1,9 +1,9 @@
 """What a catcher decides between ticks: verdict, adaptation, another map, the brake."""
 
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, final
+from typing import Any, Final, final
 
 import numpy as np
 
@@ -14,9 +14,11 @@ from mitt.catcher.generators import (
     Generator,
     Leaving,
     Paced,
-    Remembering,
+    Piecewise,
     Underway,
     Unoptimised,
+    fits,
+    fresh_for_throw,
 )
 from mitt.catcher.settings import (
     BRAKE,
@@ -33,27 +35,35 @@ from mitt.catcher.settings import (
     WATCH,
     CatcherSettings,
 )
-from mitt.catcher.state import CatcherState, Result, ball_in, exchange_arm, overwrite
+from mitt.catcher.state import (
+    CatcherState,
+    Result,
+    ball_in,
+    exchange_arm,
+    flight_begun,
+    overwrite,
+)
 from mitt.control.envelope import speeds_of
 from mitt.control.health import FAILED_TICKS, is_lost
 from mitt.control.stop import plan_brake
-from mitt.control.viability import Safety, safety_of
+from mitt.control.viability import Safety
 from mitt.errors import MittError
 from mitt.kernels import kernel
 from mitt.map.prediction import HORIZON, STRIDE, flown, lay_state, sigma_at_catch
 from mitt.signals import GRAVITY, PASSED, TICK, Array, BallState, MapStatus
-from mitt.verdict.feasibility import Approach, Outcome, Verdict, is_far, waiting_height
-from mitt.verdict.holding import force_of
-from mitt.verdict.impact import examined, gap_at_catch, harms, speed_caps, speed_jumps
+from mitt.verdict.feasibility import Outcome, Verdict, is_far, waiting_height
+from mitt.verdict.impact import examined, harms, speed_caps, speed_jumps
 from mitt.verdict.pieces import Pieces, Unfinished
 
 #: Time after which a ball that is far, or not seen, is looked at again for a verdict [s].
 _LOOK_AGAIN = 0.02
 #: Time after which a ball that has come back and cannot be caught yet is judged again [s].
 _JUDGE_AGAIN = 0.005
-#: Pieces of a verdict that are worked out in a millisecond: with two the arm begins 5 ms later than
-#: if all were worked out at once. What a generator says, and its adaptation, have a tick each.
-_PIECES = 2
+PIECES: Final = 2
+"""Pieces of a verdict that are worked out in a millisecond: with fewer the arm starts later."""
+
+#: Pieces that take as long as an adaptation.
+_ADAPTATION = 1
 #: Age of an estimate up to which a verdict on it is gone on with [s].
 _STALE = 0.1
 #: How much later than it passes by a refused ball is gone for good [s]: one that is tossed up comes
@@ -62,8 +72,6 @@ _LANDS = 0.4
 #: Share of the time in which it is back at its height that a rising ball has to be away from the
 #: hand over the ground, to come down to it.
 _FALLEN = 0.5
-#: Velocity of a ball that comes [m/s].
-_COMES = np.array([-5.0, 0.0, -1.0])
 #: Verdicts with which a ball, or what stands for it, is followed.
 _FOLLOWED = (Outcome.FEASIBLE, Outcome.OPEN)
 
@@ -106,7 +114,7 @@ def undecided(todo: int, state: CatcherState, result: Result) -> bool:
         motion = np.empty(10)
         lay_state(result.ball, out.drag, out.led, motion)
         sigma = sigma_at_catch(state.map, motion, out.drag, result.covariance)
-    begun = max(s.t_flight, out.t_first)
+    begun = flight_begun(s.t_flight, out.t_first)
     return bool(too_early(out.t_ball, begun, sigma, s.t_look, s.watch, s.sigma_ready))
 
 
@@ -134,6 +142,28 @@ def comes(ball: BallState, hand: Array, floor: float) -> bool:
 
 
 @final
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Inquiry:
+    """A verdict that is being worked out.
+
+    Attributes:
+        asked: What it was asked for, a bit of those that a tick returns: ``DECIDE``, of a ball that
+            is not followed yet; ``LAGS`` and ``PASSES``, of one that is; ``REVIEWS``, of one that
+            no catch is foreseen of.
+        ball: Estimate of the ball when it was asked.
+        begun: When its flight began [s].
+        start: q, dq of the arm then [rad, rad/s], shape (2, n).
+        pieces: What is known.
+    """
+
+    asked: int
+    ball: BallState
+    begun: float
+    start: Array
+    pieces: Pieces
+
+
+@final
 class Planner:
     """Decides for a catcher, whose state it writes; one object a throw.
 
@@ -156,13 +186,11 @@ class Planner:
 
     def begin(self) -> None:
         """Watch for a ball with the generator as it was given."""
-        given = self._given
-        self.generator = given.afresh() if isinstance(given, Remembering) else given
-        self.failure = ""
+        self.generator, self.failure = fresh_for_throw(self._given), ""
         self.brake = np.zeros((1, 3, self._arm.n))
         self._verdict: Verdict | None = None
         self._deferred: tuple[BallState, Array] | None = None
-        self._pending: tuple[BallState, float, Pieces] | None = None
+        self._pending: _Inquiry | None = None
         self._doubt: tuple[float, Verdict] | None = None  # first against a ball followed, when [s]
         self.certificate: Verdict | None = None
 
@@ -218,27 +246,49 @@ class Planner:
         ball = ball_in(self._result)
         if self.phase == REFUSED:  # of the flight that was refused, not of this one
             self._enter(WATCH)
+        if self._pending is not None and self._is_vain(self._pending, ball):
+            self._ponder(None)
+            self._scalars["t_look"] = ball.t
         if self.phase == WATCH:
             self._watch(ball)
-            return
+        else:
+            self._follow(ball, todo)
+
+    def _is_vain(self, p: _Inquiry, ball: BallState) -> bool:
+        """Say whether a verdict is of no use any more.
+
+        It was of another flight, or of a ball that was lost meanwhile; or the catch is so near that
+        what is followed is left as it is.
+        """
+        out, near = self._out, self._settings.adapt_until
+        soon = bool(out["inside"]) and out["time_to_catch"].item() < near
+        late = soon and p.asked in (LAGS, REVIEWS)
+        return late or p.begun != self.flight_begun or ball.t - p.ball.t > _STALE
+
+    def _follow(self, ball: BallState, todo: int) -> None:
+        """Do what a ball that is followed asks for."""
+        before, goes_on = self.generator, self._pending is not None
         if todo & PASSES and self._has_passed(ball):
-            self._let_pass(ball)
-            return
-        if todo & DECIDE:
+            if self._pending is None or self._pending.asked != PASSES:
+                self._ask(PASSES, ball)
+        elif todo & DECIDE:
             self._reconsider(ball)
-        elif todo & LAGS and isinstance(self.generator, Leaving):
+        elif todo & LAGS and fits(self.generator, Leaving):
             # Its limits, the arm itself or the floor keep it from what it was told.
-            said = self._said(ball)
+            said = self._considered(ball, self._state.estimated, Pieces())[0]
             self._give_up(replace(said, outcome=Outcome.UNSETTLED, binding_limit="blocked"))
         elif todo & LAGS:
             # The ball has left the arm behind, as after a bounce: the map starts again from where
             # the arm is and how fast it moves, eq. (12), and the gap is closed on the way to the
             # catch instead of by feedback at once.
-            self._renew(ball)
+            self._renew(ball, lags=True)
         elif todo & REVIEWS:
             self._review(ball, lost=bool(todo & PASSES))
-        if todo & GRASPS:
+        if todo & GRASPS and self.phase == FOLLOW:
             self._grasp()
+        if goes_on:
+            adapted = self.generator is not before
+            self._go_on(ball, PIECES - (_ADAPTATION if adapted else 0))
 
     def refer(self) -> None:
         """Evaluate a generator that is no map; where it fails, there is no motion in this tick."""
@@ -256,7 +306,7 @@ class Planner:
             return
         out = self._out
         out["inside"] = answer.status is MapStatus.INSIDE
-        leaving, left = isinstance(self.generator, Leaving), answer.time_to_catch
+        leaving, left = fits(self.generator, Leaving), answer.time_to_catch
         ahead = out["inside"] and (left >= -PASSED or leaving)  # what it chose may lie far behind
         out["time_to_catch"] = left if ahead else np.inf
         if out["inside"] and left == np.inf and leaving:
@@ -273,9 +323,23 @@ class Planner:
             self._ponder(None)
             self._answered()
 
-    def _ponder(self, pending: tuple[BallState, float, Pieces] | None) -> None:
-        """Begin to work out the verdict on a ball, whose flight began at a time [s], or end it."""
+    def _ponder(self, pending: _Inquiry | None) -> None:
+        """Begin to work a verdict out, or end it."""
         self._pending, self._scalars["ponders"] = pending, pending is not None
+
+    def _ask(self, asked: int, ball: BallState) -> None:
+        """Ask for a verdict on a ball; it is worked out from the next tick on.
+
+        A generator that is asked only after a pause is asked at once: it begins with the ball that
+        it judged.
+        """
+        at_once = fits(self.generator, Paced)
+        self._ponder(_Inquiry(
+            asked=asked, ball=ball, begun=self.flight_begun, start=self._state.estimated.copy(),
+            pieces=Pieces(np.inf if at_once else 0),
+        ))  # fmt: skip
+        if at_once:
+            self._go_on(ball)
 
     def _answered(self) -> None:
         """Forget ticks without an answer, unless they were enough for a stop."""
@@ -288,18 +352,10 @@ class Planner:
         A verdict is for this flight, so it waits until the ball is as near as it has to be for a
         start, and until a ball that has left the images is back in them.
         """
-        begun = self._flight_begun(ball)
-        if (p := self._pending) is not None and (p[1] != begun or ball.t - p[0].t > _STALE):
-            self._ponder(None)  # it was of another flight, or of a ball that was lost meanwhile
-        if self._pending is None and not self._is_due(ball, begun):
-            return
-        if self._pending is None:
-            at_once = isinstance(self.generator, Paced)  # it begins with the ball that it judged
-            self._ponder((ball, begun, Pieces(np.inf if at_once else 0)))
-            if not at_once:
-                return
-        with suppress(Unfinished):
+        if self._pending is not None:
             self._go_on(ball)
+        elif self._is_due(ball, self.flight_begun):
+            self._ask(DECIDE, ball)
 
     def _is_due(self, ball: BallState, begun: float) -> bool:
         """Say whether it is time for a verdict on a ball whose flight began at a time [s]."""
@@ -317,36 +373,88 @@ class Planner:
             return False
         return True
 
-    def _go_on(self, ball: BallState) -> None:
-        """Go on with the verdict on a ball as it was when that was begun, some pieces a tick.
+    def _go_on(self, ball: BallState, count: int = PIECES) -> None:
+        """Go on with the verdict that is asked for, some pieces a millisecond, and act on it.
 
         Args:
-            ball: Its estimate now.
+            ball: Estimate of the ball now.
+            count: How many pieces.
+        """
+        if (p := self._pending) is None:
+            return
+        if p.pieces.left < np.inf:
+            p.pieces.grant(count * max(round(self._scalars["passed"].item() / TICK), 1))
+        with suppress(Unfinished):
+            self._settle(p, ball)
+
+    def _settle(self, p: _Inquiry, ball: BallState) -> None:
+        """Act on a verdict once it is known.
+
+        Args:
+            p: What was asked.
+            ball: Estimate of the ball now.
 
         Raises:
             Unfinished: It is to be gone on with in the next tick.
         """
-        if self._pending is None:
-            return
-        judged, begun, pieces = self._pending
-        if pieces.left < np.inf:
-            pieces.grant(_PIECES * max(round(self._scalars["passed"].item() / TICK), 1))
-        verdict = self._judged(judged, pieces)
-        if verdict.outcome in _FOLLOWED:
-            self._take(verdict, ball, pieces)
-            return
-        self._ponder(None)
+        said, g = p.pieces.whole("considered", self._considered, p.ball, p.start, p.pieces)
+        if p.asked == PASSES:
+            self._let_pass(said, g, ball)
+        elif p.asked == REVIEWS:
+            self._ponder(None)
+            if said.outcome is Outcome.OPEN:
+                self._await(said, g, ball)
+        else:
+            self._act_on(p, self._examined(said, p.pieces), g, ball)
+
+    def _act_on(self, p: _Inquiry, verdict: Verdict, g: Generator, ball: BallState) -> None:
+        """Follow a ball by a verdict on it, or brake.
+
+        What is held against a ball rests on the estimate that was judged, not on a newer one.
+
+        Args:
+            p: What was asked.
+            verdict: The verdict.
+            g: The generator that it rests on.
+            ball: Estimate of the ball now.
+        """
+        followed = (Outcome.FEASIBLE,) if self._scalars["surrogate"] else _FOLLOWED
+        if verdict.outcome in followed:
+            self._take(verdict, g, ball, p.pieces)
+        elif self.phase == WATCH:
+            self._ponder(None)
+            self._decline(verdict, p.ball, p.begun)
+        elif p.asked == DECIDE:
+            self._ponder(None)
+            if said := self._against(verdict, p.ball, verdict.outcome is Outcome.UNREACHABLE):
+                self._give_up(said)
+            else:
+                self._scalars["t_look"] = p.ball.t + _JUDGE_AGAIN
+        elif said := self._against(
+            verdict, p.ball, harms(self._arm, verdict, self._caught, p.pieces)
+        ):
+            self._give_up(said)
+        else:
+            if verdict.approach is not None:  # the verdict stays; it is tried with this motion
+                self._make_room(verdict, p.pieces)
+                self._verdict = self._verdict and replace(self._verdict, approach=verdict.approach)
+            self._ponder(None)
+            self._adapt(ball, g)
+
+    def _decline(self, verdict: Verdict, ball: BallState, begun: float) -> None:
+        """Keep a verdict with which no ball is followed; refuse a flight for which it is due."""
         self._verdict, self._deferred = verdict, None
-        if isinstance(self.generator, Paced):
+        if fits(self.generator, Paced):
             self._scalars["t_look"] = ball.t + self.generator.pause()
         flies = verdict.outcome is Outcome.UNREACHABLE and not ball.led
         if flies and ball.t - begun >= self._settings.watch:
             self._refuse(ball, begun)
 
-    def _flight_begun(self, ball: BallState) -> float:
-        """Return when the flight of a ball began: first seen, let go or kicked [s]."""
-        let_go: float = self._scalars["t_flight"].item()
-        return max(let_go, ball.t_first)
+    @property
+    def flight_begun(self) -> float:
+        """When the flight began that the estimate is of [s]: seen first, let go or kicked."""
+        t_flight, t_first = self._scalars["t_flight"].item(), self._out["t_first"].item()
+        return float(flight_begun.py_func(t_flight, t_first))
 
     def _refuse(self, ball: BallState, begun: float) -> None:
         """Refuse a flight: until another begins, and for good once this one has passed by."""
@@ -360,43 +468,59 @@ class Planner:
 
     def _is_far(self, ball: BallState) -> bool:
         """Say whether there is time for a verdict; one that looks far ahead itself is for now."""
-        if isinstance(self.generator, Farsighted):
+        if fits(self.generator, Farsighted):
             return False
         return is_far(ball, self._arm.position(self._state.estimated[0]))
 
-    def _judged(self, ball: BallState, pieces: Pieces) -> Verdict:
-        """Return the verdict on a ball for the arm as it is and moves, up to its rest afterwards.
+    def _examined(self, verdict: Verdict, pieces: Pieces) -> Verdict:
+        """Return a generator's verdict for the arm as it is and moves, up to its rest afterwards.
 
         A generator that knows of an arm at rest alone is taken at its word that the ball has
         come back, or was feasible; what comes after the catch is looked at all the same.
         """
-        g, verdict = self.generator, pieces.of("said", self._said, ball)
+        g = self.generator
         if isinstance(g, Unoptimised):  # alpha = 0 is never refused
             return verdict
-        if self.phase != WATCH and not isinstance(g, Underway):
+        if self.phase != WATCH and not fits(g, Underway):
             verdict = replace(verdict, outcome=Outcome.FEASIBLE)
-        pieces.rest()
         bandwidth = self._settings.bandwidth
         return examined(self._arm, verdict, self._caught, bandwidth=bandwidth, pieces=pieces)
 
-    def _said(self, ball: BallState) -> Verdict:
-        """Return what the generator says of a ball, of an arm that moves if it knows of one."""
-        g, (q, dq) = self.generator, self._state.estimated.copy()
-        if self.phase != WATCH and isinstance(g, Underway):
-            return g.verdict(ball, q, dq)
-        return self._of_rest(ball, q)
+    def _considered(
+        self, ball: BallState, start: Array, pieces: Pieces
+    ) -> tuple[Verdict, Generator]:  # fmt: skip
+        """Return what the generator says of a ball, and the generator that this rests on.
+
+        Args:
+            ball: Estimate of the ball.
+            start: q, dq of the arm, of which it may know alone that it rests, shape (2, n).
+            pieces: What is known, and how much may be worked out.
+        """
+        g, (q, dq), moves = self.generator, start.copy(), self.phase != WATCH
+        if fits(g, Piecewise):
+            return g.consider(ball, q, dq if moves else None, pieces)
+        if moves and fits(g, Underway):
+            return pieces.of("said", g.verdict, ball, q, dq), g
+        return pieces.of("said", self._of_rest, ball, q), g
 
     def _of_rest(self, ball: BallState, q: Array) -> Verdict:
         """Return what the generator says of a ball for an arm that rests in a pose."""
         g, verdict = self.generator, self.generator.verdict(ball, q)
-        return _kept_clear(self._state.safety, verdict) if isinstance(g, Leaving) else verdict
+        return _kept_clear(self._state.safety, verdict) if fits(g, Leaving) else verdict
 
-    def _take(self, verdict: Verdict, ball: BallState, pieces: Pieces | None = None) -> None:
-        """Let a verdict that the ball can be caught, or waited for, take effect: follow it."""
-        self._make_room(verdict, pieces or Pieces())
+    def _take(self, verdict: Verdict, g: Generator, ball: BallState, pieces: Pieces) -> None:
+        """Let a verdict that the ball can be caught, or waited for, take effect: follow it.
+
+        Args:
+            verdict: The verdict.
+            g: The generator that it rests on: nothing is chosen again.
+            ball: Estimate of the ball now.
+            pieces: What is known of the verdict.
+        """
+        self._make_room(verdict, pieces)
         self._verdict, self._deferred, self._doubt = verdict, None, None
         self._scalars["surrogate"] = verdict.outcome is Outcome.OPEN
-        self._adapt(ball, waits=verdict.outcome is Outcome.OPEN)
+        self._adapt(ball, g, waits=verdict.outcome is Outcome.OPEN)
         self._enter(FOLLOW)
 
     def _is_out_of_sight(self) -> bool:
@@ -422,19 +546,12 @@ class Planner:
 
         The arm brakes where the ball, known well, has come back and cannot be caught.
         """
-        if ball.t < self._scalars["t_look"]:
+        if self._pending is not None or ball.t < self._scalars["t_look"]:
             return
         if not self.generator.returns(ball):
             self._doubt = None
             return
-        pieces = Pieces()
-        verdict = self._judged(ball, pieces)
-        if verdict.outcome is Outcome.FEASIBLE:
-            self._take(verdict, ball, pieces)
-        elif said := self._against(verdict, ball, verdict.outcome is Outcome.UNREACHABLE):
-            self._give_up(said)
-        else:
-            self._scalars["t_look"] = ball.t + _JUDGE_AGAIN
+        self._ask(DECIDE, ball)
 
     def _has_passed(self, ball: BallState) -> bool:
         """Say whether a ball comes no more, by where it is and how it moves now.
@@ -443,46 +560,41 @@ class Planner:
         in one moment and none in the next. One that leaves by itself says so for good.
         """
         hand, floor = self._arm.position(self._state.estimated[0]), self._settings.around.floor
-        return isinstance(self.generator, Leaving) or not comes(ball, hand, floor)
+        return fits(self.generator, Leaving) or not comes(ball, hand, floor)
 
-    def _let_pass(self, ball: BallState) -> None:
+    def _let_pass(self, verdict: Verdict, g: Generator, ball: BallState) -> None:
         """Brake for a ball that has passed by; wait for one that a bounce may still bring up."""
-        verdict = self._said(ball)
+        self._ponder(None)
         if verdict.outcome is Outcome.OPEN:
-            self._await(verdict, ball)
-        elif isinstance(self.generator, Leaving) and verdict.outcome is not Outcome.FEASIBLE:
+            self._await(verdict, g, ball)
+        elif fits(self.generator, Leaving) and verdict.outcome is not Outcome.FEASIBLE:
             self._give_up(verdict)  # what was met says why it was given up
         else:
             self._slow_down(self._arm)
 
-    def _await(self, verdict: Verdict, ball: BallState) -> None:
+    def _await(self, verdict: Verdict, g: Generator, ball: BallState) -> None:
         """Wait for a ball whose verdict has become open, as it might have been before the start."""
         self._scalars["t_ahead"] = ball.t
-        self._take(verdict, ball)
+        self._take(verdict, g, ball, Pieces())
 
-    def _renew(self, ball: BallState) -> None:
+    def _renew(self, ball: BallState, *, lags: bool) -> None:
         """Let the generator start again from where the arm is, for a ball that is elsewhere.
 
         What asks for too much on the way is tried all the same, within all limits. But the arm
         brakes where for some time it would not come through the impact, or not hold the ball. A
-        verdict takes long: what lags again soon starts again without another, and so does a
-        generator whose verdicts do not depend on its motion.
+        verdict takes long: until it is known what is followed starts again at once, and so does
+        what lags again soon, and a generator whose verdicts do not depend on its motion.
+
+        Args:
+            ball: The ball.
+            lags: Whether the arm was left behind.
         """
         blind = self._verdict is None or self._verdict.approach is None
-        if blind or ball.t < self._scalars["t_look"]:
-            self._adapt(ball)
-            return
-        self._scalars["t_look"] = ball.t + _LOOK_AGAIN
-        pieces = Pieces()
-        verdict = self._judged(ball, pieces)
-        if verdict.outcome in _FOLLOWED:
-            self._take(verdict, ball, pieces)
-        elif said := self._against(verdict, ball, harms(self._arm, verdict, self._caught, pieces)):
-            self._give_up(said)
-        else:
-            self._adapt(ball)
-            if verdict.approach is not None:
-                self._make_room(verdict, pieces)
+        if not blind and self._pending is None and ball.t >= self._scalars["t_look"]:
+            self._scalars["t_look"] = ball.t + _LOOK_AGAIN
+            self._ask(LAGS, ball)
+        if (lags or blind) and self.phase == FOLLOW:
+            self._adapt(ball, self.generator)
 
     def _against(self, verdict: Verdict, ball: BallState, against: bool) -> Verdict | None:
         """Return the verdict by which the arm is to brake: one near its catch, or that has lasted.
@@ -507,17 +619,18 @@ class Planner:
 
     def _give_up(self, verdict: Verdict) -> None:
         """Brake from the last command on: the ball that was followed is refused."""
+        self._ponder(None)
         self._verdict, self._deferred = verdict, None
         self._slow_down(self._arm)
 
-    def _adapt(self, ball: BallState, *, waits: bool = False) -> None:
-        """Let the generator start from where the arm is, for a ball or to wait for it."""
-        g, (q, dq) = self.generator, self._state.estimated.copy()
-        if waits and isinstance(g, Underway):
+    def _adapt(self, ball: BallState, g: Generator, *, waits: bool = False) -> None:
+        """Let a generator start from where the arm is, for a ball or to wait for it."""
+        q, dq = self._state.estimated.copy()
+        if waits and fits(g, Underway):
             self.generator = g.wait(ball, q, dq)
         else:
             self.generator = g.adapt(g.waiting(ball) if waits else ball, q, dq)
-        if isinstance(self.generator, Underway):
+        if fits(self.generator, Underway):
             self.certificate = self.generator.certificate
         f = self.generator.as_map()
         if f is not None:
@@ -535,11 +648,11 @@ class Planner:
             lost: Whether no catch was ahead for some time.
         """
         hoped = self.verdict is not None and self.verdict.outcome is Outcome.FEASIBLE
-        astray = hoped and isinstance(self.generator, Underway) and self.generator.astray(ball)
+        astray = hoped and fits(self.generator, Underway) and self.generator.astray(ball)
         if astray or self._doubt is not None:
-            self._renew(ball)
-        elif lost and (verdict := self._said(ball)).outcome is Outcome.OPEN:
-            self._await(verdict, ball)
+            self._renew(ball, lags=False)
+        elif lost and self._pending is None:
+            self._ask(REVIEWS, ball)
 
     def move(self, motion: Array, t: float) -> None:
         """Follow a motion from now on, as if it were that of the brake; see ``Catcher.move``."""
@@ -563,7 +676,7 @@ class Planner:
         """
         t, g = self._result.scalars["t"].item(), self.generator
         last = self._result.command[:3].copy()
-        way = g.leaving(last) if isinstance(g, Leaving) else None
+        way = g.leaving(last) if fits(g, Leaving) else None
         if way is None:
             self.brake = plan_brake(arm, t, last).table(TICK)
             self._brake_from(t)
@@ -584,44 +697,3 @@ def _kept_clear(s: Safety, verdict: Verdict) -> Verdict:
     if min(clearance(s.arm.bodies, q, s.shapes, s.pairs, s.ends) for q in poses) >= MARGIN:
         return verdict
     return replace(verdict, outcome=Outcome.UNSETTLED, binding_limit="clearance", share=np.inf)
-
-
-def load_decisions(arm: Arm, generator: Generator, settings: CatcherSettings) -> None:
-    """Ask about balls that come to the hand, aside, below or not at all, and one that is led.
-
-    Code is loaded at its first call, or even compiled, which takes up to seconds. A throw that
-    needs what no throw before it needed, as the first that asks for too much torque, would wait.
-    Which ball asks for too much torque, or is caught beside the region of a map, depends on arm and
-    map: what is done for them is done here with a short motion, and with the pose of the start.
-
-    Args:
-        arm: The arm.
-        generator: What is asked.
-        settings: Of the catcher.
-    """
-    q = arm.q_ready
-    for ball in _balls(arm.position(q)):
-        generator.sharpness(ball)
-        generator.unsettled(ball, q)
-        is_far(ball, arm.position(q))
-        examined(arm, generator.verdict(ball, q), settings.caught, bandwidth=settings.bandwidth)
-        generator.returns(ball)
-        generator.waiting(ball)
-    f = generator.as_map()
-    if f is not None:
-        f.to_ball(f.start)
-    s = safety_of(arm, settings.around)
-    clearance(s.arm.bodies, q, s.shapes, s.pairs, s.ends)
-    still = np.array([[q, 0.0 * q, 0.0 * q]] * 3)
-    short = Approach(motion=still, step=2.0 * TICK, dr_o=_COMES)
-    gap_at_catch(arm, short, speeds_of(arm), settings.bandwidth)
-    force_of(arm, q, _COMES, settings.caught)
-
-
-def _balls(hand: Array) -> list[BallState]:
-    """Return a ball of each kind, for a hand that waits somewhere [m], shape (3,)."""
-    comes = BallState(t=0.0, r_o=hand - 0.4 * _COMES, dr_o=_COMES)
-    miss = [replace(comes, r_o=comes.r_o + np.array(by))
-            for by in ((0.0, 0.9, 0.0), (0.0, 0.0, -0.5))]  # fmt: skip
-    away = replace(comes, dr_o=-comes.dr_o)
-    return [comes, *miss, away, replace(comes, led=True)]

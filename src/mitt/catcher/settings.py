@@ -29,8 +29,8 @@ WATCH, FOLLOW, BRAKE, REFUSED, STOPPED = range(len(PHASES))
 #: What is to be thought about after a tick, as bits of its result: the verdict is open, the ball
 #: has left the arm behind, the fingers have closed as far as there is time for, the catcher has
 #: stopped, what is followed is to be reviewed, no catch was foreseen for some time (where the ball
-#: is and goes then says whether it has passed by).
-DECIDE, LAGS, GRASPS, STOPS, REVIEWS, PASSES = 1, 2, 4, 8, 16, 32
+#: is and goes then says whether it has passed by), a verdict is being worked out.
+DECIDE, LAGS, GRASPS, STOPS, REVIEWS, PASSES, PONDERS = 1, 2, 4, 8, 16, 32, 64
 #: Time without a catch ahead after which that is looked into, and for which verdicts have to be
 #: against a ball that is followed until the arm brakes [s]: longer than the estimate needs to
 #: settle after a bounce or a kick.

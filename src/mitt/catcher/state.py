@@ -221,6 +221,17 @@ def result_handle(result: Result) -> Any:  # noqa: ANN401
 
 
 @kernel
+def flight_begun(t_flight: float, t_first: float) -> float:
+    """Return when the flight began that an estimate is of [s].
+
+    Args:
+        t_flight: When the ball was let go or kicked last, as of ``_STATE`` [s].
+        t_first: When it was seen first, as of ``BallState`` [s].
+    """
+    return float(max(t_flight, t_first))
+
+
+@kernel
 def store(result: Any, ticks: Any, k: int) -> None:  # noqa: ANN401
     """Write a result into row ``k`` of room for many, both handles."""
     ticks.scalars[k] = result.scalars[0]

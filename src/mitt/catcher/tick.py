@@ -30,6 +30,7 @@ from mitt.catcher.settings import (
     LAGS,
     PASSES,
     PATIENCE,
+    PONDERS,
     REFUSED,
     REVIEWS,
     SOON,
@@ -37,7 +38,7 @@ from mitt.catcher.settings import (
     STOPS,
     WATCH,
 )
-from mitt.catcher.state import CatcherState, Result
+from mitt.catcher.state import CatcherState, Result, flight_begun
 from mitt.control.closing import LONGEST_INSIDE, close, has_closed, may_begin
 from mitt.control.encoders import (
     BRIDGED,
@@ -295,12 +296,6 @@ def _note_flight(state: CatcherState, result: Result) -> None:
 
 
 @kernel
-def flight_begun(state: CatcherState, result: Result) -> float:
-    """Return when the flight began that the estimate is of [s]: seen first, let go or kicked."""
-    return float(max(state.scalars[0].t_flight, result.scalars[0].t_first))
-
-
-@kernel
 def _is_another(state: CatcherState, result: Result) -> bool:
     """Carry the refused flight on to the tick; say whether the ball does not fly on as it."""
     s, out, r, P = state.scalars[0], result.scalars[0], state.refused, result.covariance
@@ -316,7 +311,7 @@ def _is_another(state: CatcherState, result: Result) -> bool:
         sigma_v += P[3 + i, 3 + i]
     if not out.tracked or out.t >= s.t_gone:
         return False
-    if out.led or flight_begun(state, result) > s.t_refused:
+    if out.led or flight_begun(s.t_flight, out.t_first) > s.t_refused:
         return True
     far = np.sqrt(off) > ANOTHER + SURELY * np.sqrt(sigma)
     return bool(far or np.sqrt(off_v) > ANOTHER_SPEED + SURELY * np.sqrt(sigma_v))
@@ -587,6 +582,8 @@ def _afterwards(state: CatcherState, result: Result) -> int:
     """Return what is to be thought about while a ball is followed."""
     s, out = state.scalars[0], result.scalars[0]
     todo = DECIDE if s.surrogate else 0
+    if s.ponders:
+        todo |= PONDERS
     soon = out.inside and out.time_to_catch < s.adapt_until
     if not soon and out.t - s.t_reviewed >= s.review:
         s.t_reviewed = out.t

@@ -17,7 +17,7 @@ from multiprocessing.sharedctypes import RawArray
 from types import FrameType
 from typing import Any, TypeAlias, final
 
-from mitt.catcher.planner import load_decisions
+from mitt.catcher.loading import load_decisions
 from mitt.cell.drivers import Connection, local_connection, local_robot
 from mitt.cell.feeds import Feed
 from mitt.cell.live import LiveLoop, Mode

@@ -406,6 +406,10 @@ class Clairvoyant(Generator):
         """Return the one that knows this flight."""
         return replace(self, flight=flight, plan=None, last=_Last())
 
+    def afresh(self) -> "Clairvoyant":
+        """Return the one that knows this flight and has planned nothing yet."""
+        return replace(self, plan=None, last=_Last())
+
     def sharpness(self, ball: BallState) -> float:
         """Return 0: there is nothing to wait for."""
         ball = checks.instance("ball", ball, BallState)

@@ -23,7 +23,8 @@ from mitt.catcher.catcher import Catcher
 from mitt.catcher.family import Family
 from mitt.catcher.generators import Direct, Generator, Unoptimised, refining
 from mitt.catcher.given import answering, generator_of, map_of
-from mitt.catcher.planner import load_decisions, undecided
+from mitt.catcher.loading import load_decisions
+from mitt.catcher.planner import undecided
 from mitt.catcher.settings import CatcherSettings
 from mitt.catcher.tick import act, perceive, refer
 from mitt.clock import Progress, Stopwatch, settled

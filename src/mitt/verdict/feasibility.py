@@ -15,10 +15,11 @@ from mitt.fields import brief
 from mitt.kernels import kernel
 from mitt.map.demand import Tolerance, shares_of
 from mitt.map.foresight import Foresight, foresee
-from mitt.map.mapping import DirectMap
+from mitt.map.mapping import DirectMap, virtual
 from mitt.map.prediction import HORIZON, STRIDE, flown, spread
-from mitt.map.tangent import to_go
+from mitt.map.tangent import MapArrays, to_go, unpack
 from mitt.signals import Array, BallState
+from mitt.verdict.pieces import Pieces
 
 #: Instants at which the demand is reckoned.
 _INSTANTS = 25
@@ -104,12 +105,27 @@ class Verdict:
 
 
 def judge(
-    f: DirectMap, ball: BallState, q: Array, *, tolerance: Tolerance, dq: Array | None = None
-) -> Verdict:
-    """Return the verdict on a ball for an arm in ``q`` [rad], (n,), at rest or moving at ``dq``."""
+    f: DirectMap, ball: BallState, q: Array, *, tolerance: Tolerance, dq: Array | None = None,
+    pieces: Pieces | None = None, name: str = "",
+) -> Verdict:  # fmt: skip
+    """Return the verdict on a ball for an arm in ``q`` [rad], (n,), at rest or moving at ``dq``.
+
+    Args:
+        f: The map.
+        ball: Estimate of the ball.
+        q: Joint angles [rad], shape (n,).
+        tolerance: Share of each limit at which the throw is refused.
+        dq: Joint speeds [rad/s], shape (n,); at rest if left out.
+        pieces: What is known of this verdict, and how much may be worked out; all if left out.
+        name: With which the names of its pieces begin.
+
+    Raises:
+        Unfinished: It is to be gone on with.
+    """
     ball, q = checks.instance("ball", ball, BallState), checks.vector("q", q, f.arm.n, finite=True)
-    dq = None if dq is None else checks.vector("dq", dq, f.arm.n, finite=True)
-    return tempered(_judged(f, ball, q, tolerance=tolerance, dq=dq), ball)
+    dq = np.zeros(f.arm.n) if dq is None else checks.vector("dq", dq, f.arm.n, finite=True)
+    pieces = Pieces() if pieces is None else pieces
+    return tempered(_judged(f, ball, (q, dq), tolerance, pieces, name), ball)
 
 
 def tempered(verdict: Verdict, ball: BallState) -> Verdict:
@@ -135,14 +151,15 @@ def _comes_soon(ball: BallState, t_catch: float) -> bool:
 
 
 def _judged(
-    f: DirectMap, ball: BallState, q: Array, *, tolerance: Tolerance, dq: Array | None
-) -> Verdict:
+    f: DirectMap, ball: BallState, start: tuple[Array, Array], tolerance: Tolerance,
+    pieces: Pieces, name: str,
+) -> Verdict:  # fmt: skip
     """Return the verdict on a ball that goes on by its law of motion; see :func:`judge`."""
-    seen, start = foresee(f, ball), (q, np.zeros(f.arm.n) if dq is None else dq)
-    where = _where(f, seen)
-    alpha = f.adapted(ball, *start) if where is None else None
+    seen, where, alpha = pieces.of(f"{name}start", _started, f, ball, start)
     if alpha is None:
-        waits = _may_rise(f, ball, seen) and _can_wait(f, ball, start, tolerance)
+        waits = pieces.of(f"{name}rise", _may_rise, f, ball, seen)
+        way = pieces.of(f"{name}level", _level_way, f, ball, start) if waits else None
+        waits = way is not None and pieces.of(f"{name}wait", _keeps, f, *way, tolerance)
         return Verdict(
             outcome=Outcome.OPEN if waits else Outcome.UNREACHABLE,
             binding_limit=where or "domain",
@@ -150,7 +167,23 @@ def _judged(
             t_catch=ball.t + seen.after,
             sigma=np.inf,
         )
-    return weigh(f.with_alpha(alpha), ball, seen.after, tolerance)
+    return pieces.of(f"{name}way", _weighed, f, alpha, ball, seen.after, tolerance)
+
+
+def _started(
+    f: DirectMap, ball: BallState, start: tuple[Array, Array]
+) -> tuple[Foresight, str | None, Array | None]:
+    """Return the predicted catch, why it is none, and else alpha with which the arm goes there."""
+    seen = foresee(f, ball)
+    where = _where(f, seen)
+    return seen, where, f.adapted(ball, *start) if where is None else None
+
+
+def _weighed(
+    f: DirectMap, alpha: Array, ball: BallState, after: float, tolerance: Tolerance
+) -> Verdict:  # fmt: skip
+    """Return the verdict of a map with other coefficients; see :func:`weigh`."""
+    return weigh(f.with_alpha(alpha), ball, after, tolerance)
 
 
 def weigh(f: DirectMap, ball: BallState, after: float, tolerance: Tolerance) -> Verdict:
@@ -256,35 +289,54 @@ def _may_rise(f: DirectMap, ball: BallState, seen: Foresight) -> bool:
     return low and _passes_over(f, ball)
 
 
-def _can_wait(
-    f: DirectMap, ball: BallState, start: tuple[Array, Array], tolerance: Tolerance
-) -> bool:
-    """Say whether the arm can follow a ball's surrogate target to its catch within the limits.
+def _level_way(
+    f: DirectMap, ball: BallState, start: tuple[Array, Array]
+) -> tuple[Array, Array] | None:  # fmt: skip
+    """Return a ball's surrogate target up to its catch, (K, 3, 3), and alpha that follows it.
 
-    It cannot where the ball has passed by already, or is about to.
+    None where the ball has passed by already, or is about to.
 
     Args:
         f: The map.
         ball: Estimate of the ball.
         start: q, dq of the arm [rad, rad/s], shape (n,) each.
-        tolerance: Share of each limit that may be asked for.
     """
     path = flown(ball, np.arange(0.0, HORIZON, STRIDE))
-    ways = list[float]()
-    for motion in path:
-        level(motion, waiting_height(f))
-        inside, rows = f.virtual(motion)
-        if not inside:
-            return False
-        ways.append(float(to_go(f.tangent, rows[0])))
-        if ways[0] * ways[-1] <= 0.0:
-            break
-    else:
-        return False
-    alpha = f.adapted(levelled(f, ball), *start)
-    if alpha is None:
-        return False
-    return max(shares_of(f.arm, f.motions(path[: len(ways)], alpha), tolerance).values()) <= 1.0
+    count = int(level_to_catch(f.arrays, waiting_height(f), path, np.zeros((3, f.arm.n))))
+    alpha = f.adapted(levelled(f, ball), *start) if count > 0 else None
+    return None if alpha is None else (path[:count], alpha)
+
+
+def _keeps(f: DirectMap, path: Array, alpha: Array, tolerance: Tolerance) -> bool:
+    """Say whether the arm can follow a path, (K, 3, 3), within the limits that are given."""
+    return max(shares_of(f.arm, f.motions(path, alpha), tolerance).values()) <= 1.0
+
+
+@kernel
+def level_to_catch(f: MapArrays, height: float, path: Array, rows: Array) -> int:
+    """Let a path go level at a height, and count its instants up to the catch.
+
+    Args:
+        f: The map.
+        height: Where it goes [m].
+        path: r_o, dr_o, ddr_o at each instant, overwritten up to the catch, shape (K, 3, 3).
+        rows: Scratch, shape (3, n).
+
+    Returns:
+        How many there are, the first beyond the catch included; 0 where it leaves the domain before
+        it, or comes to none.
+    """
+    g, first = unpack(f.packed), 0.0
+    for k in range(len(path)):
+        level(path[k], height)
+        rows[0] = f.start
+        if not virtual(f.packed, path[k], rows, f.work):
+            return 0
+        s = to_go(g, rows[0])
+        first = s if k == 0 else first
+        if first * s <= 0.0:
+            return k + 1
+    return 0
 
 
 def _passes_over(f: DirectMap, ball: BallState) -> bool:
