@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from mitt.arm.arm import Arm
+from mitt.arm.tools import Suction
 from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
 from mitt.catcher.meeting import Glide, Meeting, MeetingSettings
 from mitt.files.arm_file import load_arm
@@ -300,6 +301,45 @@ def test_whatever_a_hand_does_the_tool_is_no_faster_than_it_may_be(seed: int) ->
     assert np.linalg.norm(way, axis=1).max() <= 1.05 * most
     ended = said.time_to_catch == inf
     assert (g.verdict(now, Q).binding_limit in ("tool", "area", "taken")) == ended
+
+
+def test_what_is_due_closes_however_late_it_is() -> None:
+    """In step for long enough by the tick in which its time is over: it closes; out of step not."""
+    g = meeting(settle=0.1, closing=0.05).adapt(part(), Q, np.zeros(6))
+    t = g.start + g.after + g.settings.window + g.settings.longest + 0.004
+    late = replace(part(), t=t, r_o=bare().position(Q), dr_o=np.zeros(3))
+    g.glide.to(t, g.known(late), np.zeros((3, 3)))
+    for off, ended in ((0.0, ""), (0.01, "window")):
+        g.glide.calm, g.glide.closes, g.glide.ended = t - 0.2, inf, ""
+        seen = replace(late, r_o=late.r_o + np.array([off, 0.0, 0.0]))
+        left = g.time_left(seen, np.array([Q, 0.0 * Q]))
+        assert g.glide.ended == ended
+        assert left == (inf if ended else pytest.approx(-0.03))
+
+
+def test_what_is_blocked_while_a_tool_closes_is_let_go() -> None:
+    """The arm cannot follow any more: it brakes, and opens what would close on nothing."""
+    arm = Arm(replace(bare().model, hand=Suction(length=0.03, delay=0.3)), bare().limits)
+    of = CatcherSettings(flight=CARRIED, sigma_ready=0.05, adapt_dq=inf)
+    catcher = Catcher(arm, meeting(arm, closing=0.3), settings=of)
+    q, dq, closing = arm.q_ready, np.zeros(6), 0
+    for tick in range(4000):
+        t = tick * TICK
+        r_o = part().r_o + t * part().dr_o
+        seen = Sighting(t=t, found=True, r_o=r_o, covariance=1e-8 * np.eye(3))
+        command = catcher.step(Senses(t=t, arm=ArmState(t=t, q=q, dq=dq), points=(seen,)))
+        braked = catcher.phase is Phase.BRAKE
+        catcher.think()
+        if braked:
+            break
+        q, dq = command.q.copy(), command.dq.copy()
+        closing += command.hand > 0.0
+        if closing == 20:
+            catcher.state.safety.bounds["dq_max"] = 0.005
+    assert closing > 20
+    assert catcher.verdict is not None
+    assert catcher.verdict.binding_limit == "blocked"
+    assert command.hand == 0.0
 
 
 #: How a part is lost, by why: it runs off, falls out of a hand, leaves its belt, is elsewhere.

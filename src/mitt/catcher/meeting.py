@@ -678,7 +678,7 @@ class Meeting(Generator):
             soon, now = self._leaves() if t >= met else (False, False)
             if soon and glide.calm < t:
                 begin = min(begin, t)
-            elif now or t - met > s.window + s.longest:
+            if begin > t and (now or t - met > s.window + s.longest):
                 glide.ended = "window"
                 return inf
             glide.closes = begin if begin <= t else inf

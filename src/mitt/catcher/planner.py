@@ -275,6 +275,7 @@ class Planner:
             self._reconsider(ball)
         elif todo & LAGS and fits(self.generator, Leaving):
             # Its limits, the arm itself or the floor keep it from what it was told.
+            self._open()
             said = self._considered(ball, self._state.estimated, Pieces())[0]
             self._give_up(replace(said, outcome=Outcome.UNSETTLED, binding_limit="blocked"))
         elif todo & LAGS:
@@ -311,9 +312,13 @@ class Planner:
         out["time_to_catch"] = left if ahead else np.inf
         if out["inside"] and left == np.inf and leaving:
             self._scalars["t_ahead"] = -np.inf
-            for time in ("t_begun", "t_catch", "duration"):  # what was closing opens
-                self._state.fingers[0][time] = np.inf
+            self._open()
         self._answered()
+
+    def _open(self) -> None:
+        """Open a hand that was closing."""
+        for time in ("t_begun", "t_catch", "duration"):
+            self._state.fingers[0][time] = np.inf
 
     def _enter(self, phase: int) -> None:
         """Begin another phase with the next tick; one that has stopped begins none."""
