@@ -35,7 +35,7 @@ def main() -> int:
     swung = list(swings.soak(options.swings, seed=options.seed, maps={}))
     for line in swings.table(swung):
         print(line)  # noqa: T201
-    strayed = swings.faults(swung)
+    told, strayed = swings.faults(swung)
     called = arrays.soak(options.calls, seed=options.seed)
     print(f"{called.calls} calls of {len(called.functions)} functions, {called.refused} refused")  # noqa: T201
     with tempfile.TemporaryDirectory() as folder:
@@ -50,7 +50,7 @@ def main() -> int:
         print(ended)  # noqa: T201
         again = studies.soak(options.study_kills, seed=options.seed, folder=resumed)
         print(dict(again))  # noqa: T201
-    for fault in strayed + made.faults + called.faults[:20] + read.faults + alone.faults:
+    for fault in told + strayed + made.faults + called.faults[:20] + read.faults + alone.faults:
         print(fault)  # noqa: T201
     for fault in killed.unreadable + ended.faults:
         print(fault)  # noqa: T201
@@ -61,7 +61,8 @@ def main() -> int:
         "ticks": made.ticks,
         "tick_faults": made.fault_ticks,
         "swings": len(swung),
-        "swing_faults": len(strayed),
+        "swing_command_faults": len(told),
+        "swing_arm_faults": len(strayed),
         "calls": called.calls,
         "call_faults": len(called.faults),
         "files": read.files + alone.files,
@@ -75,7 +76,7 @@ def main() -> int:
     }
     print(json.dumps(result))  # noqa: T201
     bad = ("violations", "non_finite", "tick_faults", "call_faults", "file_faults", "unreadable",
-           "swing_faults", "run_faults", "study_faults")  # fmt: skip
+           "swing_command_faults", "swing_arm_faults", "run_faults", "study_faults")  # fmt: skip
     return int(any(result[key] for key in bad))
 
 

@@ -251,24 +251,17 @@ def table(swings: list[Swing]) -> list[str]:
         ):
             k = int(np.argmin(values))
             found.append(f"{name} {1e3 * values[k]:.2f} (throw {of[k].index})")
-        near = sum(x.itself < MARGIN - _ROUNDING for x in of)
+        bad, astray = (len(x) for x in faults(of))
         met, ends = sum(x.caught for x in of), dict(Counter(x.phase for x in of))
         lines.append(
             f"{' '.join(key)}: {len(of)} throws, {met} met; mm, mrad: {', '.join(found)};"
-            f" arm below the margin in {near}; {ends}"
+            f" broken by the command in {bad}, by the arm in {astray}; {ends}"
         )
     return lines
 
 
-def faults(swings: list[Swing]) -> list[str]:
-    """Return the throws in which a command was too near or beyond an end, or the arm beyond one.
-
-    The clearance of the arm itself is in the table alone: nothing is promised of it where it lags.
-    """
-    out = []
-    for x in swings:
-        if x.command < MARGIN - _ROUNDING or x.command_end < -_ROUNDING:
-            out.append(f"command: {x}")
-        elif x.itself_end < 0.0:
-            out.append(f"arm: {x}")
-    return out
+def faults(swings: list[Swing]) -> tuple[list[str], list[str]]:
+    """Return the throws in which a command, and those in which the arm, was too near or beyond."""
+    commands = [x for x in swings if x.command < MARGIN - _ROUNDING or x.command_end < -_ROUNDING]
+    arms = [x for x in swings if x.itself < MARGIN - _ROUNDING or x.itself_end < 0.0]
+    return [f"command: {x}" for x in commands], [f"arm: {x}" for x in arms]

@@ -1,5 +1,6 @@
 """A small dose of the fuzzing: envelope and readers; ``make soak`` gives large ones."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -71,13 +72,24 @@ def test_no_garbage_gets_a_tick_to_break_a_rule(learned: Learned) -> None:
     assert count.recovered > 10
 
 
-def test_command_and_arm_stay_clear_and_in_range(learned: Learned, arm: Arm) -> None:
+def test_commands_stay_clear_and_command_and_arm_in_range(learned: Learned, arm: Arm) -> None:
     """Throws to the WAM, balls of 0.034 to 0.5 kg, random calls, exact plant and lab."""
     maps: swings.Maps = {("wam", "paper"): (arm, learned.map)}
     wam = tuple(x for x in swings.ROUND if x[:2] == ("wam", "paper"))
     made = list(swings.soak(16, seed=20020708, maps=maps, chosen=wam))
-    assert swings.faults(made) == []
+    assert swings.faults(made)[0] == []
+    assert all(x.itself_end >= 0.0 for x in made)
     assert sum(x.caught for x in made) >= 4
+
+
+def test_a_throw_in_which_command_or_arm_came_too_near_is_told() -> None:
+    """Each of the four bounds, broken by a little; command and arm apart."""
+    fine = swings.Swing("wam", "exact", 0, "brake", True, 0.0101, 0.0101, 0.001, 0.001)
+    assert swings.faults([fine]) == ([], [])
+    for bad in (replace(fine, command=0.0099), replace(fine, command_end=-1e-4)):
+        assert [len(x) for x in swings.faults([bad])] == [1, 0]
+    for bad in (replace(fine, itself=0.0099), replace(fine, itself_end=-1e-4)):
+        assert [len(x) for x in swings.faults([bad])] == [0, 1]
 
 
 def test_the_rule_of_ticks_sees_what_breaks_it(arm: Arm) -> None:
