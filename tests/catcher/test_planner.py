@@ -24,9 +24,13 @@ from mitt.map.mapping import DirectMap
 from mitt.map.neighbourhood import learn
 from mitt.rivals.planned import make_quintic
 from mitt.signals import GRAVITY, TICK, ArmState, Array, Senses, Sighting
+from mitt.trials.runner import TrialRunner
+from mitt.trials.source import source_of
 from mitt.verdict.feasibility import Outcome, Verdict
 from mitt.verdict.impact import speed_caps, speed_jumps
 from mitt.verdict.pieces import Pieces
+from mitt.world.disturbances import Kick
+from mitt.world.scene import Scene
 
 FALL = np.array([0.0, 0.0, -GRAVITY])
 #: Height of the floor [m], share of its vertical speed that a ball has after the bounce there.
@@ -164,6 +168,21 @@ def test_whatever_verdict_is_followed_its_room_is_kept(
 
     caught(arm, Direct(taught.map), way, settings, watch)
     assert len(followed) >= 2
+
+
+@pytest.mark.parametrize("index", [0, 1, 3])
+def test_a_kick_is_no_step_of_the_command(arm: Arm, taught: Learned, index: int) -> None:
+    """What the ball's new velocity asks for begins where the arm is, before any of it is emitted.
+
+    Else a tick goes as far as the envelope lets it, 700 rad/s^2, and the next one back.
+    """
+    scene = Scene(faults=(Kick(kind="kick", magnitude=2.0),))
+    runner = TrialRunner(arm, Direct(taught.map), scene, pixels=False)
+    runner.throw(source_of(arm, seed=542000, count=4, drag=0.04), index)
+    ticks = runner.ticks
+    early = ticks.scalars["following"] & (ticks.scalars["time_to_catch"] > 0.03)
+    assert np.sum(early) > 300
+    assert np.abs(ticks.command[early, 2]).max() < 150.0
 
 
 @pytest.mark.parametrize(("down", "table"), [(1.5, -0.1), (1.5, -0.2), (2.0, -0.2), (3.0, -0.3)])

@@ -167,6 +167,7 @@ class Staged:
         self.brake: Brake | None = None
         self.command: Command | None = None
         self.t_last, self.beside, self.impact_dq = 0.0, False, np.zeros(arm.n)
+        self.lagged = False
 
     def step(
         self, senses: Senses, phase: Phase, estimated: Array
@@ -185,9 +186,15 @@ class Staged:
             ball = self.track.state(senses.t)
             ball = self.notes.now.waiting(ball) if self.notes.waiting else ball
             reference = self.notes.now.reference(ball)
+            lags, before = self._lags(reference, estimated), self.lagged
+            self.lagged = lags
             if reference.status is MapStatus.INSIDE:
-                self.wanted = np.array([reference.q_d, reference.dq_d, reference.ddq_d])
                 time = reference.time_to_catch
+            if lags and not before:
+                q, dq, ddq = self.tracker.safety_filter.last
+                self.wanted = np.array([q + TICK * (dq + 0.5 * TICK * ddq), dq + TICK * ddq, ddq])
+            elif reference.status is MapStatus.INSIDE:
+                self.wanted = np.array([reference.q_d, reference.dq_d, reference.ddq_d])
             else:
                 self.wanted[1:] = 0.0
         elif phase is Phase.BRAKE:
@@ -198,6 +205,14 @@ class Staged:
         self.joints.after(self.tracker.arm, self.command)
         self.t_last = senses.t
         return self.command, reference
+
+    def _lags(self, reference: JointReference, estimated: Array) -> bool:
+        """Say whether the reference has left the arm behind: such a tick goes on as the last."""
+        s = self.settings
+        if reference.status is not MapStatus.INSIDE or reference.time_to_catch < s.adapt_until:
+            return False
+        apart = np.abs(np.array([reference.q_d, reference.dq_d]) - estimated).max(axis=1)
+        return bool(apart[0] >= s.adapt_q or apart[1] >= s.adapt_dq)
 
     def _closing(self, t: float, time: float, command: Command) -> float:
         """Return the closing angle."""

@@ -91,6 +91,7 @@ _STATE = {
     "t_reviewed": -np.inf,  # when what is followed was reviewed last [s]
     "t_look": -np.inf,  # before it there is no verdict: one that refuses a far ball waits [s]
     "ponders": False,  # whether a verdict is being worked out
+    "lags": False,  # whether the reference had left the arm behind in the tick before
     "was_led": False,  # whether the ball was led in the tick before
     "kicks": 0,  # how often its velocity was forgotten by then
     "t_flight": -np.inf,  # when it was let go, or was kicked, last [s]

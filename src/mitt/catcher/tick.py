@@ -370,13 +370,18 @@ def act(brake: Array, state: CatcherState, result: Result) -> int:
         state.tracking,
         result.command,
     )
+    lags = phase == FOLLOW and _lags(state, result)
     if phase == FOLLOW:
-        if out.inside:
+        if lags and not s.lags:  # what is followed starts again from where the arm is: no jump
+            copy(state.last, desired)
+            _carry(desired, min(s.passed, BRIDGED_TIME) - s.ahead * TICK)
+        elif out.inside:
             copy(result.reference[:3], desired)
         else:
             desired[1:] = 0.0
     elif phase == BRAKE:
         _brake_at(brake, t - s.t_brake, desired)
+    s.lags = lags
     blocked = _go_on(brake, state, result)
     _close(state, result)
     in_time = min(s.passed, IN_TIME)
@@ -578,6 +583,23 @@ def _note_rest(state: CatcherState, result: Result) -> None:
 
 
 @kernel
+def _lags(state: CatcherState, result: Result) -> bool:
+    """Say whether the reference has left the arm behind, as where the ball was kicked."""
+    s, out, reference, estimated = (
+        state.scalars[0],
+        result.scalars[0],
+        result.reference,
+        state.estimated,
+    )
+    if not out.inside or out.time_to_catch < s.adapt_until:
+        return False
+    return bool(
+        largest_gap(reference[0], estimated[0]) >= s.adapt_q
+        or largest_gap(reference[1], estimated[1]) >= s.adapt_dq
+    )
+
+
+@kernel
 def _afterwards(state: CatcherState, result: Result) -> int:
     """Return what is to be thought about while a ball is followed."""
     s, out = state.scalars[0], result.scalars[0]
@@ -588,13 +610,8 @@ def _afterwards(state: CatcherState, result: Result) -> int:
     if not soon and out.t - s.t_reviewed >= s.review:
         s.t_reviewed = out.t
         todo |= REVIEWS
-    if out.inside and not soon:
-        reference, estimated = result.reference, state.estimated
-        if (
-            largest_gap(reference[0], estimated[0]) >= s.adapt_q
-            or largest_gap(reference[1], estimated[1]) >= s.adapt_dq
-        ):
-            todo |= LAGS
+    if s.lags:
+        todo |= LAGS
     if out.time_to_catch < np.inf or state.fingers[0].t_begun < np.inf:
         s.t_ahead = out.t
     elif out.t - s.t_ahead > PATIENCE:
