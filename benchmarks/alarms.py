@@ -48,9 +48,13 @@ def drawn_scene(arm: Arm, rng: np.random.Generator) -> Scene:
     """Draw how far the plants of some throws may be from their model."""
     weakest, fastest = float(arm.tau_max.min()), float(arm.dq_max.max())
     step = 0.0 if rng.random() < 0.25 else float(10.0 ** rng.uniform(-6.0, -3.0))
-    mismatch = {"mass": rng.uniform(0.0, 0.2), "drag": 0.1, "ball_mass": rng.uniform(0.0, 0.2),
-                "viscous": rng.uniform(0.0, 0.05 * weakest / fastest),
-                "coulomb": rng.uniform(0.0, min(0.1 * weakest, 2.0))}  # fmt: skip
+    mismatch = {
+        "mass": rng.uniform(0.0, 0.2),
+        "drag": 0.1,
+        "ball_mass": rng.uniform(0.0, 0.2),
+        "viscous": rng.uniform(0.0, 0.05 * weakest / fastest),
+        "coulomb": rng.uniform(0.0, min(0.1 * weakest, 2.0)),
+    }
     sensing = {"latency": int(rng.integers(0, 4)), "encoder_step": step}
     actuation = {"delay": int(rng.integers(0, 3)), "bandwidth": float(rng.choice([0.0, 500.0]))}
     return Scene.model_validate({"mismatch": mismatch, "sensing": sensing, "actuation": actuation})
@@ -82,9 +86,12 @@ def summed(name: str, parts: list[Table]) -> Table:
     bad = [x for part in parts for x in part["violations"]]
     throws = len(bad)
     low, high = wilson(len(alarms), throws)
-    print(f"{name:10s}{throws:6d} throws   {len(alarms)} alarms [{low:.5f}, {high:.5f}]"
-          f" {dict(Counter(reason for reason, _ in alarms))}   {sum(bad)} ticks beyond a limit in"
-          f" {sum(x > 0 for x in bad)}   {dict(status)}", flush=True)  # fmt: skip
+    print(
+        f"{name:10s}{throws:6d} throws   {len(alarms)} alarms [{low:.5f}, {high:.5f}]"
+        f" {dict(Counter(reason for reason, _ in alarms))}   {sum(bad)} ticks beyond a limit in"
+        f" {sum(x > 0 for x in bad)}   {dict(status)}",
+        flush=True,
+    )
     return {"throws": throws, "alarms": alarms, "ticks": sum(bad), "status": dict(status)}
 
 

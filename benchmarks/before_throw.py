@@ -44,13 +44,14 @@ def main() -> None:
             for k in range(options.throws):
                 ball = source.ball(k)
                 assert isinstance(ball, Throw)
-                caught += thrown(
-                    first.again(generator), arm, ball, kind=kind, rate=rate, seed=k
-                )[0]  # fmt: skip
+                caught += thrown(first.again(generator), arm, ball, kind=kind, rate=rate, seed=k)[0]
             low, high = wilson(caught, options.throws)
             took = process_time() - begun
-            print(f"{rate:6.0f} Hz {kind:7s} caught {caught} of {options.throws}"
-                  f" [{low:.3f}, {high:.3f}]  {took:.0f} s", flush=True)  # fmt: skip
+            print(
+                f"{rate:6.0f} Hz {kind:7s} caught {caught} of {options.throws}"
+                f" [{low:.3f}, {high:.3f}]  {took:.0f} s",
+                flush=True,
+            )
 
 
 if __name__ == "__main__":

@@ -20,8 +20,10 @@ def main() -> None:
     print(f"{count} calibrations, seeds {first} to {first + count - 1}")
     for name in runs[0]:
         error, bound = np.sqrt(np.mean([np.square(run[name]) for run in runs], axis=0))
-        print(f"{name}: rms error {1e3 * error:.3f} mm, Cramer-Rao bound {1e3 * bound:.3f} mm, "
-              f"ratio {error / bound:.3f}")  # fmt: skip
+        print(
+            f"{name}: rms error {1e3 * error:.3f} mm, Cramer-Rao bound {1e3 * bound:.3f} mm, "
+            f"ratio {error / bound:.3f}"
+        )
 
 
 if __name__ == "__main__":

@@ -47,8 +47,14 @@ def of_arm_file(path: str, scene: str) -> Condition:
     """Return the throws that an arm file asks for, at its arm and map."""
     arm = ArmSpec(arm=path)
     throws = arm.read().throws or ThrowSettings()
-    return Condition(name=path, disturbance="default", arm=arm, scene=read_scene(scene),
-                     vision="pixels", throws=throws)  # fmt: skip
+    return Condition(
+        name=path,
+        disturbance="default",
+        arm=arm,
+        scene=read_scene(scene),
+        vision="pixels",
+        throws=throws,
+    )
 
 
 def conditions(limits: str, names: str, scene: str) -> Iterator[Condition]:
@@ -103,8 +109,13 @@ def run(options: argparse.Namespace, condition: Condition) -> list[Row]:
 
 def say(options: argparse.Namespace, limits: str, name: str, rows: list[Row]) -> None:
     """Print what some throws come to."""
-    head = {"limits": limits, "condition": name, "seed": options.seed,
-            "generator": options.generator, "vision": options.vision}  # fmt: skip
+    head = {
+        "limits": limits,
+        "condition": name,
+        "seed": options.seed,
+        "generator": options.generator,
+        "vision": options.vision,
+    }
     print(json.dumps({**head, **counted(rows)}), flush=True)
 
 

@@ -38,11 +38,18 @@ from mitt.signals import TICK, Array, Image
 
 #: Speed that counts as moving and as at rest [rad/s]; how long rest has to last, and how long it is
 #: watched how the arm sags onto its brakes then [s].
-MOVING, REST, LASTS, SAGS = 1.0, 0.05, 0.01, 0.3
+MOVING = 1.0
+REST = 0.05
+LASTS = 0.01
+SAGS = 0.3
 #: Length of a stall and of a cut [s], and by how much a clock is set back [s].
-STALL, CUT, BACK = 0.1, 0.5, 3600.0
+STALL = 0.1
+CUT = 0.5
+BACK = 3600.0
 #: What the cell does on a signal from the script.
-MARK, DO_CUT, DO_BACK = signal.SIGUSR1, signal.SIGUSR2, signal.SIGRTMIN
+MARK = signal.SIGUSR1
+DO_CUT = signal.SIGUSR2
+DO_BACK = signal.SIGRTMIN
 FAULTS = ("none", "kill-run", "kill-sim", "stall", "cut", "clock", "lossy")
 #: Share of the messages that is lost, either way, where nothing else goes wrong.
 LOST = {"none": 0.0, "lossy": 0.1}
@@ -101,8 +108,14 @@ class FaultyPort:
             rest, place = self._rested
             self._sag = max(self._sag, float(np.max(np.abs(q - place))))
             if passed > rest + SAGS:
-                say({"rest_s": round(rest, 4), "brake_s": round(self._brake, 4),
-                     "inside": self._inside, "sag_rad": round(self._sag, 4)})  # fmt: skip
+                say(
+                    {
+                        "rest_s": round(rest, 4),
+                        "brake_s": round(self._brake, 4),
+                        "inside": self._inside,
+                        "sag_rad": round(self._sag, 4),
+                    }
+                )
                 self._since, self._told = None, False
 
     def _begin(self, t: float, q: Array, dq: Array) -> None:
@@ -179,9 +192,12 @@ class Process:
         """Start it; ``keyboard`` gives it a terminal to read from."""
         self._keys, theirs = pty.openpty() if keyboard else (-1, -1)
         self.process = subprocess.Popen(  # noqa: S603 (ourselves)
-            [sys.executable, *words], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+            [sys.executable, *words],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
             stdin=theirs if keyboard else subprocess.DEVNULL,
-        )  # fmt: skip
+        )
         self.lines: Queue[str] = Queue()
         threading.Thread(target=self._listen, daemon=True).start()
 
@@ -332,10 +348,14 @@ def throws(
                     line = json.loads(sim.until('"result"', timeout=0.5))["result"]
                 except TimeoutError:
                     why = goes_on(run) or why
-            yield {"why": why, "status": line["status"], "violations": line["limit_violations"],
-                   "age_us": line["command_age_us"],
-                   "memory_mb": [round(sim.memory_mb, 1), round(run.memory_mb, 1)],
-                   "record_mb": recorded(record)}  # fmt: skip
+            yield {
+                "why": why,
+                "status": line["status"],
+                "violations": line["limit_violations"],
+                "age_us": line["command_age_us"],
+                "memory_mb": [round(sim.memory_mb, 1), round(run.memory_mb, 1)],
+                "record_mb": recorded(record),
+            }
     finally:
         run.end()
         sim.end()
@@ -365,8 +385,11 @@ def main() -> None:
     for fault in given.faults.split(","):
         found[fault] = []
         lost, many = LOST.get(fault), (given.times, given.seed)
-        made = (trials(given.cell, fault, *many) if lost is None
-                else throws(given.cell, lost, *many, given.record))  # fmt: skip
+        made = (
+            trials(given.cell, fault, *many)
+            if lost is None
+            else throws(given.cell, lost, *many, given.record)
+        )
         try:
             for trial in made:
                 found[fault].append(trial)
@@ -385,8 +408,10 @@ def report(fault: str, rows: list[dict[str, Any]]) -> None:
     if fault in LOST:
         caught = sum(row["status"] == "caught" for row in rows)
         stops, last = [row["why"] for row in rows if row["why"]], rows[-1]
-        print(f"{fault}: caught {caught} of {len(rows)}, stopped {len(stops)} times, ticks beyond"
-              f" a limit {last['violations']}, age of commands {last['age_us']}")  # fmt: skip
+        print(
+            f"{fault}: caught {caught} of {len(rows)}, stopped {len(stops)} times, ticks beyond"
+            f" a limit {last['violations']}, age of commands {last['age_us']}"
+        )
         for row in (rows[min(9, len(rows) - 1)], last):
             sim, run = row["memory_mb"]
             print(f"{fault}: sim {sim} MB, run {run} MB, recorded {row['record_mb']} MB")

@@ -14,7 +14,8 @@ import pyarrow.parquet as pq
 
 from mitt.trials.study_results import against
 
-BEGIN, END = "<!-- tables -->", "<!-- end of tables -->"
+BEGIN = "<!-- tables -->"
+END = "<!-- end of tables -->"
 #: Corrected p from which two generators count as different.
 LEVEL = 0.05
 REFERENCE = "direct"

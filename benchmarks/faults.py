@@ -46,7 +46,8 @@ SEED = 9000
 STARTS = tuple(float(t) for t in np.round(np.linspace(0.05, 0.40, 8), 3))
 #: Speed below which the arm stands still [rad/s], and ticks after the brakes' time from which no
 #: joint may creep.
-STILL, SETTLED = 0.1, 300
+STILL = 0.1
+SETTLED = 300
 #: Counts of motion from which a stuck encoder is due.
 COUNTS = 5.0
 #: Parts into which the throws of a row are dealt for several processes.
@@ -68,8 +69,9 @@ def lasting(length: float, **fault: Any) -> Plan:  # noqa: ANN401 (fields of a f
 
 def alone(length: float, **fault: Any) -> Plan:  # noqa: ANN401 (fields of a fault)
     """Return a plan of one fault of one camera: each in turn, from moment to moment."""
-    return lambda start: [{**fault, "camera": STARTS.index(start) % 2, "start": start,
-                           "length": length}]  # fmt: skip
+    return lambda start: [
+        {**fault, "camera": STARTS.index(start) % 2, "start": start, "length": length}
+    ]
 
 
 def always(**fault: Any) -> Plan:  # noqa: ANN401 (fields of a fault)
@@ -129,9 +131,15 @@ def catches(f: DirectMap, plan: Plan, throws: Sequence[Throw], *, pixels: bool, 
     caught = status.count("caught")
     low, high = wilson(caught, len(throws))
     named = STATUSES[1:]
-    return {"throws": len(throws), "caught": caught, "rate": caught / len(throws),
-            "low": low, "high": high, "violations": violations,
-            **{name: status.count(name) for name in named}}  # fmt: skip
+    return {
+        "throws": len(throws),
+        "caught": caught,
+        "rate": caught / len(throws),
+        "low": low,
+        "high": high,
+        "violations": violations,
+        **{name: status.count(name) for name in named},
+    }
 
 
 def vision(
@@ -139,17 +147,22 @@ def vision(
 ) -> Row:
     """Print and return the table of catches."""
     table: Row = {}
-    print(f"{'pixels' if pixels else 'points':28s}caught of throws   rate [95 %]   of clean   "
-          "dropped missed unreachable stopped aborted   violations")  # fmt: skip
+    print(
+        f"{'pixels' if pixels else 'points':28s}caught of throws   rate [95 %]   of clean   "
+        "dropped missed unreachable stopped aborted   violations"
+    )
     for name, plan in plans.items():
         row = catches(f, plan, throws, pixels=pixels, seed=seed)
         row["of_clean"] = row["rate"] / (table or {"clean": row})["clean"]["rate"]
         table[name] = row
-        print(f"{name:28s}{row['caught']:6d} of {row['throws']:4d}   {row['rate']:.3f}"
-              f" [{row['low']:.3f}, {row['high']:.3f}]   {row['of_clean']:.3f}   "
-              f"{row['dropped']:4d}{row['missed']:6d}{row['unreachable']:8d}{row['stopped']:10d}"
-              f"{row['aborted']:8d}"
-              f"{row['violations']:8d}", flush=True)  # fmt: skip
+        print(
+            f"{name:28s}{row['caught']:6d} of {row['throws']:4d}   {row['rate']:.3f}"
+            f" [{row['low']:.3f}, {row['high']:.3f}]   {row['of_clean']:.3f}   "
+            f"{row['dropped']:4d}{row['missed']:6d}{row['unreachable']:8d}{row['stopped']:10d}"
+            f"{row['aborted']:8d}"
+            f"{row['violations']:8d}",
+            flush=True,
+        )
     return table
 
 
@@ -235,10 +248,12 @@ def _shows(kind: str, q: Array, first: int, count: float) -> int:
 def encoders(f: DirectMap, throws: list[Throw], seed: int, workers: int) -> Row:
     """Print and return the table of broken encoders."""
     table: Row = {}
-    print("encoder   stopped   delay [ms] p50 p99 max   command at rest [ms] p50 p99 max   "
-          "arm at rest p50 p99 max   brake alone p50 max   creep [mrad] p50 p99 max   "
-          "ticks beyond a limit, once brakes act, after the brakes' time, "
-          "arms not at rest at the end")  # fmt: skip
+    print(
+        "encoder   stopped   delay [ms] p50 p99 max   command at rest [ms] p50 p99 max   "
+        "arm at rest p50 p99 max   brake alone p50 max   creep [mrad] p50 p99 max   "
+        "ticks beyond a limit, once brakes act, after the brakes' time, "
+        "arms not at rest at the end"
+    )
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
         for kind in ENCODERS:
             jobs = [
@@ -248,12 +263,17 @@ def encoders(f: DirectMap, throws: list[Throw], seed: int, workers: int) -> Row:
             row = gathered([job.result() for job in jobs])
             columns = [np.array(row[name]) for name in SPREADS]
             table[kind] = {"throws": len(throws), "detected": len(columns[0]), **row}
-            spread = "   ".join(f"{np.median(x):4.0f}{np.quantile(x, 0.99):5.0f}{x.max():5.1f}"
-                                for x in columns if len(x))  # fmt: skip
-            print(f"{kind:9s}{len(columns[0]):4d} of {len(throws)}   {spread}   "
-                  f"{row['violations']}, {row['engaged']}, {row['after_brakes']}, "
-                  f"{row['restless']}   {row['unseen']} unseen   {row['reasons']}",
-                  flush=True)  # fmt: skip
+            spread = "   ".join(
+                f"{np.median(x):4.0f}{np.quantile(x, 0.99):5.0f}{x.max():5.1f}"
+                for x in columns
+                if len(x)
+            )
+            print(
+                f"{kind:9s}{len(columns[0]):4d} of {len(throws)}   {spread}   "
+                f"{row['violations']}, {row['engaged']}, {row['after_brakes']}, "
+                f"{row['restless']}   {row['unseen']} unseen   {row['reasons']}",
+                flush=True,
+            )
     return table
 
 

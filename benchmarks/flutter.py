@@ -34,16 +34,31 @@ def draw(figure: Figure, rows: list[dict[str, Any]]) -> None:
         )
         times = [t * 1.015 ** (k - 0.5 * len(names)) for t, _, _ in found]
         rates = [rate for _, rate, _ in found]
-        ends = [[rate - 100.0 * low for _, rate, (low, _) in found],
-                [100.0 * high - rate for _, rate, (_, high) in found]]  # fmt: skip
-        axes.errorbar(times, rates, ends, color=colour, marker=marker, linestyle=line,
-                      markersize=4.5, linewidth=1.4, elinewidth=0.7, label=name)  # fmt: skip
+        ends = [
+            [rate - 100.0 * low for _, rate, (low, _) in found],
+            [100.0 * high - rate for _, rate, (_, high) in found],
+        ]
+        axes.errorbar(
+            times,
+            rates,
+            ends,
+            color=colour,
+            marker=marker,
+            linestyle=line,
+            markersize=4.5,
+            linewidth=1.4,
+            elinewidth=0.7,
+            label=name,
+        )
     ticks = sorted({float(m[1]) for row in rows if (m := _CONDITION.fullmatch(row["condition"]))})
     axes.set_xscale("log")
     axes.set_xticks(ticks, [f"{t:g}" for t in ticks])
     axes.set_xticks([], minor=True)
-    axes.set(xlabel="time in which the ball forgets its acceleration [ms]",
-             ylabel="caught [%]", ylim=(-3, 103))  # fmt: skip
+    axes.set(
+        xlabel="time in which the ball forgets its acceleration [ms]",
+        ylabel="caught [%]",
+        ylim=(-3, 103),
+    )
     figure.legend(loc="outside right upper")
 
 

@@ -29,7 +29,8 @@ DELAYS = {0.02: BLUE, 0.2: GREEN, 1.0: ORANGE}
 SPEEDS = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0, 1.2, 1.5)
 IN_STEP = 0.15
 #: Arms whose joints are looked at, and the number of places in their work areas.
-ARMS, PLACES = ("ur5e", "franka-panda", "wam"), 100
+ARMS = ("ur5e", "franka-panda", "wam")
+PLACES = 100
 
 
 def followed(name: str, speed: float) -> float:
@@ -69,10 +70,21 @@ def draw(figure: Figure, rows: list[tuple[float, float, int]], parts: int) -> No
         shares = [(v, 100.0 * n / parts, wilson(n, parts)) for d, v, n in rows if d == delay]
         speeds = [v + 0.006 * (k - 1) for v, _, _ in shares]
         most = [share for _, share, _ in shares]
-        ends = [[y - 100.0 * low for _, y, (low, _) in shares],
-                [100.0 * high - y for _, y, (_, high) in shares]]  # fmt: skip
-        axes.errorbar(speeds, most, ends, color=colour, marker="o", markersize=4, linewidth=1.4,
-                      elinewidth=0.8, label=f"{1e3 * delay:.0f} ms")  # fmt: skip
+        ends = [
+            [y - 100.0 * low for _, y, (low, _) in shares],
+            [100.0 * high - y for _, y, (_, high) in shares],
+        ]
+        axes.errorbar(
+            speeds,
+            most,
+            ends,
+            color=colour,
+            marker="o",
+            markersize=4,
+            linewidth=1.4,
+            elinewidth=0.8,
+            label=f"{1e3 * delay:.0f} ms",
+        )
     axes.set(xlabel="mean speed of the belt [m/s]", ylabel="met and in step [%]", ylim=(-3, 103))
     axes.legend(title="the tool acts after")
 

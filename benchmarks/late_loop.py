@@ -31,7 +31,8 @@ from mitt.signals import TICK, ArmState
 from mitt.trials.statistics import wilson
 
 #: Longest time that is given to what has come [s], and to a session [s].
-LONGEST, SESSION = 40.0, 300.0
+LONGEST = 40.0
+SESSION = 300.0
 
 
 class LateRobot:
@@ -106,8 +107,11 @@ def stalls(name: str, throws: int, every: int, lengths: Sequence[int], seed: int
         loop.cycle()
     print(f"{name}: {sum(found.values())} stalls; without: {Counter(cell.statuses)} {loop.why}")
     for (length, *said), count in sorted(found.items(), key=str):
-        print(f"  {length} ms, {count} times: {said[0]}, stopped: {said[1] or 'no'}, repeated"
-              f" {said[2]}, ticks beyond a limit {said[3]}", flush=True)  # fmt: skip
+        print(
+            f"  {length} ms, {count} times: {said[0]}, stopped: {said[1] or 'no'}, repeated"
+            f" {said[2]}, ticks beyond a limit {said[3]}",
+            flush=True,
+        )
 
 
 def session(cell: str, throws: int, seed: int) -> dict[str, object]:
@@ -116,14 +120,22 @@ def session(cell: str, throws: int, seed: int) -> dict[str, object]:
     words = [sys.executable, "-m", "mitt"]
     count = ["--throws", str(throws), "--json"]
     with subprocess.Popen(  # noqa: S603 (ourselves)
-        [*words, "sim", cell, "--seed", str(seed), *count], stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL, text=True, env=os.environ | domain,
-    ) as sim:  # fmt: skip
+        [*words, "sim", cell, "--seed", str(seed), *count],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        env=os.environ | domain,
+    ) as sim:
         begun = time.monotonic()
         run = subprocess.run(  # noqa: S603 (ourselves)
-            [*words, "run", cell, "--yes", *count], capture_output=True, text=True,
-            stdin=subprocess.DEVNULL, env=os.environ | domain, timeout=SESSION, check=False,
-        )  # fmt: skip
+            [*words, "run", cell, "--yes", *count],
+            capture_output=True,
+            text=True,
+            stdin=subprocess.DEVNULL,
+            env=os.environ | domain,
+            timeout=SESSION,
+            check=False,
+        )
         try:
             said, _ = sim.communicate(timeout=30.0)
         except subprocess.TimeoutExpired:
@@ -132,13 +144,21 @@ def session(cell: str, throws: int, seed: int) -> dict[str, object]:
     told = json.loads(run.stdout) if run.stdout.strip().startswith("{") else {}
     there = json.loads(said) if said.strip().startswith("{") else {}
     return {
-        "seed": seed, "status": run.returncode, "s": round(time.monotonic() - begun, 1),
-        "throws": told.get("throws"), "caught": told.get("caught"), "met": told.get("met"),
-        "stops": told.get("stops"), "notes": told.get("notes"), "late": told.get("late_ticks"),
-        "repeated": told.get("repeated"), "age_us": told.get("command_age_us"),
-        "slipped": there.get("slipped_ticks"), "beyond": there.get("limit_violations"),
+        "seed": seed,
+        "status": run.returncode,
+        "s": round(time.monotonic() - begun, 1),
+        "throws": told.get("throws"),
+        "caught": told.get("caught"),
+        "met": told.get("met"),
+        "stops": told.get("stops"),
+        "notes": told.get("notes"),
+        "late": told.get("late_ticks"),
+        "repeated": told.get("repeated"),
+        "age_us": told.get("command_age_us"),
+        "slipped": there.get("slipped_ticks"),
+        "beyond": there.get("limit_violations"),
         "last": run.stderr.strip().splitlines()[-1:],
-    }  # fmt: skip
+    }
 
 
 def pairs(cell: str, sessions: int, throws: int, seed: int) -> None:

@@ -38,8 +38,13 @@ from mitt.world.throws import Throw
 SEED = 9000
 ARMS = ("paper", "wam-48v", "panda")
 #: Longest throw [s], when the swing may begin and end, instants in it, and what is near [m].
-LONGEST, SWING, INSTANTS, NEAR = 1.6, (0.1, 0.75), 20, 0.02
-LATE, PERIODS, OLD = (0.0015, 0.020), (0.0005, 0.002, 0.004), 5
+LONGEST = 1.6
+SWING = (0.1, 0.75)
+INSTANTS = 20
+NEAR = 0.02
+LATE = (0.0015, 0.020)
+PERIODS = (0.0005, 0.002, 0.004)
+OLD = 5
 KINDS = ("late", "jitter", "late", "period", "old", "none")
 
 
@@ -107,9 +112,11 @@ def main() -> None:
                 print(f"  {name} throw {k}: {what}: {out.stopped.value}", flush=True)
         for kind, row in rows.items():
             low, high = wilson(row["stopped"], row["throws"])
-            print(f"{name:8s} {kind:7s} {row['throws']:5d} throws  {row['stopped']} stopped"
-                  f" [{low:.4f}, {high:.4f}]  {row['near']} near  {row['refused']} refused",
-                  flush=True)  # fmt: skip
+            print(
+                f"{name:8s} {kind:7s} {row['throws']:5d} throws  {row['stopped']} stopped"
+                f" [{low:.4f}, {high:.4f}]  {row['near']} near  {row['refused']} refused",
+                flush=True,
+            )
         print(f"{name}: {perf_counter() - begun:.0f} s")
 
 

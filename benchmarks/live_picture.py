@@ -27,7 +27,9 @@ from mitt.files.cell import read_cell
 from mitt.interrupts import tell
 
 #: Domain of the two, throws, and number of the throw in which the picture is made, from 0.
-DOMAIN, THROWS, SHOT = "174", 5, 3
+DOMAIN = "174"
+THROWS = 5
+SHOT = 3
 
 
 def save(shown: list[float], path: Path) -> None:

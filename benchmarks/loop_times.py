@@ -54,13 +54,20 @@ CASES = {
 }
 #: What disturbs each third ball.
 FAULTS = (
-    {"kind": "kick", "magnitude": 1.0}, {"kind": "bounce"}, {"kind": "flutter", "magnitude": 10.0},
-)  # fmt: skip
+    {"kind": "kick", "magnitude": 1.0},
+    {"kind": "bounce"},
+    {"kind": "flutter", "magnitude": 10.0},
+)
 #: How each third ball is thrown: as it is, aside, low, high.
-TURNED = (np.zeros(3), np.array([0.0, 1.2, 0.0]), np.array([0.0, 0.0, -1.0]),
-          np.array([0.0, 0.0, 0.6]))  # fmt: skip
+TURNED = (
+    np.zeros(3),
+    np.array([0.0, 1.2, 0.0]),
+    np.array([0.0, 0.0, -1.0]),
+    np.array([0.0, 0.0, 0.6]),
+)
 #: Longest throw, and how long the arm is watched after it [ticks].
-THROW, AFTER = 1600, 600
+THROW = 1600
+AFTER = 600
 
 
 class Times:
@@ -164,8 +171,9 @@ def measured(name: str, throws: int, seed: int, least: float) -> None:
         warm.throw(k)
     session, whole = Session(arm, made, source, times), Pieces.of
 
-    def noted(self: Pieces, called: str, work: Callable[_P, _T], /, *args: _P.args,
-              **kwargs: _P.kwargs) -> _T:  # fmt: skip
+    def noted(
+        self: Pieces, called: str, work: Callable[_P, _T], /, *args: _P.args, **kwargs: _P.kwargs
+    ) -> _T:
         return whole(self, called, _timed(pieces, called, work), *args, **kwargs)
 
     Pieces.of = noted  # type: ignore[method-assign]

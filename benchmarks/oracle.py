@@ -54,8 +54,11 @@ def combined(f: Callable[..., float], parts: Sequence[Estimate]) -> Estimate:
     """
     rates = [part.rate for part in parts]
     rate = f(*rates)
-    away = [f(*rates[:k], end, *rates[k + 1 :]) - rate
-            for k, part in enumerate(parts) for end in (part.low, part.high)]  # fmt: skip
+    away = [
+        f(*rates[:k], end, *rates[k + 1 :]) - rate
+        for k, part in enumerate(parts)
+        for end in (part.low, part.high)
+    ]
     low = rate - sqrt(sum(d * d for d in away if d < 0.0))
     high = rate + sqrt(sum(d * d for d in away if d > 0.0))
     return Estimate(rate, max(low, 0.0), min(high, 1.0))
@@ -67,9 +70,14 @@ Run = Callable[[int], Trial]
 
 
 def judged(
-    by_map: Run, by_optimum: Run, index: int, *, sampled: bool, oracle: bool = True,
+    by_map: Run,
+    by_optimum: Run,
+    index: int,
+    *,
+    sampled: bool,
+    oracle: bool = True,
     thrifty: bool = False,
-) -> Row:  # fmt: skip
+) -> Row:
     """Run a throw by the map and, where it fails or is sampled, by the clairvoyant if wished.
 
     One that is thrifty is not asked about balls that were let go: the verdict was right.
@@ -77,12 +85,17 @@ def judged(
     trial = by_map(index)
     caught, told = trial.status == "caught", trial.certificate or {}
     row: Row = {
-        "index": index, "status": trial.status, "verdict": told.get("outcome"),
-        "binding_limit": trial.binding_limit, "margin": told.get("margin"),
-        "violations": trial.limit_violations, "position_error_mm": trial.position_error_mm,
-        "velocity_error_m_s": trial.velocity_error_m_s, "stopped_by": reason_of(trial.stopped_by),
+        "index": index,
+        "status": trial.status,
+        "verdict": told.get("outcome"),
+        "binding_limit": trial.binding_limit,
+        "margin": told.get("margin"),
+        "violations": trial.limit_violations,
+        "position_error_mm": trial.position_error_mm,
+        "velocity_error_m_s": trial.velocity_error_m_s,
+        "stopped_by": reason_of(trial.stopped_by),
         "clairvoyant": None,
-    }  # fmt: skip
+    }
     if oracle and (sampled or not (caught or (thrifty and _let_go(row)))):
         best = by_optimum(index)
         row |= {"clairvoyant": best.status, "clairvoyant_violations": best.limit_violations}
@@ -235,8 +248,13 @@ def _rate(k: int, n: int) -> Row:
 
 def _row(rate: Estimate, count: float, n: int) -> Row:
     """Return a rate with its interval, and the counts behind it."""
-    return {"of": n, "count": round(count), "rate": rate.rate if n else None, "low": rate.low,
-            "high": rate.high}  # fmt: skip
+    return {
+        "of": n,
+        "count": round(count),
+        "rate": rate.rate if n else None,
+        "low": rate.low,
+        "high": rate.high,
+    }
 
 
 def is_sampled(seed: int, index: int, share: float) -> bool:

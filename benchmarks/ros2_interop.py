@@ -25,7 +25,8 @@ from mitt.signals import Command
 
 HERE = Path(__file__).parent / "interop"
 #: Domain of the two, and where commands go.
-DOMAIN, COMMANDS = "173", "/peer/joint_trajectory"
+DOMAIN = "173"
+COMMANDS = "/peer/joint_trajectory"
 JOINTS = ["a", "b", "c"]
 
 
@@ -33,15 +34,28 @@ def build(folder: Path) -> Path:
     """Build the peer and return it."""
     missing = [x for x in ("fastddsgen", "g++") if shutil.which(x) is None]
     if missing:
-        sys.exit(f"{', '.join(missing)} not found: apt-get install libfastrtps-dev fastddsgen"
-                 " default-jre-headless g++")  # fmt: skip
+        sys.exit(
+            f"{', '.join(missing)} not found: apt-get install libfastrtps-dev fastddsgen"
+            " default-jre-headless g++"
+        )
     for name in ("messages.idl", "peer.cpp"):
         shutil.copy(HERE / name, folder)
     work(folder, "fastddsgen", "-replace", "messages.idl")
     sources = [str(x.name) for x in folder.glob("*.cxx") if "PubSubMain" not in x.name]
     peer = folder / "peer"
-    work(folder, "g++", "-O2", "-std=c++17", "-o", str(peer), "peer.cpp", *sources,
-         "-lfastrtps", "-lfastcdr", "-lpthread")  # fmt: skip
+    work(
+        folder,
+        "g++",
+        "-O2",
+        "-std=c++17",
+        "-o",
+        str(peer),
+        "peer.cpp",
+        *sources,
+        "-lfastrtps",
+        "-lfastcdr",
+        "-lpthread",
+    )
     return peer
 
 
@@ -85,8 +99,13 @@ def exchange(peer: Path, count: int) -> dict[str, int]:
             robot.write(Command(t=reading.t, joints=told, hand=0.0), reading.t)
     words = theirs.communicate()[0].split()
     said = dict(zip(words[::2], map(int, words[1::2]), strict=True))
-    return {"sent": said["sent"], "received": got, "wrong": wrong, "answered": said["answered"],
-            "answers_wrong": said["wrong"]}  # fmt: skip
+    return {
+        "sent": said["sent"],
+        "received": got,
+        "wrong": wrong,
+        "answered": said["answered"],
+        "answers_wrong": said["wrong"],
+    }
 
 
 def main() -> None:

@@ -24,28 +24,50 @@ from mitt.files.writing import write_text
 from mitt.interrupts import tell
 
 #: Number of throws, and their seed: none that a search or another benchmark throws.
-THROWS, SEED = 200, 40
+THROWS = 200
+SEED = 40
 
 
 def measured(arm: ShippedArm) -> Figures:
     """Return what comes of the throws."""
     chosen = arm.spec.read()
     with TemporaryDirectory() as folder:
-        words = ["catch", "--arm", arm.name, "--limits", arm.limits, "--throws", str(THROWS),
-                 "--seed", str(SEED), "--record", "none", "--json",
-                 "--out", str(Path(folder) / "run")]  # fmt: skip
-        out = subprocess.run([sys.executable, "-m", "mitt", *words], check=True,  # noqa: S603
-                             capture_output=True, text=True).stdout  # fmt: skip
+        words = [
+            "catch",
+            "--arm",
+            arm.name,
+            "--limits",
+            arm.limits,
+            "--throws",
+            str(THROWS),
+            "--seed",
+            str(SEED),
+            "--record",
+            "none",
+            "--json",
+            "--out",
+            str(Path(folder) / "run"),
+        ]
+        out = subprocess.run(  # noqa: S603 (ours)
+            [sys.executable, "-m", "mitt", *words],
+            check=True,
+            capture_output=True,
+            text=True,
+        ).stdout
     trials = json.loads(out)["trials"]
     met = [t for t in trials if t["peak_contact_force_n"] is not None]
     beyond = sum(t["limit_violations"] + bool(t["over_force"]) for t in trials)
     hand = "basket" if isinstance(chosen.arm.model.hand, Basket) else "three-finger"
     return Figures(
-        digest=digest(chosen), joints=tuple(chosen.arm.names), hand=hand, throws=len(trials),
-        caught=sum(t["status"] == "caught" for t in trials), beyond=beyond,
+        digest=digest(chosen),
+        joints=tuple(chosen.arm.names),
+        hand=hand,
+        throws=len(trials),
+        caught=sum(t["status"] == "caught" for t in trials),
+        beyond=beyond,
         relative_speed_m_s=_median([t["velocity_error_m_s"] for t in met]),
         force_n=_median([t["peak_contact_force_n"] for t in met]),
-    )  # fmt: skip
+    )
 
 
 def _median(values: Sequence[float]) -> float:
@@ -75,8 +97,11 @@ def main() -> None:
 
 def _write(rows: Mapping[tuple[str, str], Figures | None]) -> None:
     """Write what is known."""
-    said = [{"name": name, "limits": limits, **asdict(x)} for (name, limits), x in rows.items()
-            if x is not None]  # fmt: skip
+    said = [
+        {"name": name, "limits": limits, **asdict(x)}
+        for (name, limits), x in rows.items()
+        if x is not None
+    ]
     write_text(FIGURES, json.dumps({"schema": SCHEMA, "rows": said}, indent=1) + "\n")
 
 

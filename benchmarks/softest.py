@@ -33,13 +33,16 @@ from mitt.world.throws import Throw, fly
 
 #: Time after the release at which the arm begins [s], and how much earlier or later than the ball
 #: is nearest to the aim it may be met [s].
-BEGIN, WINDOW = 0.08, 0.08
+BEGIN = 0.08
+WINDOW = 0.08
 #: Step in which a throw is followed to the aim [s], and for how long.
-STEP, LONGEST = 0.001, 1.0
+STEP = 0.001
+LONGEST = 1.0
 #: Poses drawn for each start: where the aim is out of reach none is found.
 TRIES = 50
 #: Share of torques and speeds that may be used; gap to the ends of the joint ranges [rad].
-SHARE, GAP = 0.95, 0.08
+SHARE = 0.95
+GAP = 0.08
 
 #: A ball: time since its release [s]; position, velocity, acceleration then, shape (3, 3).
 Ball = tuple[float, Array]
@@ -99,8 +102,9 @@ def softest(
         problem.subject_to(dq[:, 0] == 0)
         for rest in steps(q, dq, a, h):
             problem.subject_to(rest == 0)
-        for value, least, most in drive_rows(arm, model.torque.map(PARTS + 1)(q, dq, a), dq,
-                                             share=SHARE):  # fmt: skip
+        for value, least, most in drive_rows(
+            arm, model.torque.map(PARTS + 1)(q, dq, a), dq, share=SHARE
+        ):
             problem.subject_to(problem.bounded(least, value, most))
         for k in range(PARTS + 1):
             problem.subject_to(problem.bounded(low, q[:, k], high))
@@ -150,13 +154,20 @@ def main() -> None:
         answer = softest(arm, model, balls, start, palm)
         found += [] if answer is None else [answer]
     ready, speeds = min(found, key=lambda x: float(np.sum(x[1])), default=(None, None))
-    print(json.dumps({
-        "limits": options.limits, "aim": aim.tolist(), "joints": options.joints,
-        "palm_deg": options.palm, "solved": len(found),
-        "ready": None if ready is None else ready.round(3).tolist(),
-        "relative_speed_m_s": None if speeds is None else speeds.round(3).tolist(),
-        "median_m_s": None if speeds is None else round(float(np.median(speeds)), 3),
-    }))  # fmt: skip
+    print(
+        json.dumps(
+            {
+                "limits": options.limits,
+                "aim": aim.tolist(),
+                "joints": options.joints,
+                "palm_deg": options.palm,
+                "solved": len(found),
+                "ready": None if ready is None else ready.round(3).tolist(),
+                "relative_speed_m_s": None if speeds is None else speeds.round(3).tolist(),
+                "median_m_s": None if speeds is None else round(float(np.median(speeds)), 3),
+            }
+        )
+    )
 
 
 if __name__ == "__main__":

@@ -25,12 +25,21 @@ H = 1e-3
 AHEAD = 0.1
 #: Effect of each fault on the error at contact [mm rms], section C of the fault table.
 TABLE_C = {
-    "no fault": 1.1, "last 5 ms missing": 1.2, "last 20 ms missing": 1.5,
-    "last 50 ms missing": 2.5, "last 100 ms missing": 4.7, "half lost": 1.4,
+    "no fault": 1.1,
+    "last 5 ms missing": 1.2,
+    "last 20 ms missing": 1.5,
+    "last 50 ms missing": 2.5,
+    "last 100 ms missing": 4.7,
+    "half lost": 1.4,
     "nine of ten lost": 2.9,
-    "10 % swapped": 1.1, "10 % doubled": 1.4, "1 % outliers": 1.06, "10 % outliers": 1.14,
-    "second ball, last 50 ms": 1.05, "late by 20 ms, stamped": 1.1, "frozen, last 100 ms": 4.7,
-}  # fmt: skip
+    "10 % swapped": 1.1,
+    "10 % doubled": 1.4,
+    "1 % outliers": 1.06,
+    "10 % outliers": 1.14,
+    "second ball, last 50 ms": 1.05,
+    "late by 20 ms, stamped": 1.1,
+    "frozen, last 100 ms": 4.7,
+}
 
 Seen = list[tuple[float, Array]]
 Fault = Callable[[Seen, np.random.Generator], Seen]
@@ -63,20 +72,34 @@ def ahead_errors(config: FilterConfig) -> tuple[Array, Array]:
 
 def recorded() -> None:
     """Print the errors on the recorded flights, beside simpler filters."""
-    gravity = replace(UNKNOWN_BALL, drag_mean=0.0, drag_sigma=0.0, drag_density=0.0,
-                      push_sigma=0.0, other_motion=0.0, watchful=False)  # fmt: skip
+    gravity = replace(
+        UNKNOWN_BALL,
+        drag_mean=0.0,
+        drag_sigma=0.0,
+        drag_density=0.0,
+        push_sigma=0.0,
+        other_motion=0.0,
+        watchful=False,
+    )
     drag = replace(UNKNOWN_BALL, push_sigma=0.0, other_motion=0.0, watchful=False)
     flight = replace(UNKNOWN_BALL, other_motion=0.0, watchful=False)
     print(
         "recorded flights, 100 ms ahead [mm]: median, rms; first row 30 ms after a bounce: median"
     )
     noisy = replace(gravity, accel_density=0.03)
-    rows = (("gravity only", gravity), ("gravity, more noise", noisy),
-            ("drag", drag), ("drag and push", flight), ("as mitt track", UNKNOWN_BALL))  # fmt: skip
+    rows = (
+        ("gravity only", gravity),
+        ("gravity, more noise", noisy),
+        ("drag", drag),
+        ("drag and push", flight),
+        ("as mitt track", UNKNOWN_BALL),
+    )
     for name, config in rows:
         before, after = ahead_errors(config)
-        print(f"  {name:22s}{np.median(before):7.2f}{np.sqrt(np.mean(before**2)):7.2f}"
-              f"{np.median(after):7.2f}   ({len(before)} rows, {len(after)} bounces)")  # fmt: skip
+        print(
+            f"  {name:22s}{np.median(before):7.2f}{np.sqrt(np.mean(before**2)):7.2f}"
+            f"{np.median(after):7.2f}   ({len(before)} rows, {len(after)} bounces)"
+        )
 
 
 def thrown(rng: np.random.Generator) -> tuple[Array, Array]:
@@ -163,8 +186,9 @@ def faults(throws: int) -> None:
         rms = float(np.sqrt(np.mean(found[~lost] ** 2)))
         clean = rms if name == "no fault" else clean
         table = TABLE_C[name]
-        print(f"  {name:26s}{rms:6.2f}{rms / clean:6.2f}{table:8.2f}{table / 1.1:6.2f}"
-              f"{lost.sum():6d}")  # fmt: skip
+        print(
+            f"  {name:26s}{rms:6.2f}{rms / clean:6.2f}{table:8.2f}{table / 1.1:6.2f}{lost.sum():6d}"
+        )
 
 
 def heads(throws: int) -> None:
@@ -185,8 +209,10 @@ def heads(throws: int) -> None:
             if i >= 100:
                 velocity.append(np.sum((state.dr_o - dr[i]) ** 2))
     r_rms, dr_rms = 1e3 * np.sqrt(np.mean(position)), np.sqrt(np.mean(velocity))
-    print(f"active heads' noise, {throws} throws: {r_rms:.2f} mm rms after 50 ms, "
-          f"{dr_rms:.3f} m/s rms after 100 ms")  # fmt: skip
+    print(
+        f"active heads' noise, {throws} throws: {r_rms:.2f} mm rms after 50 ms, "
+        f"{dr_rms:.3f} m/s rms after 100 ms"
+    )
 
 
 def main() -> None:

@@ -25,9 +25,17 @@ ROOT = Path(__file__).parents[1]
 SOURCES = ("pyproject.toml", "README.md", "LICENSE", "src")
 #: Variables that would let an environment see another one, or our compiled kernels.
 FOREIGN = ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV", "NUMBA_CACHE_DIR", "XDG_CACHE_HOME")
-HEAD = ("Python", "extra", "install [s]", "installed [MB]", "opened by `mitt catch` [MB]",
-        "first catch [s] (of a processor)", "next [s]", "`--help` [s]",
-        "heaviest [MB]")  # fmt: skip
+HEAD = (
+    "Python",
+    "extra",
+    "install [s]",
+    "installed [MB]",
+    "opened by `mitt catch` [MB]",
+    "first catch [s] (of a processor)",
+    "next [s]",
+    "`--help` [s]",
+    "heaviest [MB]",
+)
 CATCH = ("catch", "--throws", "1", "--overwrite", "--out", "run")
 #: Runs a command of mitt, then says how many bytes of the packages it has opened or mapped.
 OPENED = """
@@ -69,8 +77,20 @@ def build(folder: Path) -> Path:
                 shutil.copytree(ROOT / name, Path(copy, name), ignore=forget)
             else:
                 shutil.copy(ROOT / name, copy)
-        run([sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation",
-             "--wheel-dir", str(folder), copy])  # fmt: skip
+        run(
+            [
+                sys.executable,
+                "-m",
+                "pip",
+                "wheel",
+                "--quiet",
+                "--no-deps",
+                "--no-build-isolation",
+                "--wheel-dir",
+                str(folder),
+                copy,
+            ]
+        )
     (wheel,) = folder.glob("mitt-*.whl")
     return wheel
 
@@ -82,9 +102,13 @@ def run(
     environment = {name: x for name, x in os.environ.items() if name not in FOREIGN}
     start, before = perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
     done = subprocess.run(  # noqa: S603 (our own commands)
-        command, cwd=cwd, capture_output=True, text=True, check=False,
+        command,
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        check=False,
         env=environment | ({} if home is None else {"HOME": str(home)}),
-    )  # fmt: skip
+    )
     if done.returncode != 0:
         sys.exit(f"{' '.join(command)}: status {done.returncode}\n{done.stderr[-2000:]}")
     passed, after = perf_counter() - start, resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -104,8 +128,18 @@ def sizes(packages: Path) -> dict[str, float]:
 def install(wheel: Path, own: str, extra: str = "") -> float:
     """Install the wheel from its file, with the pinned versions; return how long it took [s]."""
     name = f"mitt[{extra}] @ {wheel.as_uri()}" if extra else str(wheel)
-    _, (passed, _) = run([own, "-m", "pip", "install", "--quiet", "--constraint",
-                          str(ROOT / "constraints.txt"), name])  # fmt: skip
+    _, (passed, _) = run(
+        [
+            own,
+            "-m",
+            "pip",
+            "install",
+            "--quiet",
+            "--constraint",
+            str(ROOT / "constraints.txt"),
+            name,
+        ]
+    )
     run([own, "-m", "pip", "check"])
     return passed
 
@@ -125,8 +159,13 @@ def tried(
     own = str(folder / "env" / "bin" / "python")
     passed = install(wheel, own)
     base = sizes(packages_of(own))
-    row = Row(python=version, extra="none", install=passed, installed_mb=sum(base.values()),
-              heaviest=heaviest(base))  # fmt: skip
+    row = Row(
+        python=version,
+        extra="none",
+        install=passed,
+        installed_mb=sum(base.values()),
+        heaviest=heaviest(base),
+    )
     yield caught(row, own, folder) if catch else row
     for extra in extras:
         copy = folder / extra
@@ -135,8 +174,13 @@ def tried(
         passed = install(wheel, own, extra)
         found = sizes(packages_of(own))
         added = {name: size for name, size in found.items() if name not in base}
-        yield Row(python=version, extra=extra, install=passed, installed_mb=sum(found.values()),
-                  heaviest=heaviest(added))  # fmt: skip
+        yield Row(
+            python=version,
+            extra=extra,
+            install=passed,
+            installed_mb=sum(found.values()),
+            heaviest=heaviest(added),
+        )
         shutil.rmtree(copy)
 
 

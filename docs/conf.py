@@ -8,9 +8,17 @@ from mitt.version import __version__
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE / "_ext"))
 
-project, author, release, version = "mitt", "the mitt authors", __version__, __version__
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "command_options",
-              "settings_table"]  # fmt: skip
+project = "mitt"
+author = "the mitt authors"
+release = __version__
+version = __version__
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "command_options",
+    "settings_table",
+]
 exclude_patterns = ["figures", "_ext"]
 source_suffix = {".md": "markdown"}
 suppress_warnings = ["misc.highlighting_failure"]  # tables as CSV: Pygments knows no such language

@@ -11,13 +11,16 @@ from mitt.eyes.camera import fixed_rig
 from mitt.eyes.eyes import Eyes
 from mitt.world.imaging import Imager, ImageSensor
 
-RADIUS, DRAG = 0.04, 0.04
+RADIUS = 0.04
+DRAG = 0.04
 rig = fixed_rig()
 cameras = Imager(rig, ImageSensor(), np.random.default_rng(0))
-eyes, track = Eyes(rig), BallFilter(THROWN_BALL)
+eyes = Eyes(rig)
+track = BallFilter(THROWN_BALL)
 
 eyes.step(cameras.render(-0.001, None, RADIUS))  # an empty scene shows the ground
-r_o, dr_o = np.array([3.6, 0.1, 0.3]), np.array([-5.5, -0.1, 1.8])
+r_o = np.array([3.6, 0.1, 0.3])
+dr_o = np.array([-5.5, -0.1, 1.8])
 for tick in range(100):
     sighting = eyes.step(cameras.render(0.001 * tick, r_o, RADIUS))
     if tick == 0:

@@ -29,8 +29,12 @@ def errors_ahead(flight: Recording) -> Array:
 flights = builtin_flights()
 one = errors_ahead(flights[0])
 print(f"mitt {mitt.__version__}, {len(flights)} flights; {flights[0].name}: {len(one)} forecasts")
-print(f"50 ms ahead on this flight: median {1e3 * np.median(one):.1f} mm, "
-      f"largest {1e3 * one.max():.1f} mm")  # fmt: skip
+print(
+    f"50 ms ahead on this flight: median {1e3 * np.median(one):.1f} mm, "
+    f"largest {1e3 * one.max():.1f} mm"
+)
 every = np.concatenate([errors_ahead(flight) for flight in flights])
-print(f"on all flights: median {1e3 * np.median(every):.1f} mm, 95 % below "
-      f"{1e3 * np.quantile(every, 0.95):.0f} mm")  # fmt: skip
+print(
+    f"on all flights: median {1e3 * np.median(every):.1f} mm, 95 % below "
+    f"{1e3 * np.quantile(every, 0.95):.0f} mm"
+)

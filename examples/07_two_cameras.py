@@ -14,7 +14,9 @@ from mitt.eyes.camera import Rig, fixed_rig, look_at, turned
 from mitt.eyes.segmentation import Segmenter
 from mitt.world.imaging import Imager, ImageSensor
 
-RADIUS, rng, arm = 0.04, np.random.default_rng(0), load_arm("wam")
+RADIUS = 0.04
+rng = np.random.default_rng(0)
+arm = load_arm("wam")
 poses = [look_at(np.array((-1.8, y, 0.35)), np.array((2.8, 0.0, 0.35))) for y in (1.25, -1.25)]
 pairs = zip(fixed_rig().cameras, poses, strict=True)
 rig = Rig(cameras=tuple(replace(camera, T_world_cam=T) for camera, T in pairs))

@@ -48,7 +48,10 @@ RUNS: dict[str, tuple[int, str, str]] = {
     "mitt catch --arm ur5e": (0, "written: ", ""),
     "mitt catch --arm ur5e --scene ur.toml --vision points": (0, "written: ", ""),
     "mitt design ur5e --hand basket --aim 0.6,0.2,0.3 --effort quick --out mine.toml": (
-        0, "the input is good", "--check"),
+        0,
+        "the input is good",
+        "--check",
+    ),
     "mitt catch --arm mine.toml": (0, "written: ", ""),
     "mitt sim ur5e-sim --throws 5 --seed 1": (2, "mitt[ros2]", ""),
     "mitt run ur5e-sim --throws 5 --yes": (2, "mitt[ros2]", ""),
@@ -57,7 +60,10 @@ RUNS: dict[str, tuple[int, str, str]] = {
     "mitt catch --generator quintic": (0, "quintic", ""),
     "mitt learn --out MAP.json": (0, "written: MAP.json", ""),
     "mitt catch --map MAP.json --throws-file THROWS.csv --record all": (
-        0, "written: runs/0-direct", ""),
+        0,
+        "written: runs/0-direct",
+        "",
+    ),
     "mitt track POINTS.csv --out TRACK.csv --ahead 0.1": (0, "written: TRACK.csv", ""),
     "mitt sim wam-sim": (2, "mitt[ros2]", ""),
     "mitt run wam-sim --yes": (2, "mitt[ros2]", ""),
@@ -66,17 +72,29 @@ RUNS: dict[str, tuple[int, str, str]] = {
     "mitt bench": (0, "the input is good", "--check"),
     f"python {TUTORIALS}/cameras.py": (1, "cv2", ""),
     "mitt calibrate --left left/ --right right/ --square 0.03 --marker 0.022 --out cameras.toml": (
-        2, "mitt[cameras]", ""),
+        2,
+        "mitt[cameras]",
+        "",
+    ),
     "mitt calibrate --rig cameras.toml --hand hand.csv --hand-left l/ --hand-right r/"
     " --out RIG.toml": (2, "mitt[cameras]", ""),
     "mitt see left.mkv right.mkv --rig RIG.toml --out track.csv": (2, "mitt[cameras]", ""),
     f"python {TUTORIALS}/own_loop.py": (0, "", ""),
     "mitt catch --generator cubic --throws 10 --seed 300 --vision points --out tuning": (
-        0, "caught 1 of 1", ""),
+        0,
+        "caught 1 of 1",
+        "",
+    ),
     "mitt catch --generator careful --throws 10 --seed 300 --vision points --out careful": (
-        0, "written: careful", ""),
+        0,
+        "written: careful",
+        "",
+    ),
     f"mitt study {TUTORIALS}/planner/study.toml --out runs/cubic --workers 2": (
-        2, "mitt[study]", ""),
+        2,
+        "mitt[study]",
+        "",
+    ),
     "mitt report runs/cubic": (2, "mitt[study]", ""),
     f"mitt run {TUTORIALS}/robot/cell.toml --check": (0, "the input is good", ""),
     f"mitt run {TUTORIALS}/robot/cell.toml --throws 3": (0, "the input is good", "--check"),
@@ -89,10 +107,16 @@ RUNS: dict[str, tuple[int, str, str]] = {
     "mitt design examples/own_arm.urdf --tip palm --joints yaw,pitch,elbow --effort quick"
     " --out arm.toml": (130, "--resume goes on", ""),
     f"mitt catch --arm {TUTORIALS}/arm/arm.toml --throws 20 --seed 80000 --vision points": (
-        0, "caught 1 of 1", ""),
+        0,
+        "caught 1 of 1",
+        "",
+    ),
     f"mitt catch --arm {TUTORIALS}/arm/arm.toml --scene rough --throws 20": (0, "written: ", ""),
     f"mitt learn --arm {TUTORIALS}/arm/arm.toml --out MAP.json": (
-        0, "written: MAP.json", "--overwrite"),
+        0,
+        "written: MAP.json",
+        "--overwrite",
+    ),
     "mitt meet": (0, "met 1 of 1", "--trials 1"),
     "mitt meet --target hand": (0, "written: ", "--trials 1"),
     "mitt meet --target hand --tool-speed 0.5": (0, "written: ", "--trials 1"),
@@ -100,7 +124,7 @@ RUNS: dict[str, tuple[int, str, str]] = {
     "mitt meet --tool jaw --gripper-delay 0.3": (0, "the input is good", "--check"),
     "mitt sim ur5e-belt-sim --throws 3": (2, "mitt[ros2]", ""),
     "mitt run ur5e-belt-sim --throws 3 --yes": (2, "mitt[ros2]", ""),
-}  # fmt: skip
+}
 
 
 def extras() -> list[str]:
@@ -124,9 +148,10 @@ def extras() -> list[str]:
                 if further.marker is None or any(map(further.marker.evaluate, kinds)):
                     todo.append(Requirement(str(further).split(";")[0]))
     return sorted(
-        module for module, names in packages_distributions().items()
+        module
+        for module, names in packages_distributions().items()
         if not inside & {canonicalize_name(name) for name in names}
-    )  # fmt: skip
+    )
 
 
 def few(words: list[str]) -> list[str]:
@@ -175,8 +200,14 @@ def run(line: str, env: dict[str, str]) -> tuple[int, str]:
     program, *words = shlex.split(f"{line} {RUNS[line][2]}")
     if program == "python":
         words = ["1" if word == "60" else word for word in words]
-        done = subprocess.run([sys.executable, *words], env=env, capture_output=True, text=True,
-                              timeout=PATIENCE, check=False)  # fmt: skip
+        done = subprocess.run(
+            [sys.executable, *words],
+            env=env,
+            capture_output=True,
+            text=True,
+            timeout=PATIENCE,
+            check=False,
+        )
         return done.returncode, done.stdout + done.stderr
     words = [x for word in words for x in (sorted(glob.glob(word)) if "*" in word else [word])]
     if words[0] == "catch":
@@ -195,8 +226,13 @@ def interrupted(words: list[str], env: dict[str, str]) -> tuple[int, str]:
     """Begin a search, interrupt it once its workers have answered, and return what it says."""
     out = Path(words[words.index("--out") + 1])
     answers, end = out.with_suffix(".search.jsonl"), time.monotonic() + PATIENCE
-    process = subprocess.Popen([sys.executable, "-m", "mitt", *words], env=env, text=True,
-                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT)  # fmt: skip
+    process = subprocess.Popen(
+        [sys.executable, "-m", "mitt", *words],
+        env=env,
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+    )
     while process.poll() is None and time.monotonic() < end:
         if answers.exists() and answers.read_bytes().count(b"\n") > ANSWERS:
             process.send_signal(signal.SIGINT)

@@ -63,9 +63,12 @@ def many_views(
         if all(view):
             views.append(view)
     return BoardViews(
-        names=("left", "right"), sizes=(SIZE, SIZE), views=tuple(views),
-        numbers=tuple(range(count)), frames=count,
-    )  # fmt: skip
+        names=("left", "right"),
+        sizes=(SIZE, SIZE),
+        views=tuple(views),
+        numbers=tuple(range(count)),
+        frames=count,
+    )
 
 
 def drawn(board: Board, lens: Lens, T_cam_board: Array, rng: np.random.Generator) -> Image:
@@ -75,11 +78,17 @@ def drawn(board: Board, lens: Lens, T_cam_board: Array, rng: np.random.Generator
     flat = board.board.generateImage((columns * scale, rows * scale), marginSize=0)
     side = board.board.getSquareLength()
     # Pixel (a, b) of the flat picture lies at ((a + 1/2) side / scale, ...) on the board.
-    to_board = np.array(((side / scale, 0, side / scale / 2), (0, side / scale, side / scale / 2),
-                         (0, 0, 1)))  # fmt: skip
+    to_board = np.array(
+        ((side / scale, 0, side / scale / 2), (0, side / scale, side / scale / 2), (0, 0, 1))
+    )
     fu, fv, cu, cv = lens.numbers[:4]
-    K = np.array(((fine * fu, 0, fine * (cu + 0.5) - 0.5),
-                  (0, fine * fv, fine * (cv + 0.5) - 0.5), (0, 0, 1)))  # fmt: skip
+    K = np.array(
+        (
+            (fine * fu, 0, fine * (cu + 0.5) - 0.5),
+            (0, fine * fv, fine * (cv + 0.5) - 0.5),
+            (0, 0, 1),
+        )
+    )
     H = K @ T_cam_board[:3, (0, 1, 3)] @ to_board
     size = (fine * SIZE[0], fine * SIZE[1])
     big = cv2.warpPerspective(flat, H, size, flags=cv2.INTER_AREA, borderValue=170)

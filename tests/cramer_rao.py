@@ -13,7 +13,8 @@ from mitt.eyes.camera import applied, inverse
 from mitt.eyes.lens import Lens
 from mitt.signals import Array
 
-VIEWS, NOISE = 20, 0.2
+VIEWS = 20
+NOISE = 0.2
 #: Points 2 m before the rig that both cameras see, in the frame of the left one [m].
 TARGETS = np.array([(x, y, 2.0) for x in (0.0, 0.3, 0.6) for y in (-0.4, 0.0, 0.4)])
 
@@ -58,9 +59,10 @@ def one_calibration(seed: int) -> dict[str, tuple[float, float]]:
     seen = many_views(board, VIEWS, np.random.default_rng(seed), noise=NOISE)
     solved = fit(board_problem(board, seen, free_numbers(4))).problem
     exact = replace(
-        solved, lenses=np.array([true_lens().numbers] * 2),
+        solved,
+        lenses=np.array([true_lens().numbers] * 2),
         T_cam_rig=np.array((np.eye(4), true_stereo())),
-    )  # fmt: skip
+    )
     return {
         name: (float(np.sqrt(np.mean((what(solved) - what(exact)) ** 2))), bound(exact, what))
         for name, what in (("base line", base_line), ("points at 2 m", triangulated))

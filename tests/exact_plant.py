@@ -21,7 +21,9 @@ from mitt.signals import ArmState, Array, Command, Senses, Sighting
 from mitt.world.throws import Throw
 
 #: Longest step of the plant [s], error of a seen position [m], and free fall [m/s^2].
-STEP, SIGMA, FALL = 2.5e-4, 1e-3, np.array([0.0, 0.0, -9.81])
+STEP = 2.5e-4
+SIGMA = 1e-3
+FALL = np.array([0.0, 0.0, -9.81])
 #: What is known of a ball without drag.
 SETTINGS = CatcherSettings(flight=replace(THROWN_BALL, drag_mean=0.0, drag_sigma=0.002))
 Change = Callable[[int, ArmState], ArmState]
@@ -29,9 +31,14 @@ Change = Callable[[int, ArmState], ArmState]
 
 @kernel
 def _move(
-    bodies: Record, index: NDArray[np.int64], state: Array, tau: Array, steps: int, h: float,
+    bodies: Record,
+    index: NDArray[np.int64],
+    state: Array,
+    tau: Array,
+    steps: int,
+    h: float,
     work: Record,
-) -> None:  # fmt: skip
+) -> None:
     """Carry q, dq on in steps of constant torques, shape (2, n)."""
     n = state.shape[1]
     bias, mass = np.zeros(len(bodies)), np.zeros((len(bodies), n))
@@ -110,9 +117,14 @@ def as_read(_: int, reading: ArmState) -> ArmState:
 
 
 def throw(
-    catcher: Catcher, arm: Arm, ball: Throw, times: Array, *, seed: int = 7,
+    catcher: Catcher,
+    arm: Arm,
+    ball: Throw,
+    times: Array,
+    *,
+    seed: int = 7,
     change: Change = as_read,
-) -> Thrown:  # fmt: skip
+) -> Thrown:
     """Let a catcher tick at the given times; the arm moves by the time between them.
 
     Args:
@@ -131,8 +143,12 @@ def throw(
         since = t - times[0]
         r_o = ball.r + since * ball.dr + 0.5 * since * since * FALL
         nearest = min(nearest, float(np.linalg.norm(arm.position(plant.state[0]) - r_o)))
-        seen = Sighting(t=t, found=True, r_o=r_o + SIGMA * rng.standard_normal(3),
-                        covariance=SIGMA**2 * np.eye(3))  # fmt: skip
+        seen = Sighting(
+            t=t,
+            found=True,
+            r_o=r_o + SIGMA * rng.standard_normal(3),
+            covariance=SIGMA**2 * np.eye(3),
+        )
         reading = change(k, ArmState(t=t, q=plant.state[0].copy(), dq=plant.state[1].copy()))
         command = catcher.step(Senses(t=t, arm=reading, points=(seen,)))
         catcher.think()
@@ -143,7 +159,12 @@ def throw(
             break
     why = catcher.stopped_by
     return Thrown(
-        catcher.phase, None if why is None else why.reason, reasons, nearest,
-        times[: len(commands)], np.array([x.joints for x in commands]), np.array(places),
+        catcher.phase,
+        None if why is None else why.reason,
+        reasons,
+        nearest,
+        times[: len(commands)],
+        np.array([x.joints for x in commands]),
+        np.array(places),
         commands[-1].brakes,
-    )  # fmt: skip
+    )

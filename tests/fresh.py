@@ -41,8 +41,9 @@ def fresh(script: Path, *words: str, **env: str) -> Ended:
 @cache
 def _server() -> "subprocess.Popen[str]":
     """Return the process that forks; it ends with this one."""
-    return subprocess.Popen([sys.executable, __file__], stdin=subprocess.PIPE,
-                            stdout=subprocess.PIPE, text=True)  # fmt: skip
+    return subprocess.Popen(
+        [sys.executable, __file__], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
 
 
 def _serve() -> None:

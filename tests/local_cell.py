@@ -90,10 +90,15 @@ class LocalCell:
     """
 
     def __init__(
-        self, *, throws: int, seed: int = 5, record: Path | None = None,
-        name: str = "wam-sim", prepared: PreparedCell | None = None,
+        self,
+        *,
+        throws: int,
+        seed: int = 5,
+        record: Path | None = None,
+        name: str = "wam-sim",
+        prepared: PreparedCell | None = None,
         driver: Callable[[LocalRobot, PreparedCell], Robot] = lambda local, _: local,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Set both up; nothing moves yet."""
         self.prepared = prepared = prepared or prepare(read_cell(name))
         cell, arm = prepared.cell, prepared.arm
@@ -105,11 +110,19 @@ class LocalCell:
         self.recorder = None if record is None else Recorder(record, about_of(prepared, f))
         frames = port if cell.source.kind == "images" else None
         self.loop = LiveLoop(
-            RobotLink(self.robot, setpoints=setpoints_of(prepared)), arm, first, again,
-            ready_speed=cell.motion.ready_speed, silence=cell.robot.watchdog,
-            frames=frames, lenses=prepared.lenses, recorder=self.recorder,
-            clock=lambda: self.simulated.t, period=period_of(cell), placing=prepared.placing,
-        )  # fmt: skip
+            RobotLink(self.robot, setpoints=setpoints_of(prepared)),
+            arm,
+            first,
+            again,
+            ready_speed=cell.motion.ready_speed,
+            silence=cell.robot.watchdog,
+            frames=frames,
+            lenses=prepared.lenses,
+            recorder=self.recorder,
+            clock=lambda: self.simulated.t,
+            period=period_of(cell),
+            placing=prepared.placing,
+        )
 
     def until(self, over: Callable[[], bool], *, ticks: int = 12_000) -> None:
         """Go on until something is so; fail if it never is."""

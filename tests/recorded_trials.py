@@ -42,8 +42,12 @@ CASES = (
     Case(name="images", vision="pixels", images=True),
     Case(name="rough", vision="pixels", scene="rough"),
     Case(name="wam-48v, 0.5 kg", limits="wam-48v", changes={"ball": {"mass": 0.5}}),
-    Case(name="kicked", vision="pixels", generator="direct",
-         changes=_faults({"kind": "kick", "magnitude": 2.0})),
+    Case(
+        name="kicked",
+        vision="pixels",
+        generator="direct",
+        changes=_faults({"kind": "kick", "magnitude": 2.0}),
+    ),
     Case(name="unoptimised", generator="unoptimised"),
     Case(name="refined in flight", generator="refine"),
     Case(name="ik", generator="ik"),
@@ -51,37 +55,77 @@ CASES = (
     Case(name="ruckig", generator="ruckig"),
     Case(name="mpc", generator="mpc"),
     Case(name="turning cameras", vision="pixels", changes={"sensing": {"cameras": "active"}}),
-    Case(name="turning cameras, images", vision="pixels", images=True,
-         changes={"sensing": {"cameras": "active"}}),
-    Case(name="outliers, half lost", vision="pixels", changes=_faults(
-        {"kind": "outlier", "magnitude": 0.3, "chance": 0.1},
-        {"kind": "dropout", "magnitude": 0.5})),
-    Case(name="frozen, one late, images", vision="pixels", images=True, changes=_faults(
-        {"kind": "frozen", "numbered": True, "start": 0.1, "length": 0.1, "camera": 0},
-        {"kind": "late", "magnitude": 0.005, "chance": 0.3})),
-    Case(name="late, doubled points", changes=_faults(
-        {"kind": "late", "magnitude": 0.005, "chance": 0.5},
-        {"kind": "duplicate", "magnitude": 0.2})),
-    Case(name="stamps 40 ms late", changes=_faults(
-        {"kind": "latency", "magnitude": 0.04, "stamped": False})),
-    Case(name="NaN", changes=_faults(
-        {"kind": "nan", "where": "points", "magnitude": 0.1},
-        {"kind": "nan", "where": "stamps", "magnitude": 0.1},
-        {"kind": "nan", "where": "encoders", "magnitude": 0.02})),
-    Case(name="clock set back", changes=_faults(
-        {"kind": "clock", "clock": "tick", "magnitude": -5.0, "start": 0.2})),
-    Case(name="camera clock set forward", vision="pixels", changes=_faults(
-        {"kind": "clock", "clock": "camera", "magnitude": 3.0, "start": 0.2})),
-    Case(name="encoder stuck", changes=_faults(
-        {"kind": "encoder", "fault": "stuck", "joint": 1, "start": 0.3})),
-    Case(name="encoder silent", vision="pixels", changes=_faults(
-        {"kind": "encoder", "fault": "dropout", "joint": 2, "start": 0.25})),
-    Case(name="blind from 0.2 s", vision="pixels", changes=_faults(
-        {"kind": "dropout", "start": 0.2})),
+    Case(
+        name="turning cameras, images",
+        vision="pixels",
+        images=True,
+        changes={"sensing": {"cameras": "active"}},
+    ),
+    Case(
+        name="outliers, half lost",
+        vision="pixels",
+        changes=_faults(
+            {"kind": "outlier", "magnitude": 0.3, "chance": 0.1},
+            {"kind": "dropout", "magnitude": 0.5},
+        ),
+    ),
+    Case(
+        name="frozen, one late, images",
+        vision="pixels",
+        images=True,
+        changes=_faults(
+            {"kind": "frozen", "numbered": True, "start": 0.1, "length": 0.1, "camera": 0},
+            {"kind": "late", "magnitude": 0.005, "chance": 0.3},
+        ),
+    ),
+    Case(
+        name="late, doubled points",
+        changes=_faults(
+            {"kind": "late", "magnitude": 0.005, "chance": 0.5},
+            {"kind": "duplicate", "magnitude": 0.2},
+        ),
+    ),
+    Case(
+        name="stamps 40 ms late",
+        changes=_faults({"kind": "latency", "magnitude": 0.04, "stamped": False}),
+    ),
+    Case(
+        name="NaN",
+        changes=_faults(
+            {"kind": "nan", "where": "points", "magnitude": 0.1},
+            {"kind": "nan", "where": "stamps", "magnitude": 0.1},
+            {"kind": "nan", "where": "encoders", "magnitude": 0.02},
+        ),
+    ),
+    Case(
+        name="clock set back",
+        changes=_faults({"kind": "clock", "clock": "tick", "magnitude": -5.0, "start": 0.2}),
+    ),
+    Case(
+        name="camera clock set forward",
+        vision="pixels",
+        changes=_faults({"kind": "clock", "clock": "camera", "magnitude": 3.0, "start": 0.2}),
+    ),
+    Case(
+        name="encoder stuck",
+        changes=_faults({"kind": "encoder", "fault": "stuck", "joint": 1, "start": 0.3}),
+    ),
+    Case(
+        name="encoder silent",
+        vision="pixels",
+        changes=_faults({"kind": "encoder", "fault": "dropout", "joint": 2, "start": 0.25}),
+    ),
+    Case(
+        name="blind from 0.2 s", vision="pixels", changes=_faults({"kind": "dropout", "start": 0.2})
+    ),
     Case(name="carried, then thrown", changes=_faults({"kind": "carried"})),
-    Case(name="weak motors, payload", changes=_faults(
-        {"kind": "torque", "magnitude": 0.4}, {"kind": "payload", "magnitude": 2.0})),
-)  # fmt: skip
+    Case(
+        name="weak motors, payload",
+        changes=_faults(
+            {"kind": "torque", "magnitude": 0.4}, {"kind": "payload", "magnitude": 2.0}
+        ),
+    ),
+)
 """Kinds of trials; eight throws of each make 208."""
 
 

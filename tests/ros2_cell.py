@@ -10,9 +10,15 @@ ARM = arm_of(read_cell("wam-sim"))
 
 def topics(tag: str) -> dict[str, str]:
     """Return the options of a cell whose topics begin with a tag."""
-    return {"state": f"/{tag}/joint_states", "command": f"/{tag}/joint_trajectory",
-            "hand": "hand", "hand_command": f"/{tag}/hand/commands", "brake": f"/{tag}/brake",
-            "status": "robot", "diagnostics": f"/{tag}/diagnostics"}  # fmt: skip
+    return {
+        "state": f"/{tag}/joint_states",
+        "command": f"/{tag}/joint_trajectory",
+        "hand": "hand",
+        "hand_command": f"/{tag}/hand/commands",
+        "brake": f"/{tag}/brake",
+        "status": "robot",
+        "diagnostics": f"/{tag}/diagnostics",
+    }
 
 
 def cell_with(tag: str, **options: Any) -> Cell:  # noqa: ANN401

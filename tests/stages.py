@@ -52,9 +52,14 @@ class Tracker:
         self.safety_filter.step(rows[:3])
         estimated = np.array([state.q, state.dq])
         saturated = track(
-            self._tracking, self.arm.tables, self.safety_filter.bounds, self.bandwidth, estimated,
-            rows, TICK,
-        )  # fmt: skip
+            self._tracking,
+            self.arm.tables,
+            self.safety_filter.bounds,
+            self.bandwidth,
+            estimated,
+            rows,
+            TICK,
+        )
         self._tracking.before[:] = rows[3]
         command = Command(t=state.t, joints=rows, hand=hand)
         return Tracked(command=command, saturated=saturated)

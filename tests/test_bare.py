@@ -75,8 +75,13 @@ def said(tmp_path_factory: pytest.TempPathFactory) -> Said:
     assert {"pytest", "cv2", "pyarrow", "gymnasium", "casadi"} <= set(extras())
     head = "import sys; sys.modules.update(dict.fromkeys(sys.argv.pop(1).split(',')))\n"
     command = [sys.executable, "-c", head + IMPORTS + RUNS, ",".join(extras())]
-    done = subprocess.run([*command, *(f"{words} --check" for words in NEEDS), *CATCHES],
-                          cwd=folder, capture_output=True, text=True, check=False)  # fmt: skip
+    done = subprocess.run(
+        [*command, *(f"{words} --check" for words in NEEDS), *CATCHES],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     lines, commands = done.stdout.splitlines(), len(NEEDS) + len(CATCHES)
     return folder, lines[:-commands], [json.loads(line) for line in lines[-commands:]]

@@ -165,9 +165,11 @@ def test_the_time_left_is_told_once_it_is_known(steps: list[tuple[float, int]]) 
 
 
 @given(
-    slower=st.floats(1.0, 5.0), before=st.integers(20, 200), after=st.integers(60, 200),
+    slower=st.floats(1.0, 5.0),
+    before=st.integers(20, 200),
+    after=st.integers(60, 200),
     more=st.integers(0, 200),
-)  # fmt: skip
+)
 def test_the_time_left_never_grows_in_silence(
     slower: float, before: int, after: int, more: int
 ) -> None:

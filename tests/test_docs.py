@@ -149,9 +149,11 @@ TABLES = {
     "scenes": ("mitt.world.scene.Scene", ("sensing.frame_rate", "1000", "[1, 1000]")),
     "cell": ("mitt.files.cell.Cell", ("robot.takes", "torque", "torque, velocity, position")),
     "rig": ("mitt.files.rig.RigFile", ("camera.K", "needed", "3 x 3 x number")),
-    "studies": ("mitt.world.faults.AnyFault", ("bounce", "`share`, `restitution`, `size`",
-                                               "(0, 1.5]")),
-}  # fmt: skip
+    "studies": (
+        "mitt.world.faults.AnyFault",
+        ("bounce", "`share`, `restitution`, `size`", "(0, 1.5]"),
+    ),
+}
 
 
 @pytest.mark.parametrize("page", TABLES)
@@ -199,8 +201,17 @@ def keys_of(table: list[list[str]]) -> list[str]:
 
 def test_the_keys_of_a_result_are_those_of_the_document() -> None:
     """Head and summary have the keys of notation.md, and no others; a trial those of its class."""
-    head = {"version": "", "arm": "", "limits": "", "generator": "", "vision": "", "seed": 0,
-            "scene": "ideal", "scene_changed": {}, "clock": {}}  # fmt: skip
+    head = {
+        "version": "",
+        "arm": "",
+        "limits": "",
+        "generator": "",
+        "vision": "",
+        "seed": 0,
+        "scene": "ideal",
+        "scene_changed": {},
+        "clock": {},
+    }
     written = result([], Stopwatch(), head, 1)
     text = section("Result")
     assert keys_of(rows(text, "key")) == sorted(written)

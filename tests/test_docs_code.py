@@ -286,9 +286,12 @@ def around_recordings(
     catcher = runner.release(source.ball(0), seed=80000)
     robot = SimpleNamespace(read=runner.world.sense, write=runner.world.apply)
     names: dict[str, object] = {
-        "Path": Path, "about": runner.about("direct", learned.map), "catching": Countdown(50),
-        "catcher": catcher, "robot": robot,
-    }  # fmt: skip
+        "Path": Path,
+        "about": runner.about("direct", learned.map),
+        "catching": Countdown(50),
+        "catcher": catcher,
+        "robot": robot,
+    }
 
     def holds() -> None:
         assert catcher.tick is not None

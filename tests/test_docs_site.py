@@ -149,10 +149,16 @@ def kinds_in_code(learned: Learned) -> set[str]:
     """Return the kinds of limits that a verdict or a trial may name."""
     f, basket = learned.map, load_arm("wam", limits="paper", hand="basket")
     seen = mitt.BallState(
-        t=0.0, tracked=True, r_o=np.array([2.9, 0.1, 0.2]), dr_o=np.array([-5.5, -0.1, 1.6]),
-        ddr_o=np.array([0.0, 0.0, -9.81]), drag=0.0, covariance=1e-6 * np.eye(6), t_seen=0.0,
+        t=0.0,
+        tracked=True,
+        r_o=np.array([2.9, 0.1, 0.2]),
+        dr_o=np.array([-5.5, -0.1, 1.6]),
+        ddr_o=np.array([0.0, 0.0, -9.81]),
+        drag=0.0,
+        covariance=1e-6 * np.eye(6),
+        t_seen=0.0,
         t_first=0.0,
-    )  # fmt: skip
+    )
     verdict = judge(f, seen, f.arm.q_ready, tolerance=Tolerance())
     assert verdict.approach is not None
     names = set(shares_of(f.arm, verdict.approach.motion, Tolerance(strength=1.0)))
@@ -174,8 +180,13 @@ NO_LIMITS = {"", *(x.value for x in Outcome), *TRIED, *MET, *STRUCK}
 def words_given(module: ast.Module) -> set[str]:
     """Return what a module assigns, returns, or gives to what makes a verdict, if it is a word."""
     nodes = list(ast.walk(module))
-    makers = {x.name for x in nodes if isinstance(x, ast.FunctionDef)
-              and isinstance(x.returns, ast.Name) and x.returns.id == "Verdict"}  # fmt: skip
+    makers = {
+        x.name
+        for x in nodes
+        if isinstance(x, ast.FunctionDef)
+        and isinstance(x.returns, ast.Name)
+        and x.returns.id == "Verdict"
+    }
     values = list[ast.expr]()
     for node in nodes:
         match node:
@@ -270,10 +281,16 @@ def test_the_cameras_of_the_tutorial_see(capsys: pytest.CaptureFixture[str]) -> 
 def test_the_tutorial_refuses_what_is_too_fast(learned: Learned) -> None:
     """The question that it asks before it moves has another answer, too."""
     fast = mitt.BallState(
-        t=0.0, tracked=True, r_o=np.array([6.0, 0.0, 0.5]), dr_o=np.array([-16.0, 0.0, 1.0]),
-        ddr_o=np.array([0.0, 0.0, -9.81]), drag=0.0, covariance=1e-6 * np.eye(6), t_seen=0.0,
+        t=0.0,
+        tracked=True,
+        r_o=np.array([6.0, 0.0, 0.5]),
+        dr_o=np.array([-16.0, 0.0, 1.0]),
+        ddr_o=np.array([0.0, 0.0, -9.81]),
+        drag=0.0,
+        covariance=1e-6 * np.eye(6),
+        t_seen=0.0,
         t_first=0.0,
-    )  # fmt: skip
+    )
     verdict = Direct(learned.map).verdict(fast, learned.map.arm.q_ready)
     assert verdict.share > 1.0
 
@@ -310,8 +327,12 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
         pytest.importorskip(needed, reason="the extra docs is not installed")
     out = tmp_path_factory.mktemp("site")
     command = [sys.executable, "-m", "sphinx", "--fail-on-warning", "--keep-going", "--quiet"]
-    made = subprocess.run([*command, "--builder", "html", str(DOCS), str(out)],
-                          capture_output=True, text=True, check=False)  # fmt: skip
+    made = subprocess.run(
+        [*command, "--builder", "html", str(DOCS), str(out)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert made.returncode == 0, made.stderr
     return out
 
@@ -353,9 +374,11 @@ def test_the_site_loads_nothing_from_elsewhere(site: Path) -> None:
 def test_a_stranger_is_noticed() -> None:
     """What the test above looks for, it sees."""
     for bad in (
-        '<script src="https://a.example/x.js">', "@import url(//a.example/f.css)",
-        '<link rel="x" href="//a.example/y">', "url('http://a.example/z.woff')",
-    ):  # fmt: skip
+        '<script src="https://a.example/x.js">',
+        "@import url(//a.example/f.css)",
+        '<link rel="x" href="//a.example/y">',
+        "url('http://a.example/z.woff')",
+    ):
         assert _STRANGER.search(bad)
     assert not _STRANGER.search('<a href="https://a.example">x</a>')
 

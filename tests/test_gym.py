@@ -171,8 +171,13 @@ def test_only_a_hit_has_a_miss_and_its_reward(monkeypatch: pytest.MonkeyPatch) -
     _, reward, _, _, info = env.step(still)
     assert (info["status"], info["miss_m"], info["return_speed_m_s"]) == ("hit", 0.1, 3.0)
     rests = Command(0.0, np.zeros((4, env.arm.n)), 0.0)
-    stopped = SimpleNamespace(phase=Phase.STOPPED, looking=False, stopped_by=None,
-                              step=lambda _: rests, think=lambda: None)  # fmt: skip
+    stopped = SimpleNamespace(
+        phase=Phase.STOPPED,
+        looking=False,
+        stopped_by=None,
+        step=lambda _: rests,
+        think=lambda: None,
+    )
     monkeypatch.setattr(mitt.gym.Bat, "residual", property(lambda _: True))
     monkeypatch.setattr(env, "_catcher", stopped)
     _, less, _, _, info = env.step(still)

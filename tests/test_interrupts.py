@@ -72,9 +72,13 @@ def test_a_signal_that_was_ignored_stays_ignored() -> None:
 def _stuck(folder: Path, number: int) -> tuple[int, str]:
     """Signal a process that does not hear; return its status and what it says."""
     process = subprocess.Popen(
-        [sys.executable, "-c", STUCK], cwd=folder, text=True, stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE, env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
-    )  # fmt: skip
+        [sys.executable, "-c", STUCK],
+        cwd=folder,
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
+    )
     assert process.stdout is not None
     process.stdout.readline()
     time.sleep(0.3)

@@ -314,8 +314,13 @@ def test_code_that_checks_bounds_is_kept_apart(package: Path, tmp_path: Path, fi
     script = tmp_path / "beyond.py"
     script.write_text("from mitt.beyond import third, np; third(np.ones(3)); third(np.ones(3)[:2])")
     for checked in (first, second, first):
-        done = fresh(script, PYTHONPATH=str(package.parent), NUMBA_BOUNDSCHECK=checked,
-                     NUMBA_CACHE_DIR="", XDG_CACHE_HOME=str(tmp_path / "cache"))  # fmt: skip
+        done = fresh(
+            script,
+            PYTHONPATH=str(package.parent),
+            NUMBA_BOUNDSCHECK=checked,
+            NUMBA_CACHE_DIR="",
+            XDG_CACHE_HOME=str(tmp_path / "cache"),
+        )
         assert ("IndexError" in done.err) == (done.status != 0) == (checked == "1"), done.err
 
 
@@ -366,8 +371,11 @@ def _pairs(line: ast.Assign) -> Iterator[tuple[str, ast.expr]]:
     both = isinstance(target, ast.Tuple) and isinstance(line.value, ast.Tuple)
     values = line.value.elts if both else [line.value] * len(targets)  # type: ignore[attr-defined]
     for one, value in zip(targets, values, strict=True):
-        yield from ((x.id, value) for x in ast.walk(one)
-                    if isinstance(x, ast.Name) and not isinstance(one, ast.Subscript))  # fmt: skip
+        yield from (
+            (x.id, value)
+            for x in ast.walk(one)
+            if isinstance(x, ast.Name) and not isinstance(one, ast.Subscript)
+        )
 
 
 def _is_part(value: ast.expr, held: set[str]) -> bool:
@@ -413,8 +421,7 @@ def test_views_show_arguments_only() -> None:
     """What a kernel has made itself may be freed while a view shows it."""
     found = list(_views())
     assert len(found) > 40
-    bad = [where for where, function, call in found
-           if not _is_part(call.args[0], _owned(function))]  # fmt: skip
+    bad = [where for where, function, call in found if not _is_part(call.args[0], _owned(function))]
     assert not bad
 
 
@@ -449,9 +456,10 @@ def copied(values: NDArray[Any], into: NDArray[Any]) -> None:
 def test_a_copy_is_what_an_assignment_is() -> None:
     """Of rows, columns and numbers of another type, compiled and plain."""
     for values, at in (
-        (np.arange(6.0).reshape(2, 3), np.s_[1:3, 2:5]), (np.arange(8)[::2], np.s_[0]),
+        (np.arange(6.0).reshape(2, 3), np.s_[1:3, 2:5]),
+        (np.arange(8)[::2], np.s_[0]),
         (np.arange(4.0, dtype=np.float32), np.s_[:, 1]),
-    ):  # fmt: skip
+    ):
         mine, plain, wanted = (np.zeros((4, 5))[:, : 5 if values.ndim == 2 else 4] for _ in "abc")
         wanted[at] = values
         copied(values, mine[at])

@@ -35,7 +35,8 @@ from mitt.world.throws import Throw
 
 THROW = Throw(r=np.array([3.2, 0.05, 0.1]), dr=np.array([-5.0, -0.05, 2.4]))
 #: Ticks until the arm is under way, and those that copies are compared over.
-UNDER_WAY, COMPARED = 150, 200
+UNDER_WAY = 150
+COMPARED = 200
 
 #: A throw played on a world of which nobody holds anything but the stage, with all that is freed
 #: overwritten by other worlds.
@@ -110,8 +111,11 @@ def run(code: str) -> Any:  # noqa: ANN401 (any JSON value)
     done = subprocess.run(
         [sys.executable, "-X", "faulthandler", "-c", code],
         env=os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)},
-        capture_output=True, text=True, timeout=2400, check=False,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        timeout=2400,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr[-3000:]
     return json.loads(done.stdout.splitlines()[-1])
 
@@ -231,9 +235,7 @@ def _answer(thing: Any) -> Any:  # noqa: ANN401
 def test_arms_maps_and_generators_survive_copies(arm: Arm, learned: Learned, how: str) -> None:
     """A copy gives the same answers."""
     f, direct = learned.map, Direct(learned.map)
-    generators: tuple[Generator, ...] = (
-        direct, refining(f), Unoptimised(f), Family((direct,))
-    )  # fmt: skip
+    generators: tuple[Generator, ...] = (direct, refining(f), Unoptimised(f), Family((direct,)))
     for thing in (arm, f, *generators):
         assert np.array_equal(_answer(_COPIES[how](thing)), _answer(thing))
     settings = CatcherSettings(bandwidth=60.0)
@@ -255,14 +257,19 @@ def _errors() -> list[MittError]:
     for kind in kinds:
         kinds += kind.__subclasses__()
     made: list[MittError] = [
-        MittError("text"), ShapeError("q", "(3,)", (4,)), FileError("f", "a map", object()),
-        InputError("x", "a number", lambda: 0, do="give one"), UnknownNameError("arm", "x", ["y"]),
-    ]  # fmt: skip
+        MittError("text"),
+        ShapeError("q", "(3,)", (4,)),
+        FileError("f", "a map", object()),
+        InputError("x", "a number", lambda: 0, do="give one"),
+        UnknownNameError("arm", "x", ["y"]),
+    ]
     return made + [
-        kind("x", "a", "b") for kind in kinds
-        if issubclass(kind, InputError) and kind not in map(type, made)
+        kind("x", "a", "b")
+        for kind in kinds
+        if issubclass(kind, InputError)
+        and kind not in map(type, made)
         and "__init__" not in vars(kind)
-    ]  # fmt: skip
+    ]
 
 
 @pytest.mark.parametrize("error", _errors(), ids=lambda error: type(error).__name__)
@@ -300,8 +307,15 @@ def test_kinematics_may_be_asked_from_several_threads(arm: Arm, learned: Learned
     f = learned.map
 
     def answers(q: np.ndarray[Any, Any]) -> tuple[Any, ...]:
-        return (arm.position(q), arm.jacobian(q), arm.orientation(q), arm.mass_matrix(q),
-                arm.torque(q, q, q), f.to_ball(q), *arm.torque_derivatives(q, q, q))  # fmt: skip
+        return (
+            arm.position(q),
+            arm.jacobian(q),
+            arm.orientation(q),
+            arm.mass_matrix(q),
+            arm.torque(q, q, q),
+            f.to_ball(q),
+            *arm.torque_derivatives(q, q, q),
+        )
 
     wanted = [answers(q) for q in poses]
 
@@ -329,9 +343,14 @@ def test_nothing_compiles_inside_a_tick(arm: Arm, learned: Learned) -> None:
     frozen = arm.q_ready.copy()
     frozen.flags.writeable = False
     poses: tuple[Any, ...] = (
-        arm.q_ready, frozen, arm.q_ready.astype(np.float32), arm.q_ready.tolist(),
-        np.repeat(arm.q_ready, 2)[::2], arm.q_ready.astype(">f8"), tuple(arm.q_ready),
-    )  # fmt: skip
+        arm.q_ready,
+        frozen,
+        arm.q_ready.astype(np.float32),
+        arm.q_ready.tolist(),
+        np.repeat(arm.q_ready, 2)[::2],
+        arm.q_ready.astype(">f8"),
+        tuple(arm.q_ready),
+    )
     first = Senses(t=0.0, arm=ArmState(t=0.0, q=poses[0], dq=still))
     catcher.step(first)
     with event.install_recorder("numba:compile") as compiled:

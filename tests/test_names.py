@@ -74,11 +74,35 @@ def test_no_module_is_longer_than_it_should_be() -> None:
 
 
 def test_no_function_is_longer_than_a_screen() -> None:
-    """60 lines, docstring included."""
+    """70 lines, docstring included, without the lines of its parameters."""
     long = [
-        f"{path.name}:{node.name}: {(node.end_lineno or 0) - node.lineno + 1}"
+        f"{path.name}:{node.name}: {(node.end_lineno or 0) - node.body[0].lineno + 1}"
         for path in sorted(PACKAGE.rglob("*.py"))
         for node in ast.walk(ast.parse(path.read_text()))
-        if isinstance(node, ast.FunctionDef) and (node.end_lineno or 0) - node.lineno >= 60
+        if isinstance(node, ast.FunctionDef) and (node.end_lineno or 0) - node.body[0].lineno >= 70
     ]
     assert not long
+
+
+def test_each_constant_has_a_line_of_its_own() -> None:
+    """Not several names in one assignment of a module or a class."""
+    several = [
+        f"{path.name}:{node.lineno}"
+        for path in sorted(PACKAGE.rglob("*.py"))
+        for scope in ast.walk(ast.parse(path.read_text()))
+        if isinstance(scope, ast.Module | ast.ClassDef)
+        for node in scope.body
+        if isinstance(node, ast.Assign)
+        and isinstance(node.targets[0], ast.Tuple)
+        and isinstance(node.value, ast.Tuple)
+    ]
+    assert several == []
+
+
+def test_the_formatter_decides_except_for_matrices() -> None:
+    """``fmt: skip`` keeps the rows of matrices and tables of numbers, in few places."""
+    kept = {
+        path.relative_to(PACKAGE).as_posix(): path.read_text().count("# fmt: skip")
+        for path in PACKAGE.rglob("*.py")
+    }
+    assert sum(kept.values()) <= 10, {x: n for x, n in kept.items() if n}

@@ -19,11 +19,21 @@ sys.path.remove(BENCHMARKS)
 
 #: A trial of which only the fields that count are changed.
 PLAIN = Trial(
-    index=0, status="caught", t_catch_s=None, position_error_mm=None, velocity_error_m_s=None,
-    peak_torque_ratio=[], peak_speed_ratio=[], limit_violations=0, demand_cost=0.0,
-    peak_contact_force_n=None, binding_limit=None, saturated_ticks=0, range_excess_rad=0.0,
+    index=0,
+    status="caught",
+    t_catch_s=None,
+    position_error_mm=None,
+    velocity_error_m_s=None,
+    peak_torque_ratio=[],
+    peak_speed_ratio=[],
+    limit_violations=0,
+    demand_cost=0.0,
+    peak_contact_force_n=None,
+    binding_limit=None,
+    saturated_ticks=0,
+    range_excess_rad=0.0,
     certificate={"outcome": "feasible", "binding_limit": "torque:j2", "margin": 0.2},
-)  # fmt: skip
+)
 
 
 def _row(mine: str, best: str, *, sampled: bool = False, verdict: str = "feasible") -> Row:
@@ -135,11 +145,19 @@ def _drawn(rng: np.random.Generator, n: int, refused: float, catchable: float, a
         best = "caught" if status == "caught" or rng.random() < catchable else "missed"
         asked = status == "unreachable" and ask > 0
         ask -= asked
-        rows.append({
-            "index": k, "status": status, "verdict": "unreachable", "binding_limit": None,
-            "violations": 0, "position_error_mm": None, "velocity_error_m_s": None,
-            "clairvoyant": best if asked else None, "clairvoyant_violations": 0,
-        })  # fmt: skip
+        rows.append(
+            {
+                "index": k,
+                "status": status,
+                "verdict": "unreachable",
+                "binding_limit": None,
+                "violations": 0,
+                "position_error_mm": None,
+                "velocity_error_m_s": None,
+                "clairvoyant": best if asked else None,
+                "clairvoyant_violations": 0,
+            }
+        )
     return counted(rows)
 
 

@@ -12,9 +12,19 @@ ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "src" / "mitt"
 #: Written in pieces, so that this file does not hold what it looks for.
 HOSTS = re.compile(
-    "|".join(["pypi" + r"\.org", "files" + r"\.pythonhosted", "index" + "-url", "extra" + "-index",
-              "find" + "-links", "trusted" + "-host", "--" + "registry", "arti" + "factory"])
-)  # fmt: skip
+    "|".join(
+        [
+            "pypi" + r"\.org",
+            "files" + r"\.pythonhosted",
+            "index" + "-url",
+            "extra" + "-index",
+            "find" + "-links",
+            "trusted" + "-host",
+            "--" + "registry",
+            "arti" + "factory",
+        ]
+    )
+)
 PATHS = re.compile(
     r"(?<![\w.~/])/(?:" + "|".join(["home", "root", "work", "Users", "mnt"]) + r")/\w"
 )
@@ -32,8 +42,11 @@ def committed() -> list[Path]:
         found = [ROOT / name for name in names]
     except (OSError, subprocess.CalledProcessError):
         found = [path for top in ("src", "tests", "docs") for path in (ROOT / top).rglob("*.*")]
-    return [path for path in found if path.suffix not in (".png", ".jpg", ".mp4", ".gif", ".pyc")
-            and path.is_file()]  # fmt: skip
+    return [
+        path
+        for path in found
+        if path.suffix not in (".png", ".jpg", ".mp4", ".gif", ".pyc") and path.is_file()
+    ]
 
 
 def modules() -> list[Path]:
@@ -108,9 +121,8 @@ def test_no_module_keeps_mutable_state_or_hides_arguments(path: Path) -> None:
 def test_only_the_clock_reads_the_clock() -> None:
     """``time`` and ``datetime`` are imported by the link's clock and nowhere else."""
     found = {
-        str(path.relative_to(SOURCE)) for path in modules()
-        if imported(path) & {"time", "datetime"}
-    }  # fmt: skip
+        str(path.relative_to(SOURCE)) for path in modules() if imported(path) & {"time", "datetime"}
+    }
     assert found <= {"clock.py"}
 
 
@@ -141,8 +153,11 @@ def _imports(path: Path) -> set[str]:
 
 def test_no_module_imports_another_in_a_circle_not_even_for_types() -> None:
     """The package itself, which names all that is public, is left out."""
-    files = {path.relative_to(SOURCE.parent).with_suffix("").as_posix().replace("/", "."): path
-             for path in SOURCE.rglob("*.py") if path.name != "__init__.py"}  # fmt: skip
+    files = {
+        path.relative_to(SOURCE.parent).with_suffix("").as_posix().replace("/", "."): path
+        for path in SOURCE.rglob("*.py")
+        if path.name != "__init__.py"
+    }
     of = {name: _imports(path) & files.keys() for name, path in files.items()}
     assert sum(map(len, of.values())) > 500
     while leaves := [name for name, needs in of.items() if not needs & of.keys()]:

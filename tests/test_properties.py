@@ -23,8 +23,9 @@ _PURE = {
 }
 _METHODS = [
     (place, type(thing).__name__, name, [p.name for p in taken if p.default is p.empty])
-    for place, thing in _PURE.items() for name, taken in methods(thing)
-]  # fmt: skip
+    for place, thing in _PURE.items()
+    for name, taken in methods(thing)
+]
 _ANYTHING = hnp.arrays(
     st.one_of(hnp.scalar_dtypes(), hnp.byte_string_dtypes(), hnp.unicode_string_dtypes()),
     hnp.array_shapes(min_dims=0, max_dims=3, min_side=0, max_side=6),
@@ -54,9 +55,11 @@ def test_any_array_is_refused_or_means_the_same_as_its_numbers(data: st.DataObje
         assert "\n" not in str(answer)
         return
     if isinstance(right[wanted], np.ndarray):
-        assert given_array.ndim == right[wanted].ndim or place == "arm.limits" or name in (
-            "active", "by_joint"
-        )  # fmt: skip
+        assert (
+            given_array.ndim == right[wanted].ndim
+            or place == "arm.limits"
+            or name in ("active", "by_joint")
+        )
         assert given_array.dtype.kind in "fiu"
         plain = given_array.astype(np.float64, order="C")
         again = _answer(place, name, right | {wanted: plain})

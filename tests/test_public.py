@@ -10,9 +10,21 @@ import pytest
 import mitt
 
 PROMISED = {
-    "load_arm", "DirectMap", "learn", "Catcher", "simulate", "BallState", "JointReference",
-    "MittError", "Eyes", "Senses", "Scene", "Generator", "Direct", "BallFilter",
-}  # fmt: skip
+    "load_arm",
+    "DirectMap",
+    "learn",
+    "Catcher",
+    "simulate",
+    "BallState",
+    "JointReference",
+    "MittError",
+    "Eyes",
+    "Senses",
+    "Scene",
+    "Generator",
+    "Direct",
+    "BallFilter",
+}
 MOST = 25
 HEAVY = ("numpy", "mujoco", "numba", "pinocchio", "matplotlib", "viser", "ruckig", "pydantic")
 

@@ -23,12 +23,20 @@ from mitt.errors import InputError, MittError, ModelError
 from mitt.map.mapping import unlearned
 
 _TAKEN = {
-    name: taken for name, taken in names.callables()
+    name: taken
+    for name, taken in names.callables()
     if name not in RESULTS and not name.startswith("gym.Environment.")
-}  # fmt: skip
+}
 #: Words of what is inside, or of Python's own errors: no message of mitt has them.
-_INSIDE = ("numba", "Traceback", "object has no attribute", "unexpected keyword", "pydantic",
-           "NoneType' object", "TypingError")  # fmt: skip
+_INSIDE = (
+    "numba",
+    "Traceback",
+    "object has no attribute",
+    "unexpected keyword",
+    "pydantic",
+    "NoneType' object",
+    "TypingError",
+)
 _LONGEST = 700
 
 
@@ -98,14 +106,20 @@ def test_wrong_values_are_refused_in_one_clear_line(cases: dict[str, Case], name
 
 
 _ANYTHING = st.one_of(
-    st.none(), st.booleans(), st.integers(), st.floats(), st.text(), st.binary(),
-    st.complex_numbers(), st.lists(st.one_of(st.floats(), st.text(), st.none()), max_size=5),
+    st.none(),
+    st.booleans(),
+    st.integers(),
+    st.floats(),
+    st.text(),
+    st.binary(),
+    st.complex_numbers(),
+    st.lists(st.one_of(st.floats(), st.text(), st.none()), max_size=5),
     st.dictionaries(st.text(), st.one_of(st.floats(), st.text()), max_size=3),
     hnp.arrays(
         st.one_of(hnp.scalar_dtypes(), hnp.unicode_string_dtypes()),
         hnp.array_shapes(min_dims=0, max_dims=3, min_side=0, max_side=5),
     ),
-)  # fmt: skip
+)
 _QUICK = sorted(set(_TAKEN) - {"learn", "simulate", "Recorder", "gym.Catch", "gym.CatchPixels"})
 
 
@@ -121,12 +135,24 @@ def test_anything_at_all_is_answered_or_refused(
 
 
 _CONTENTS = (
-    b"", b"\x00\xff" * 100, b"[[[[", b"a = 1\n", b"{}", b"[]", b"null", b"a,b\n1,2\n", b"<robot/>",
-    b'{"schema": "one\\u001b[31m"}', b'schema = "mitt.arm/1"\n', b"<mujoco/>",
+    b"",
+    b"\x00\xff" * 100,
+    b"[[[[",
+    b"a = 1\n",
+    b"{}",
+    b"[]",
+    b"null",
+    b"a,b\n1,2\n",
+    b"<robot/>",
+    b'{"schema": "one\\u001b[31m"}',
+    b'schema = "mitt.arm/1"\n',
+    b"<mujoco/>",
     b"[ball]\nmass = nan\n",
-    '"\u2028\x1b" = 1\n'.encode(), b"x,y,z,vx,vy,vz\n1,2,3,4,5,nan\n", b"1" * 5000,
+    '"\u2028\x1b" = 1\n'.encode(),
+    b"x,y,z,vx,vy,vz\n1,2,3,4,5,nan\n",
+    b"1" * 5000,
     b"flight,t_s,x_m,y_m,z_m\n\x1b[31m,1e999,0,0,0\n",
-)  # fmt: skip
+)
 
 
 @pytest.mark.parametrize("suffix", ["toml", "json", "csv", "urdf", "xml", "png"])

@@ -87,8 +87,10 @@ def test_numbers_with_commas_say_what_is_wrong() -> None:
 
 def test_no_other_module_asks_whether_a_text_is_digits() -> None:
     """``isdigit`` takes what ``int`` does not."""
-    asked = [f"{path.name}: {ast.unparse(node)}" for path in PACKAGE.rglob("*.py")
-             for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-             if isinstance(node, ast.Attribute)
-             and node.attr in ("isdigit", "isdecimal", "isnumeric")]  # fmt: skip
+    asked = [
+        f"{path.name}: {ast.unparse(node)}"
+        for path in PACKAGE.rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Attribute) and node.attr in ("isdigit", "isdecimal", "isnumeric")
+    ]
     assert asked == []

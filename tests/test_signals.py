@@ -8,7 +8,8 @@ from mitt.ball.flight import acceleration
 from mitt.errors import InputError
 from mitt.map.learn import Learned
 
-_R, _DR = np.array([2.8, 0.1, 0.5]), np.array([-5.4, -0.1, 1.2])
+_R = np.array([2.8, 0.1, 0.5])
+_DR = np.array([-5.4, -0.1, 1.2])
 
 
 def test_a_ball_is_a_time_a_place_and_a_velocity() -> None:
@@ -27,9 +28,17 @@ def test_what_is_left_out_changes_no_reference(learned: Learned) -> None:
     """The map gives the same for a ball that says all and for one that says what is used."""
     short = mitt.BallState(t=0.3, r_o=_R, dr_o=_DR, drag=0.04)
     full = mitt.BallState(
-        t=0.3, tracked=True, r_o=_R, dr_o=_DR, ddr_o=short.ddr_o, drag=0.04,
-        covariance=1e-6 * np.eye(6), t_seen=0.3, t_first=0.0, led=False,
-    )  # fmt: skip
+        t=0.3,
+        tracked=True,
+        r_o=_R,
+        dr_o=_DR,
+        ddr_o=short.ddr_o,
+        drag=0.04,
+        covariance=1e-6 * np.eye(6),
+        t_seen=0.3,
+        t_first=0.0,
+        led=False,
+    )
     mine, other = (learned.map.reference(x) for x in (short, full))
     assert np.array_equal(mine.q_d, other.q_d)
     assert np.array_equal(mine.ddq_d, other.ddq_d)

@@ -113,8 +113,9 @@ def test_a_process_that_is_started_imports_nothing_from_the_working_folder(
     body = "\n".join(line.removeprefix(" " * 4) for line in _STARTS[what].splitlines())
     script.write_text(f"{_FIRST}if __name__ == '__main__':\n{body}")
     words = [sys.executable, str(script), str(tmp_path), what]
-    done = subprocess.run(words, cwd=poisoned, text=True, capture_output=True, timeout=300,
-                          check=False)  # fmt: skip
+    done = subprocess.run(
+        words, cwd=poisoned, text=True, capture_output=True, timeout=300, check=False
+    )
     assert "WORKING FOLDER" not in done.stderr
     assert done.returncode == 0, done.stderr
     assert done.stdout.endswith("done\n"), done.stdout + done.stderr
@@ -124,8 +125,14 @@ def test_python_with_m_imports_nothing_from_the_working_folder(tmp_path: Path) -
     """What Python itself has imported before mitt begins is not ours to say."""
     for name in ("json", "numpy", "numba", "queue", "rich"):
         (tmp_path / f"{name}.py").write_text(_POISON % name)
-    done = subprocess.run([sys.executable, "-m", "mitt", "catch", "--check"], cwd=tmp_path,
-                          text=True, capture_output=True, timeout=300, check=False)  # fmt: skip
+    done = subprocess.run(
+        [sys.executable, "-m", "mitt", "catch", "--check"],
+        cwd=tmp_path,
+        text=True,
+        capture_output=True,
+        timeout=300,
+        check=False,
+    )
     assert (done.returncode, done.stdout) == (0, ""), done.stderr
     assert "the input is good" in done.stderr
 
@@ -141,15 +148,26 @@ def test_each_start_of_a_process_is_in_a_block_with_a_safe_path() -> None:
         ):
             continue
         tree = ast.parse(text)
-        safe = {id(x) for block in ast.walk(tree) if isinstance(block, ast.With)
-                and any("safe_path" in ast.unparse(i) for i in block.items)
-                for x in ast.walk(block)}  # fmt: skip
-        unsafe += [f"{path.name}: {ast.unparse(x)[:60]}" for x in ast.walk(tree)
-                   if isinstance(x, ast.Call) and isinstance(x.func, ast.Attribute | ast.Name)
-                   and ast.unparse(x.func).rpartition(".")[2] in starts
-                   and id(x) not in safe]  # fmt: skip
-    allowed = ("workers.py: engine.submit", "workers.py: self._pool.submit",  # no process starts
-               "runs.py: watch.start")  # fmt: skip
+        safe = {
+            id(x)
+            for block in ast.walk(tree)
+            if isinstance(block, ast.With)
+            and any("safe_path" in ast.unparse(i) for i in block.items)
+            for x in ast.walk(block)
+        }
+        unsafe += [
+            f"{path.name}: {ast.unparse(x)[:60]}"
+            for x in ast.walk(tree)
+            if isinstance(x, ast.Call)
+            and isinstance(x.func, ast.Attribute | ast.Name)
+            and ast.unparse(x.func).rpartition(".")[2] in starts
+            and id(x) not in safe
+        ]
+    allowed = (
+        "workers.py: engine.submit",
+        "workers.py: self._pool.submit",  # no process starts
+        "runs.py: watch.start",
+    )
     assert [x for x in unsafe if not x.startswith(allowed)] == []
 
 

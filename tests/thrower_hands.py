@@ -93,8 +93,9 @@ def thrown(
         while due <= t:
             if (seen := carried(kind, ball, due)) is not None:
                 noisy = seen + SIGMA * rng.standard_normal(3)
-                points.append(Sighting(t=due + lead, found=True, r_o=noisy,
-                                       covariance=SIGMA**2 * np.eye(3)))  # fmt: skip
+                points.append(
+                    Sighting(t=due + lead, found=True, r_o=noisy, covariance=SIGMA**2 * np.eye(3))
+                )
             due += 1.0 / rate
         reading = ArmState(t=t + lead, q=plant.state[0].copy(), dq=plant.state[1].copy())
         command = catcher.step(Senses(t=t + lead, arm=reading, points=tuple(points)))

@@ -13,7 +13,9 @@ from mitt.files.rig import CalibratedRig, RigCamera
 from mitt.signals import Array, Image
 from mitt.world.imaging import Imager, ImageSensor
 
-RADIUS, DRAG, RATE = 0.04, 0.04, 1000.0
+RADIUS = 0.04
+DRAG = 0.04
+RATE = 1000.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

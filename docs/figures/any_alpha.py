@@ -11,7 +11,8 @@ from mitt.signals import Array
 ARM = mitt.load_arm("wam", limits="paper")
 LEARNED = mitt.learn(ARM).map
 TIMES = -np.geomspace(0.3, 1e-3, 50)
-Q_C, DR_C = np.array([0.1, 0.75, np.pi / 2]), np.array([-5.2, 0.3, -1.6])
+Q_C = np.array([0.1, 0.75, np.pi / 2])
+DR_C = np.array([-5.2, 0.3, -1.6])
 R_C = ARM.position(Q_C)
 
 

@@ -38,11 +38,16 @@ def draw(figure: Figure) -> None:
     left.plot([-45, 45], [-40, -40], color=GREY, linewidth=5.0, solid_capstyle="butt")
     left.annotate("palm", (50, -40), color=GREY, va="center")
     left.plot(0, 0, "o", color=BALL, markersize=9, zorder=4)
-    left.set(xlabel="along the palm [mm]", ylabel="along the palm's normal [mm]",
-             xlim=(-260, 260), ylim=(-70, 300))  # fmt: skip
+    left.set(
+        xlabel="along the palm [mm]",
+        ylabel="along the palm's normal [mm]",
+        xlim=(-260, 260),
+        ylim=(-70, 300),
+    )
     right.axhline(ARM.dq_max[2], color=GREY, linewidth=1.0, linestyle="--")
-    right.annotate("dashed: limit of a 48 V motor", (-70, 5.75), (0, 0), color=GREY,
-                   textcoords="offset points")  # fmt: skip
+    right.annotate(
+        "dashed: limit of a 48 V motor", (-70, 5.75), (0, 0), color=GREY, textcoords="offset points"
+    )
     right.set(xlabel="time before the catch [ms]", ylabel="speed of joint 4 [rad/s]")
     figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=3)
 

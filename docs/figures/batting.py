@@ -10,13 +10,16 @@ from mitt.trials.source import source_of
 from mitt.world.scene import read_scene
 
 #: Hits, and from when before and until when after the contact [s].
-HITS, BEFORE, AFTER = 3, 0.36, 0.8
+HITS = 3
+BEFORE = 0.36
+AFTER = 0.8
 VIEW = View(eye=(1.75, -5.2, 0.95), target=(1.75, 0.0, 0.45), angle=0.42, size=(640, 300))
 
 scene = read_scene("lab")
 station = bat_station("wam", scene=scene, target=np.array(TARGET), limits="wam-48v")
 source = source_of(station.arm, seed=0, count=20, drag=scene.ball.drag)
-runner, parts = BatRunner(station, source, pixels=False), []
+runner = BatRunner(station, source, pixels=False)
+parts = []
 for trial in runner.run():
     if trial.t_hit_s is not None and trial.status == "hit":
         t = trial.t_hit_s

@@ -10,10 +10,13 @@ from mitt.trials.source import source_of
 from mitt.world.scene import read_scene
 
 #: Throws, and from when before and until when after the catch [s].
-THROWS, BEFORE, AFTER = 3, 0.44, 0.36
+THROWS = 3
+BEFORE = 0.44
+AFTER = 0.36
 VIEW = View(eye=(1.55, -3.3, 0.75), target=(1.0, 0.0, -0.02), angle=0.52, size=(640, 340))
 
-arm, scene = mitt.load_arm("wam", limits="wam-80v"), read_scene("lab")
+arm = mitt.load_arm("wam", limits="wam-80v")
+scene = read_scene("lab")
 f = mitt.learn(arm).map
 runner = TrialRunner(f.arm, Direct(f), scene, pixels=True)
 source = source_of(f.arm, seed=0, count=THROWS, drag=scene.ball.drag)

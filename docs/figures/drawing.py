@@ -34,8 +34,11 @@ FALL = np.array([0.0, 0.0, -9.81])
 def save(name: str, size: tuple[float, float], draw: Callable[[Figure], None]) -> None:
     """Draw a figure of a size [inch] into ``name``.svg; the same data give the same file."""
     look: dict[Any, Any] = {
-        **RC, "svg.fonttype": "path", "svg.hashsalt": name, "savefig.transparent": False,
-    }  # fmt: skip
+        **RC,
+        "svg.fonttype": "path",
+        "svg.hashsalt": name,
+        "savefig.transparent": False,
+    }
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else IMAGES
     with matplotlib.rc_context(look):
         figure = Figure(figsize=size, layout="constrained", facecolor="white")
@@ -54,9 +57,14 @@ class Part(NamedTuple):
 
 
 def moving_picture(
-    name: str, arm: Arm, scene: Scene, parts: Sequence[Part], view: View,
-    *, mark: tuple[float, float, float] | None = None,
-) -> None:  # fmt: skip
+    name: str,
+    arm: Arm,
+    scene: Scene,
+    parts: Sequence[Part],
+    view: View,
+    *,
+    mark: tuple[float, float, float] | None = None,
+) -> None:
     """Draw parts of trials one after the other, four times slower than life, as a GIF.
 
     Args:
@@ -90,9 +98,16 @@ def moving_picture(
 def ball_at(r_c: Array, dr_c: Array, t: float) -> mitt.BallState:
     """Return a ball without drag that is at ``r_c`` [m] with ``dr_c`` [m/s] at time 0 [s]."""
     return mitt.BallState(
-        t=t, tracked=True, r_o=r_c + t * dr_c + 0.5 * t * t * FALL, dr_o=dr_c + t * FALL,
-        ddr_o=FALL.copy(), drag=0.0, covariance=1e-6 * np.eye(6), t_seen=t, t_first=t,
-    )  # fmt: skip
+        t=t,
+        tracked=True,
+        r_o=r_c + t * dr_c + 0.5 * t * t * FALL,
+        dr_o=dr_c + t * FALL,
+        ddr_o=FALL.copy(),
+        drag=0.0,
+        covariance=1e-6 * np.eye(6),
+        t_seen=t,
+        t_first=t,
+    )
 
 
 def draw_arm(axes: Axes, arm: Arm, q: Array, **how: Any) -> None:  # noqa: ANN401 (matplotlib)

@@ -19,15 +19,24 @@ STAGES = (
 #: Signals between them.
 SIGNALS = ("Frame", "Sighting", "BallState", "JointReference", "Command")
 #: Half width and half height of a box, and the height between the two rows.
-WIDE, HIGH, BETWEEN = 0.95, 0.55, -1.0
+WIDE = 0.95
+HIGH = 0.55
+BETWEEN = -1.0
 
 
 def box(axes: Axes, x: float, y: float, name: str, does: str) -> None:
     """Draw a stage."""
     axes.add_patch(
-        FancyBboxPatch((x - WIDE, y - HIGH), 2 * WIDE, 2 * HIGH, boxstyle="round,pad=0.04",
-                       facecolor=BAND, edgecolor=GREY, zorder=0)
-    )  # fmt: skip
+        FancyBboxPatch(
+            (x - WIDE, y - HIGH),
+            2 * WIDE,
+            2 * HIGH,
+            boxstyle="round,pad=0.04",
+            facecolor=BAND,
+            edgecolor=GREY,
+            zorder=0,
+        )
+    )
     axes.text(x, y + 0.27, name, ha="center", va="center", weight="bold", color=INK, fontsize=11)
     axes.text(x, y - 0.18, does, ha="center", va="center", color=INK, fontsize=9.5)
 
@@ -49,8 +58,14 @@ def draw(figure: Figure) -> None:
             axes.annotate("", (x1, y1 + HIGH + 0.05), (x1, BETWEEN), arrowprops=arrow)
             at = 0.5 * (x0 + x1), BETWEEN + 0.08
         axes.text(*at, signal, ha="center", va="bottom", color=BLUE, fontsize=9.5)
-    axes.text(places[4][0], -2.85, "encoders go to control, and to the generator when it starts",
-              color=GREY, fontsize=9.5, ha="center")  # fmt: skip
+    axes.text(
+        places[4][0],
+        -2.85,
+        "encoders go to control, and to the generator when it starts",
+        color=GREY,
+        fontsize=9.5,
+        ha="center",
+    )
     axes.set(xlim=(-1.1, 7.7), ylim=(-3.0, 0.7))
     axes.set_axis_off()
 

@@ -42,7 +42,10 @@ DOES = {
     "version": "the version of mitt",
 }
 #: Height of a line, space about those of a floor, widths [inch].
-LINE, ABOUT, WIDE, NAME = 0.27, 0.06, 5.9, 1.4
+LINE = 0.27
+ABOUT = 0.06
+WIDE = 5.9
+NAME = 1.4
 
 
 def layers() -> tuple[list[list[str]], set[str]]:
@@ -81,10 +84,23 @@ def draw(figure: Figure) -> None:
     axes.add_patch(
         Polygon([(-0.25, 0.0), (0.5 * WIDE, 0.6), (WIDE + 0.25, 0.0)], facecolor=GREY, linewidth=0)
     )
-    axes.text(0.5 * WIDE, 0.2, "imports go down only", color="white", ha="center", va="center",
-              fontsize=10.5)  # fmt: skip
-    axes.text(0.0, y - 0.22, "blue: runs on the robot; knows no plots, files, network, clock,"
-              " command line", color=BLUE, va="center", fontsize=10)  # fmt: skip
+    axes.text(
+        0.5 * WIDE,
+        0.2,
+        "imports go down only",
+        color="white",
+        ha="center",
+        va="center",
+        fontsize=10.5,
+    )
+    axes.text(
+        0.0,
+        y - 0.22,
+        "blue: runs on the robot; knows no plots, files, network, clock, command line",
+        color=BLUE,
+        va="center",
+        fontsize=10,
+    )
     axes.set(xlim=(-0.3, WIDE + 0.3), ylim=(y - 0.45, 0.65))
     axes.set_axis_off()
 

@@ -10,7 +10,8 @@ from mitt.report.style import BAND, BLUE, GREY, INK
 ARM = mitt.load_arm("wam", limits="paper")
 LEARNED = mitt.learn(ARM).map
 TIMES = np.linspace(-0.42, 0.0, 211)
-Q_C, DR_C = np.array([0.1, 0.75, np.pi / 2]), np.array([-5.2, 0.3, -1.6])
+Q_C = np.array([0.1, 0.75, np.pi / 2])
+DR_C = np.array([-5.2, 0.3, -1.6])
 R_C = ARM.position(Q_C)
 
 

@@ -11,7 +11,9 @@ from mitt.signals import Array
 ARM = mitt.load_arm("wam", limits="paper")
 LEARNED = mitt.learn(ARM).map
 #: The catch: pose [rad], velocity of the ball [m/s]; when the arm starts [s]; instants drawn [s].
-Q_C, DR_C, START = np.array([0.0, 0.75, np.pi / 2]), np.array([-5.2, 0.0, -1.6]), -0.42
+Q_C = np.array([0.0, 0.75, np.pi / 2])
+DR_C = np.array([-5.2, 0.0, -1.6])
+START = -0.42
 SHOWN = (-0.30, -0.15, 0.0)
 R_C = ARM.position(Q_C)
 F = LEARNED.adapt(ball_at(R_C, DR_C, START), ARM.q_ready, np.zeros(3))

@@ -25,12 +25,18 @@ PLACE = ARM.position(ARM.q_ready) + np.array([0.05, 0.0, -0.1])
 REACH = HandReach(
     start=PLACE + np.array([0.0, 0.3, 0.2]),
     way=np.array([[0.0, -0.3, -0.2], [0.05, -0.06, 0.1]]),
-    begin=np.array([0.0, 0.85]), duration=np.array([1.2, 0.5]), tremor=np.zeros((3, 3)),
-)  # fmt: skip
+    begin=np.array([0.0, 0.85]),
+    duration=np.array([1.2, 0.5]),
+    tremor=np.zeros((3, 3)),
+)
 #: Start of the arm, time to the meeting, time that the tool stays with the target [s].
-START, AFTER, WINDOW = 0.4, 0.7, 0.3
+START = 0.4
+AFTER = 0.7
+WINDOW = 0.3
 #: A camera: its period, the age of what it tells [s], and its noise [m].
-PERIOD, OLD, NOISE = 1.0 / 60.0, 0.03, 0.002
+PERIOD = 1.0 / 60.0
+OLD = 0.03
+NOISE = 0.002
 TIMES = np.arange(0.0, START + AFTER + WINDOW, 1e-3)
 FIRST = round(START / 1e-3)
 #: Of what is drawn, from 0.3 s before the meeting on.

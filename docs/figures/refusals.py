@@ -14,9 +14,17 @@ from mitt.verdict.impact import examined
 from mitt.world.build import restitution_of
 from mitt.world.scene import read_scene
 
-SPEEDS, MASSES = np.linspace(3.0, 10.0, 15), np.geomspace(0.02, 2.0, 13)
-COLOURS = {"torque": ORANGE, "speed": YELLOW, "range": GREY, "impact": BLUE, "brake": GREEN,
-           "grip": INK, "force": PURPLE}  # fmt: skip
+SPEEDS = np.linspace(3.0, 10.0, 15)
+MASSES = np.geomspace(0.02, 2.0, 13)
+COLOURS = {
+    "torque": ORANGE,
+    "speed": YELLOW,
+    "range": GREY,
+    "impact": BLUE,
+    "brake": GREEN,
+    "grip": INK,
+    "force": PURPLE,
+}
 #: How the ball of the scene ``lab`` springs back from the palm.
 RESTITUTION = restitution_of(read_scene("lab"))
 
@@ -48,8 +56,9 @@ def draw(figure: Figure) -> None:
         axes.set(yscale="log", xlabel="speed at the catch [m/s]", title=limits)
         axes.grid(visible=False)
     columns[0].set_ylabel("mass of the ball [kg]")
-    columns[0].set_yticks([0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0], ["0.02", "0.05", "0.1", "0.2",
-                          "0.5", "1", "2"])  # fmt: skip
+    columns[0].set_yticks(
+        [0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0], ["0.02", "0.05", "0.1", "0.2", "0.5", "1", "2"]
+    )
     for kind, colour in {"accepted": BAND, **COLOURS}.items():
         if kind in binds | {"accepted"}:
             columns[0].plot([], [], "s", color=colour, label=kind)

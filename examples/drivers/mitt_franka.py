@@ -40,7 +40,9 @@ from mitt.signals import ArmState, Command, Sighting
 NAMES = {kind: tuple(f"{kind}_joint{k}" for k in range(1, 8)) for kind in ("panda", "fr3")}
 #: Largest change of a torque in a millisecond [N m]; spring [N m/rad] and damper [N m s/rad] of
 #: the joints that are held.
-RATE, SPRING, DAMPER = 1.0, 600.0, 40.0
+RATE = 1.0
+SPRING = 600.0
+DAMPER = 40.0
 #: Modes in which the robot takes commands, or will.
 _FINE = ("Idle", "Move", "Other")
 
@@ -59,8 +61,9 @@ def index_of(cell: Cell, arm: Arm) -> NDArray[np.int64]:
     known = next((x for x in NAMES.values() if set(names) <= set(x)), None)
     if known is None or takes != "torque":
         wanted = " or of ".join(", ".join(x) for x in NAMES.values())
-        raise InputError("robot.joints", f"some of {wanted}; takes = torque",
-                         f"{', '.join(names)}; {takes}")  # fmt: skip
+        raise InputError(
+            "robot.joints", f"some of {wanted}; takes = torque", f"{', '.join(names)}; {takes}"
+        )
     return np.array([known.index(x) for x in names])
 
 
@@ -83,10 +86,17 @@ class FrankaRobot:
     brakes = True
 
     def __init__(
-        self, vendor: Any, address: str, cell: Cell, arm: Arm, *,  # noqa: ANN401 (pylibfranka)
-        clock: RobotClock | None = None, ball: Callable[[], Sequence[Sighting]] = tuple,
-        hand: Callable[[float], None] = lambda _: None, rate: float = RATE,
-    ) -> None:  # fmt: skip
+        self,
+        vendor: Any,  # noqa: ANN401 (pylibfranka)
+        address: str,
+        cell: Cell,
+        arm: Arm,
+        *,
+        clock: RobotClock | None = None,
+        ball: Callable[[], Sequence[Sighting]] = tuple,
+        hand: Callable[[float], None] = lambda _: None,
+        rate: float = RATE,
+    ) -> None:
         """Connect.
 
         Args:

@@ -37,10 +37,18 @@ from mitt.errors import InputError
 from mitt.files.cell import Cell
 from mitt.signals import ArmState, Command, Sighting
 
-NAMES = ("shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint",
-         "wrist_1_joint", "wrist_2_joint", "wrist_3_joint")  # fmt: skip
+NAMES = (
+    "shoulder_pan_joint",
+    "shoulder_lift_joint",
+    "elbow_joint",
+    "wrist_1_joint",
+    "wrist_2_joint",
+    "wrist_3_joint",
+)
 #: Acceleration of speedJ and of a stop [rad/s^2], time for which a speed counts [s].
-FASTEST, STOP, PERIOD = 40.0, 10.0, 0.002
+FASTEST = 40.0
+STOP = 10.0
+PERIOD = 0.002
 #: Time between two looks for a reading [s].
 _LOOK = 1e-4
 
@@ -74,9 +82,12 @@ def ur(cell: Cell, arm: Arm) -> "UrRobot":
     dashboard = dashboard_client.DashboardClient(address)
     dashboard.connect()
     return UrRobot(
-        rtde_control.RTDEControlInterface(address), rtde_receive.RTDEReceiveInterface(address),
-        dashboard.unlockProtectiveStop, cell, arm,
-    )  # fmt: skip
+        rtde_control.RTDEControlInterface(address),
+        rtde_receive.RTDEReceiveInterface(address),
+        dashboard.unlockProtectiveStop,
+        cell,
+        arm,
+    )
 
 
 @final
@@ -90,11 +101,18 @@ class UrRobot:
     brakes = True
 
     def __init__(
-        self, control: Any, receive: Any, unlock: Callable[[], object],  # noqa: ANN401 (ur_rtde)
-        cell: Cell, arm: Arm, *, clock: RobotClock | None = None,
+        self,
+        control: Any,  # noqa: ANN401 (ur_rtde)
+        receive: Any,  # noqa: ANN401 (ur_rtde)
+        unlock: Callable[[], object],
+        cell: Cell,
+        arm: Arm,
+        *,
+        clock: RobotClock | None = None,
         ball: Callable[[], Sequence[Sighting]] = tuple,
-        hand: Callable[[float], None] = lambda _: None, acceleration: float = FASTEST,
-    ) -> None:  # fmt: skip
+        hand: Callable[[float], None] = lambda _: None,
+        acceleration: float = FASTEST,
+    ) -> None:
         """Take what is connected.
 
         Args:
@@ -129,8 +147,9 @@ class UrRobot:
         last, self._last = self._last, new
         if last is None or not 0.0 < new.t - last.t < 1.5 * PERIOD:
             return (new,)
-        middle = ArmState(t=0.5 * (last.t + at), q=0.5 * (last.q + new.q),
-                          dq=0.5 * (last.dq + new.dq))  # fmt: skip
+        middle = ArmState(
+            t=0.5 * (last.t + at), q=0.5 * (last.q + new.q), dq=0.5 * (last.dq + new.dq)
+        )
         return (middle, new)
 
     def points(self) -> Sequence[Sighting]:

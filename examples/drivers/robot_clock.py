@@ -19,7 +19,8 @@ wait = time.sleep
 #: How fast two clocks drift apart at most [s/s]: two quartzes of 100 ppm each.
 DRIFT = 2e-4
 #: For how long it is looked what came fastest [s], and by how much that may have changed since [s].
-_WINDOW, _MOST = 5.0, 0.002
+_WINDOW = 5.0
+_MOST = 0.002
 
 
 @final

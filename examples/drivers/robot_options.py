@@ -17,5 +17,9 @@ def address_of(cell: Cell) -> str:
 def check_library(driver: str, library: str, package: str) -> None:
     """Refuse a Python without the library of a driver, and name the package that has it."""
     if find_spec(library) is None:
-        raise InputError(f"driver {driver!r}", f"the library {library}", "a Python without it",
-                         do=f"pip install {package}")  # fmt: skip
+        raise InputError(
+            f"driver {driver!r}",
+            f"the library {library}",
+            "a Python without it",
+            do=f"pip install {package}",
+        )

@@ -17,7 +17,9 @@ from mitt.eyes.lens import Lens
 from mitt.files.rig import CalibratedRig, RigCamera, read_rig, write_rig
 from mitt.world.imaging import Imager, ImageSensor
 
-RADIUS, RATE, rng = 0.04, 1000.0, np.random.default_rng(2)
+RADIUS = 0.04
+RATE = 1000.0
+rng = np.random.default_rng(2)
 work = tempfile.TemporaryDirectory()
 folder = Path(work.name)
 
@@ -53,7 +55,8 @@ pairs = zip(rig.cameras, true.cameras, strict=True)
 off = max(np.linalg.norm((a.T_world_cam - b.T_world_cam)[:3, 3]) for a, b in pairs)
 print(f"cameras: at most {1e3 * off:.1f} mm from their place")
 
-r_o, dr_o = np.array([3.6, 0.1, 0.3]), np.array([-5.5, -0.1, 1.8])
+r_o = np.array([3.6, 0.1, 0.3])
+dr_o = np.array([-5.5, -0.1, 1.8])
 frames = []
 for k in range(120):
     frames.append(images.render(k / RATE, None if k < 5 else r_o, RADIUS))  # no ball in the first
@@ -67,13 +70,15 @@ main(["see", here + "0.mkv", here + "1.mkv", "--rig", here + "RIG.toml", "--out"
 track = np.genfromtxt(folder / "t.csv", delimiter=",", names=True)
 print(f"film: a track of {len(track)} rows, the first from the sixth sighting")
 
-eyes, ball_filter = Eyes(rig.rig()), BallFilter(THROWN_BALL)
+eyes = Eyes(rig.rig())
+ball_filter = BallFilter(THROWN_BALL)
 for pair in frames:  # here: as your cameras deliver them, a mitt.signals.Frame each
     sighting = eyes.step(pair)
     if sighting.found:
         ball_filter.update(sighting)
 ball = ball_filter.state(len(frames) / RATE)
-apart, slow = np.linalg.norm(ball.r_o - r_o), np.linalg.norm(ball.dr_o - dr_o)
+apart = np.linalg.norm(ball.r_o - r_o)
+slow = np.linalg.norm(ball.dr_o - dr_o)
 print(f"ball: {1e3 * apart:.1f} mm and {slow:.3f} m/s from the truth")
 f = mitt.learn(arm).map.adapt(ball, arm.q_ready, np.zeros(arm.n))
 print(f"the arm has {1e3 * f.reference(ball).time_to_catch:.0f} ms until the catch")

@@ -11,7 +11,8 @@ from mitt.control.setpoints import Setpoints
 from mitt.map.demand import Tolerance
 from mitt.signals import Array
 
-TICK, FALL = 0.001, np.array([0.0, 0.0, -9.81])  # s, m/s^2
+TICK = 0.001
+FALL = np.array([0.0, 0.0, -9.81])  # s, m/s^2
 
 arm = mitt.load_arm("wam", limits="paper")
 learned = mitt.learn(arm)  # some seconds, once; keep it: mitt learn --out MAP.json
@@ -60,7 +61,8 @@ class Robot:
 
 
 rng = np.random.default_rng(7)
-release, velocity = np.array([3.6, 0.15, 0.2]), np.array([-5.9, -0.2, 2.2])
+release = np.array([3.6, 0.15, 0.2])
+velocity = np.array([-5.9, -0.2, 2.2])
 
 
 def measure(t: float) -> Array:
@@ -68,7 +70,9 @@ def measure(t: float) -> Array:
     return release + t * velocity + 0.5 * t * t * FALL + SIGMA * rng.standard_normal(3)
 
 
-tracker, robot, t = Tracker(), Robot(), 0.0
+tracker = Tracker()
+robot = Robot()
+t = 0.0
 while t < 0.1:  # watch before you move
     tracker.saw(t, measure(t))
     t += TICK
@@ -104,7 +108,10 @@ print(f"at rest {1e3 * brake.duration:.0f} ms later, at {np.abs(robot.dq).max():
 flight = replace(THROWN_BALL, drag_mean=0.0, drag_sigma=0.002)  # if not said: 0.04 1/m
 mitt.simulate(learned, throws=1, pixels=False)  # loads all that is compiled, before the arm moves
 catcher = mitt.Catcher(arm, learned, settings=mitt.CatcherSettings(flight=flight))
-q, dq, t, nearest = arm.q_ready.copy(), np.zeros(arm.n), 0.0, np.inf
+q = arm.q_ready.copy()
+dq = np.zeros(arm.n)
+t = 0.0
+nearest = np.inf
 while not catcher.done:
     seen = mitt.Sighting(t=t, found=True, r_o=measure(t), covariance=SIGMA**2 * np.eye(3))
     reading = mitt.ArmState(t=t, q=q, dq=dq)
@@ -119,7 +126,8 @@ while not catcher.done:
 # here: engage your brakes, or go on with the loop, whose commands hold the arm and the ball
 print(f"{catcher.phase.value}, {1e3 * nearest:.1f} mm from the ball at the nearest")
 
-servo, delay = 2.0 * pi * 8.0, 4  # bandwidth [rad/s] and delay [ticks]: measure both
+servo = 2.0 * pi * 8.0
+delay = 4  # bandwidth [rad/s] and delay [ticks]: measure both
 setpoints = Setpoints(arm, "position", bandwidth=servo, delay=delay * TICK)
 settings = mitt.CatcherSettings(
     bandwidth=servo, setpoint_delay=delay, torque_lead=TICK * (1 + delay)

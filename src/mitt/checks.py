@@ -25,7 +25,8 @@ _MOST = 60
 #: Relative error of a covariance that is rounding.
 _ROUNDED = 1e-6
 #: Longest name of a file and longest path that systems take [bytes].
-_LONGEST_NAME, _LONGEST_PATH = 255, 4000
+_LONGEST_NAME = 255
+_LONGEST_PATH = 4000
 
 
 def array(
@@ -113,9 +114,13 @@ def numbers(name: str, value: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def number(
-    name: str, value: object, *, finite: bool = False,
-    least: float | None = None, most: float | None = None,
-) -> float:  # fmt: skip
+    name: str,
+    value: object,
+    *,
+    finite: bool = False,
+    least: float | None = None,
+    most: float | None = None,
+) -> float:
     """Return a real number, within bounds if there are any.
 
     Args:
@@ -260,8 +265,12 @@ def image(name: str, value: object, shape: tuple[int, int] | None = None) -> NDA
     """
     if not isinstance(value, np.ndarray) or value.dtype != np.uint8:
         given = f"dtype {value.dtype}" if isinstance(value, np.ndarray) else shown(value)
-        raise InputError(name, "an array of uint8", given,
-                         do="scale grey values to 0..255 and use astype(np.uint8)")  # fmt: skip
+        raise InputError(
+            name,
+            "an array of uint8",
+            given,
+            do="scale grey values to 0..255 and use astype(np.uint8)",
+        )
     pixels: NDArray[np.uint8] = value
     if pixels.ndim != 2 or pixels.size == 0 or (shape is not None and pixels.shape != shape):
         wanted = "(height, width)" if shape is None else str(shape)

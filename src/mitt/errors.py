@@ -178,5 +178,6 @@ def answered_by(name: str) -> Iterator[None]:
         yield
     except Exception as error:
         said = str(error) if isinstance(error, MittError) else f"{type(error).__name__}: {error}"
-        raise InputError(name, "an answer of the package that adds it", said,
-                         do="repair that package") from error  # fmt: skip
+        raise InputError(
+            name, "an answer of the package that adds it", said, do="repair that package"
+        ) from error

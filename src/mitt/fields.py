@@ -33,7 +33,8 @@ class Range(NamedTuple):
 #: Of a field that states none.
 _FINITE = Range(-1e300, 1e300)
 #: Characters of a line that shows a value, and entries of a row that are shown one by one.
-_LONGEST, _FEW = 150, 6
+_LONGEST = 150
+_FEW = 6
 
 
 def check(settings: object) -> None:

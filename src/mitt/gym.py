@@ -79,18 +79,26 @@ Observation: TypeAlias = Any
 Numbers: TypeAlias = NDArray[np.float32]
 
 #: Bounds of what is observed: positions [m], speeds [m/s], joint speeds in shares of their limits.
-FAR, FAST, _SPIN = 10.0, 20.0, 4.0
+FAR = 10.0
+FAST = 20.0
+_SPIN = 4.0
 #: Residual torque of a full action, as a share of the joint's largest; ours.
 _RESIDUAL = 0.2
 #: Rewards: for a ball that is held, for the first touch, per second and metre of distance, per
 #: second of full torque; choices of this project.
-_HELD, _TOUCH, _DISTANCE, _EFFORT = 10.0, 1.0, 1.0, 0.05
+_HELD = 10.0
+_TOUCH = 1.0
+_DISTANCE = 1.0
+_EFFORT = 0.05
 #: The same per second and m/s of difference in velocity, for a part that is to be met; time after
 #: which a part has not been taken [s].
-_SLIP, _LATE = 0.5, 10.0
+_SLIP = 0.5
+_LATE = 10.0
 #: Miss at which the reward of a hit is half of its largest [m]; for how long the path of a ball is
 #: known, and the time between two of its places [s].
-_HALF, _FLIES, _STRIDE = 0.25, 2.0, 0.01
+_HALF = 0.25
+_FLIES = 2.0
+_STRIDE = 0.01
 
 
 class Driven(gymnasium.Env[Observation, Numbers]):
@@ -167,8 +175,12 @@ class Driven(gymnasium.Env[Observation, Numbers]):
     def _given(self, action: Numbers) -> Array:
         """Return an action within its bounds; refuse another shape, or one before an episode."""
         if not self._begun:
-            raise InputError("step", "an environment that was reset", "one that was not yet",
-                             do="call reset first")  # fmt: skip
+            raise InputError(
+                "step",
+                "an environment that was reset",
+                "one that was not yet",
+                do="call reset first",
+            )
         given = checks.array("action", action, self.action_space.shape or (), finite=True)
         return np.clip(given, -1.0, 1.0)
 
@@ -288,8 +300,10 @@ class Driven(gymnasium.Env[Observation, Numbers]):
         """Return the largest force on ball or part, and its errors at the first contact, if any."""
         contact, said = self.world.first_contact, {}
         if contact is not None:
-            said = {"position_error_m": contact.position_error,
-                    "velocity_error_m_s": contact.velocity_error}  # fmt: skip
+            said = {
+                "position_error_m": contact.position_error,
+                "velocity_error_m_s": contact.velocity_error,
+            }
         return {"peak_contact_force_n": float(self.world.peak_force), **said}
 
 
@@ -444,10 +458,12 @@ class CatchPixels(Environment):
     def _space(self) -> spaces.Space[Any]:
         """Return boxes: ``joints`` and ``images``."""
         high, shape = self.bounds(), (2, *self.shape())
-        return spaces.Dict({
-            "joints": spaces.Box(-high, high, dtype=np.float32),
-            "images": spaces.Box(0, 255, shape, np.uint8),
-        })  # fmt: skip
+        return spaces.Dict(
+            {
+                "joints": spaces.Box(-high, high, dtype=np.float32),
+                "images": spaces.Box(0, 255, shape, np.uint8),
+            }
+        )
 
     def _observed(self) -> dict[str, Any]:
         """Return joints and images."""
@@ -497,16 +513,24 @@ class Meet(Driven):
         limits = None if limits is None else checks.text("limits", limits)
         scene = PARTS_SCENE if scene is None else scene_from(scene)
         self._set_up(render_mode, scene, action, ticks)
-        at = station(checks.path("arm", arm), replace(TOOLS[tool], delay=delay), target, scene,
-                     tip=tip, joints=joints, limits=limits)  # fmt: skip
+        at = station(
+            checks.path("arm", arm),
+            replace(TOOLS[tool], delay=delay),
+            target,
+            scene,
+            tip=tip,
+            joints=joints,
+            limits=limits,
+        )
         self._at, self.scene = at, at.scene
         self._take(at.arm, World(at.scene, at.arm.model, limits=at.arm.limits), TOOLS[tool].closed)
         self._catcher, self._parts = self.fresh_catcher(), self._drawn_parts(0)
 
     def fresh_catcher(self) -> Catcher:
         """Return a catcher that meets parts by the map."""
-        return Catcher(self.arm, Meeting(self._at.map, self._at.settings),
-                       settings=self._at.catcher)  # fmt: skip
+        return Catcher(
+            self.arm, Meeting(self._at.map, self._at.settings), settings=self._at.catcher
+        )
 
     def _drawn_parts(self, seed: int) -> Parts:
         """Return what brings a part."""
@@ -597,8 +621,13 @@ class Bat(Driven):
 
     def _station(self) -> BatStation:
         """Return the arm where it bats."""
-        return bat_station(self._name, scene=self.scene, target=self._target, limits=self._limits,
-                           learns=self._learned)  # fmt: skip
+        return bat_station(
+            self._name,
+            scene=self.scene,
+            target=self._target,
+            limits=self._limits,
+            learns=self._learned,
+        )
 
     def fresh_catcher(self) -> Catcher:
         """Return a catcher that strikes by the map, which is learned if it was not yet."""

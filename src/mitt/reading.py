@@ -23,10 +23,13 @@ from mitt.errors import FileError, InputError
 from mitt.numerals import real_of
 
 #: Largest TOML and JSON file that is read [bytes]; JSON may take twenty times as much memory.
-MAX_TOML_BYTES, MAX_JSON_BYTES = 1_000_000, 10_000_000
+MAX_TOML_BYTES = 1_000_000
+MAX_JSON_BYTES = 10_000_000
 
 #: Most parts of a dotted key, levels of brackets, and characters of a key.
-_MOST_PARTS, _MOST_LEVELS, _LONGEST_KEY = 16, 16, 256
+_MOST_PARTS = 16
+_MOST_LEVELS = 16
+_LONGEST_KEY = 256
 
 #: What TOML is made of, as far as keys and nesting go. Strings that do not end run to the end of
 #: their line or of the file, so that each character is looked at once.

@@ -107,8 +107,10 @@ class Moments:
         for name, value in (("t", self.t), ("area", self.area), ("u", self.u), ("v", self.v)):
             _keep(self, name, checks.number(f"moments.{name}", value))
         for name, flag in (
-            ("found", self.found), ("clipped", self.clipped), ("merged", self.merged),
-        ):  # fmt: skip
+            ("found", self.found),
+            ("clipped", self.clipped),
+            ("merged", self.merged),
+        ):
             _keep(self, name, checks.flag(f"moments.{name}", flag))
         _keep(self, "camera", checks.whole("moments.camera", self.camera, least=0))
 
@@ -147,15 +149,22 @@ class Sighting:
         _keep(self, "r_o", checks.vector("sighting.r_o", self.r_o, 3))
         if self.covariance is _UNSAID:
             if self.found:
-                raise InputError("sighting.covariance", "that of the position [m^2], shape (3, 3)",
-                                 "none", do="say sigma**2 * np.eye(3), where sigma is the standard"
-                                 " deviation of a coordinate [m]")  # fmt: skip
+                raise InputError(
+                    "sighting.covariance",
+                    "that of the position [m^2], shape (3, 3)",
+                    "none",
+                    do="say sigma**2 * np.eye(3), where sigma is the standard"
+                    " deviation of a coordinate [m]",
+                )
             _keep(self, "covariance", np.zeros((3, 3)))
         covariance = checks.array("sighting.covariance", self.covariance, (3, 3))
         if self.found and not _is_covariance(covariance.tolist()):
-            raise InputError("sighting.covariance", "a covariance: finite, symmetric, not negative",
-                             covariance.tolist(),
-                             do="give sigma**2 * numpy.eye(3), zero if exact")  # fmt: skip
+            raise InputError(
+                "sighting.covariance",
+                "a covariance: finite, symmetric, not negative",
+                covariance.tolist(),
+                do="give sigma**2 * numpy.eye(3), zero if exact",
+            )
         _keep(self, "covariance", covariance)
 
 
@@ -303,9 +312,15 @@ class JointReference:
 def reference_of(t: float, rows: Array, *, inside: bool, time_to_catch: float) -> JointReference:
     """Return a reference of rows q_d, dq_d, ddq_d, q_o, dq_o [rad ...], shape (5 or more, n)."""
     return JointReference(
-        t=t, status=MapStatus.INSIDE if inside else MapStatus.DOMAIN, q_d=rows[0], dq_d=rows[1],
-        ddq_d=rows[2], q_o=rows[3], dq_o=rows[4], time_to_catch=time_to_catch,
-    )  # fmt: skip
+        t=t,
+        status=MapStatus.INSIDE if inside else MapStatus.DOMAIN,
+        q_d=rows[0],
+        dq_d=rows[1],
+        ddq_d=rows[2],
+        q_o=rows[3],
+        dq_o=rows[4],
+        time_to_catch=time_to_catch,
+    )
 
 
 class Command(NamedTuple):

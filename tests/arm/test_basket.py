@@ -107,11 +107,18 @@ def test_a_tilted_basket_turns_the_palm_of_the_arm() -> None:
 @pytest.mark.parametrize(
     ("name", "value"),
     [
-        ("depth", -1.0), ("mass", 0.0), ("ring_radius", np.nan), ("catch_depth", 0.3),
-        ("tilt", 3.0), ("restitution", 1.5), ("cords", 21), ("cords", 2), ("struts", 2.5),
+        ("depth", -1.0),
+        ("mass", 0.0),
+        ("ring_radius", np.nan),
+        ("catch_depth", 0.3),
+        ("tilt", 3.0),
+        ("restitution", 1.5),
+        ("cords", 21),
+        ("cords", 2),
+        ("struts", 2.5),
         ("floor", "high"),
     ],
-)  # fmt: skip
+)
 def test_a_basket_that_nobody_can_build_is_refused(name: str, value: object) -> None:
     with pytest.raises(InputError, match=f"Basket.{name}"):
         Basket(**{name: value})  # type: ignore[arg-type]

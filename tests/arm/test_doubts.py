@@ -34,8 +34,15 @@ _ARM = """<mujoco><compiler angle="radian" autolimits="true"/>{more}<worldbody>{
 
 def _mjcf(path: Path, **parts: str) -> Path:
     """Write an arm of three joints with some parts of it changed."""
-    whole = {"more": "", "world": "", "joint": "", "geom": "", "end": "", "target": 'joint="elbow"',
-             "inertial": _INERTIAL.format(mass="1.5", moments=".02 .02 .004")}  # fmt: skip
+    whole = {
+        "more": "",
+        "world": "",
+        "joint": "",
+        "geom": "",
+        "end": "",
+        "target": 'joint="elbow"',
+        "inertial": _INERTIAL.format(mass="1.5", moments=".02 .02 .004"),
+    }
     path.write_text(_ARM.format(**(whole | parts)))
     return path
 
@@ -80,10 +87,14 @@ def test_mujoco_takes_what_a_link_takes(scale: float) -> None:
 @pytest.mark.parametrize(
     "moments",
     [
-        (1.4e-6, 2e-7, 8e-7), (0.0, 0.0, 0.0), (0.0, 1e-3, 1e-3), (-1e-9, 1e-6, 1e-6),
-        (1e-20, 1e-20, 1e-20), (0.0, 0.0, 5e-7),
+        (1.4e-6, 2e-7, 8e-7),
+        (0.0, 0.0, 0.0),
+        (0.0, 1e-3, 1e-3),
+        (-1e-9, 1e-6, 1e-6),
+        (1e-20, 1e-20, 1e-20),
+        (0.0, 0.0, 5e-7),
     ],
-)  # fmt: skip
+)
 @pytest.mark.parametrize("mass", [1e-6, 0.02, 1.5])
 def test_what_a_file_rounds_is_mended_and_said(
     tmp_path: Path, moments: tuple[float, float, float], mass: float
@@ -112,8 +123,10 @@ def test_what_no_body_can_have_is_refused_by_name(tmp_path: Path, full: str, mjc
         path, tip, joints = urdf(tmp_path / "a.urdf"), "l5", _NAMES
         base, before, rest = path.read_text().split("<inertia ", 2)
         before, after = f"{base}<inertia {before}", rest.split("/>", 1)[1]
-        path.write_text(f'{before}<inertia ixx="{xx}" iyy="{yy}" izz="{zz}" ixy="{xy}" ixz="{xz}"'
-                        f' iyz="{yz}"/>{after}')  # fmt: skip
+        path.write_text(
+            f'{before}<inertia ixx="{xx}" iyy="{yy}" izz="{zz}" ixy="{xy}" ixz="{xz}"'
+            f' iyz="{yz}"/>{after}'
+        )
     with pytest.raises(MittError, match=r"(body 'three'|link 'l.'|joint).*principal moments"):
         build_arm(path, tip=tip, joints=joints)
 
@@ -124,18 +137,30 @@ def test_a_mass_below_zero_is_refused_also_where_it_is_carried(tmp_path: Path) -
     with pytest.raises(MittError, match=r"at least 0 kg, got -0\.1"):
         _notes(_mjcf(tmp_path / "a.xml", geom=child))
     with pytest.raises(ModelError, match="principal moments"):
-        Link(name="x", placement=transform(), axis=np.array([0.0, 0.0, 1.0]), q_min=-1.0,
-             q_max=1.0, mass=1.0, com=np.zeros(3), inertia=np.diag((1.0, 0.1, 0.1)))  # fmt: skip
+        Link(
+            name="x",
+            placement=transform(),
+            axis=np.array([0.0, 0.0, 1.0]),
+            q_min=-1.0,
+            q_max=1.0,
+            mass=1.0,
+            com=np.zeros(3),
+            inertia=np.diag((1.0, 0.1, 0.1)),
+        )
 
 
 _GEOMS: dict[str, tuple[str, Callable[[Array], Array]]] = {
     "sphere": ("0.1", lambda u: 0.1 * u),
     "capsule": ("0.05 0.2", lambda u: 0.05 * u + (0.0, 0.0, 0.2) * np.sign(u[:, 2:])),
-    "cylinder": ("0.05 0.2", lambda u: np.column_stack((
-        0.05 * u[:, :2] / np.linalg.norm(u[:, :2], axis=1)[:, None], 0.2 * np.sign(u[:, 2])))),
+    "cylinder": (
+        "0.05 0.2",
+        lambda u: np.column_stack(
+            (0.05 * u[:, :2] / np.linalg.norm(u[:, :2], axis=1)[:, None], 0.2 * np.sign(u[:, 2]))
+        ),
+    ),
     "ellipsoid": ("0.05 0.1 0.3", lambda u: u * (0.05, 0.1, 0.3)),
     "box": ("0.05 0.1 0.3", lambda u: u / np.abs(u).max(axis=1)[:, None] * (0.05, 0.1, 0.3)),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("kind", _GEOMS)
@@ -177,17 +202,36 @@ def _outside(points: Array, capsules: Any) -> Array:  # noqa: ANN401 (a tuple of
         ({"more": '<option gravity="0 -9.81 0"/>'}, ("gravity 0 -9.81 0", "z up")),
         ({"more": '<option gravity="0 0 0"/>'}, ("gravity 0 0 0",)),
         ({"more": '<option><flag gravity="disable"/></option>'}, ("gravity 0 0 0",)),
-        ({"inertial": _INERTIAL.format(mass="1.5", moments="1e-9 1e-9 1e-9")},
-         ("small inertias", "elbow 1e-09 kg m^2 for 1.5 kg")),
-        ({"inertial": _INERTIAL.format(mass="1.5", moments=".02 .02 .004").replace("0.2", "200")},
-         ("centres of mass", "elbow 200 m", "write metres")),
+        (
+            {"inertial": _INERTIAL.format(mass="1.5", moments="1e-9 1e-9 1e-9")},
+            ("small inertias", "elbow 1e-09 kg m^2 for 1.5 kg"),
+        ),
+        (
+            {
+                "inertial": _INERTIAL.format(mass="1.5", moments=".02 .02 .004").replace(
+                    "0.2", "200"
+                )
+            },
+            ("centres of mass", "elbow 200 m", "write metres"),
+        ),
         ({"more": '<option density="1.2"/>'}, ("fluid",)),
-        ({"end": '<tendon><fixed name="t" stiffness="3"><joint joint="elbow" coef="1"/></fixed>'
-          "</tendon>"}, ("elbow a tendon",)),
-        ({"more": '<asset><hfield name="hills" nrow="2" ncol="2" size="1 1 1 1"/></asset>',
-          "world": '<geom type="hfield" hfield="hills"/>'}, ("height field 'hills'",)),
+        (
+            {
+                "end": '<tendon><fixed name="t" stiffness="3">'
+                '<joint joint="elbow" coef="1"/></fixed>'
+                "</tendon>"
+            },
+            ("elbow a tendon",),
+        ),
+        (
+            {
+                "more": '<asset><hfield name="hills" nrow="2" ncol="2" size="1 1 1 1"/></asset>',
+                "world": '<geom type="hfield" hfield="hills"/>',
+            },
+            ("height field 'hills'",),
+        ),
     ],
-)  # fmt: skip
+)
 def test_what_is_left_out_of_an_mjcf_is_named(
     tmp_path: Path, parts: dict[str, str], words: tuple[str, ...]
 ) -> None:
@@ -268,10 +312,15 @@ def test_a_limit_that_is_none_is_asked_for_in_one_line(
     ("parts", "word"),
     [
         ({"target": 'joint="elbow" forcerange="0 50"'}, "not about 0"),
-        ({"target": 'tendon="t"', "end": '<tendon><fixed name="t"><joint joint="elbow" coef="1"/>'
-          "</fixed></tendon>"}, "an actuator at a tendon"),
+        (
+            {
+                "target": 'tendon="t"',
+                "end": '<tendon><fixed name="t"><joint joint="elbow" coef="1"/></fixed></tendon>',
+            },
+            "an actuator at a tendon",
+        ),
     ],
-)  # fmt: skip
+)
 def test_a_torque_that_an_mjcf_states_otherwise_is_said(
     tmp_path: Path, parts: dict[str, str], word: str
 ) -> None:
@@ -289,9 +338,12 @@ def test_a_gear_and_the_parents_frame_count(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("metre", "kilogram", "word"),
-    [(1000.0, 1.0, "if lengths are in mm"), (1.0, 1000.0, "if masses are in grams"),
-     (1.0, 1e-3, "if masses are in grams")],
-)  # fmt: skip
+    [
+        (1000.0, 1.0, "if lengths are in mm"),
+        (1.0, 1000.0, "if masses are in grams"),
+        (1.0, 1e-3, "if masses are in grams"),
+    ],
+)
 def test_lengths_and_masses_in_other_units_are_doubted(
     tmp_path: Path, metre: float, kilogram: float, word: str
 ) -> None:
@@ -304,16 +356,24 @@ def test_lengths_and_masses_in_other_units_are_doubted(
         text = text.replace(given, f'mass="{kilogram * float(given[6:-1])}"')
     path = tmp_path / "a.xml"
     inertial = _INERTIAL.format(mass=1.5 * kilogram, moments=".02 .02 .004")
-    path.write_text(text.format(more="", world="", joint="", geom="", end="", inertial=inertial,
-                                target='joint="elbow"'))  # fmt: skip
+    path.write_text(
+        text.format(
+            more="", world="", joint="", geom="", end="", inertial=inertial, target='joint="elbow"'
+        )
+    )
     assert any(word in note for note in _notes(path))
 
 
 @pytest.mark.parametrize(
     ("scale", "word"),
-    [(1.0, ""), (1e3, "large shapes"), (1e2, "large shapes"), (1.0 / 0.0254, "large shapes"),
-     (1e-3, "small shapes")],
-)  # fmt: skip
+    [
+        (1.0, ""),
+        (1e3, "large shapes"),
+        (1e2, "large shapes"),
+        (1.0 / 0.0254, "large shapes"),
+        (1e-3, "small shapes"),
+    ],
+)
 @pytest.mark.parametrize("size", [0.03, 0.095, 0.3])
 def test_shapes_are_held_against_the_length_of_the_arm(
     tmp_path: Path, scale: float, word: str, size: float
@@ -334,13 +394,15 @@ def test_shapes_are_held_against_the_length_of_the_arm(
 @pytest.mark.parametrize(
     ("mass", "moments", "doubted"),
     [("1.5", "1 1 1", True), ("0.5", ".15 .15 .15", True), ("1.5", ".02 .02 .004", False)],
-)  # fmt: skip
+)
 def test_inertias_are_held_against_mass_and_size(
     tmp_path: Path, mass: str, moments: str, *, doubted: bool
 ) -> None:
     """A placeholder of 1 kg m^2, or one that is too wide for a link of 10 cm."""
-    parts = {"inertial": f'<inertial pos="0 0 0.02" mass="{mass}" diaginertia="{moments}"/>',
-             "geom": '<geom type="sphere" size="0.05"/>'}  # fmt: skip
+    parts = {
+        "inertial": f'<inertial pos="0 0 0.02" mass="{mass}" diaginertia="{moments}"/>',
+        "geom": '<geom type="sphere" size="0.05"/>',
+    }
     notes = _notes(_mjcf(tmp_path / "a.xml", **parts))
     assert any("large inertias" in x for x in notes) == doubted
 
@@ -465,8 +527,7 @@ def test_a_file_is_read_in_its_own_encoding_and_by_its_name_in_capitals(tmp_path
 def _set(**bounds: float) -> LimitSet:
     """Return a set with the same bounds for all five joints of test_load's arm."""
     joints = tuple(f"j{k}" for k in range(1, 6))
-    return LimitSet(name="own", joints=joints,
-                    bounds={k: np.full(5, x) for k, x in bounds.items()})  # fmt: skip
+    return LimitSet(name="own", joints=joints, bounds={k: np.full(5, x) for k, x in bounds.items()})
 
 
 @pytest.mark.parametrize(

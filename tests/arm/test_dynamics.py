@@ -81,8 +81,15 @@ def chain(rng: np.random.Generator) -> ArmModel:
     links = (replace(links[0], held=None), *links[1:])
     active = sum(x.held is None for x in links)
     mount = transform(rotation(unit(rng), rng.uniform(-3, 3)), rng.uniform(-1, 1, 3))
-    return ArmModel(name="random", links=links, tool=np.eye(4), hand=None,
-                    q_ready=np.zeros(active), base_capsules=(), mount=mount)  # fmt: skip
+    return ArmModel(
+        name="random",
+        links=links,
+        tool=np.eye(4),
+        hand=None,
+        q_ready=np.zeros(active),
+        base_capsules=(),
+        mount=mount,
+    )
 
 
 @given(seed=seeds)

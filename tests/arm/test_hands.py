@@ -18,19 +18,29 @@ from mitt.signals import Array
 
 PARTS: tuple[Any, ...] = (Finger(), FingerDrive(), Closing(), HandModel())
 """Everything that a hand is made of."""
-PALM, RIM = 0.041, 0.012
+PALM = 0.041
+RIM = 0.012
 """Radius of the palm, and how far its rim stands above it [m]."""
 
 lengths = st.floats(0.01, 0.15)
 shapes = st.builds(
-    Finger, base_radius=st.floats(0.0, 0.12), base_height=st.floats(-0.05, 0.2),
-    offset=st.floats(-0.03, 0.03), lean=st.floats(-1.0, 1.6), proximal=lengths, distal=lengths,
-    bend=st.floats(-0.5, 2.0), thickness=st.floats(0.002, 0.02),
-)  # fmt: skip
+    Finger,
+    base_radius=st.floats(0.0, 0.12),
+    base_height=st.floats(-0.05, 0.2),
+    offset=st.floats(-0.03, 0.03),
+    lean=st.floats(-1.0, 1.6),
+    proximal=lengths,
+    distal=lengths,
+    bend=st.floats(-0.5, 2.0),
+    thickness=st.floats(0.002, 0.02),
+)
 hands = st.builds(
-    HandModel, finger=shapes, palm_height=st.floats(0.02, 0.3), catch_offset=st.floats(0.0, 0.4),
+    HandModel,
+    finger=shapes,
+    palm_height=st.floats(0.02, 0.3),
+    catch_offset=st.floats(0.0, 0.4),
     drive=st.builds(FingerDrive, closed=st.floats(0.2, 3.0)),
-)  # fmt: skip
+)
 
 
 @pytest.mark.parametrize(
@@ -49,9 +59,15 @@ def test_what_no_hand_can_be_is_refused(part: Any, name: str, bad: object) -> No
 
 @pytest.mark.parametrize(
     "inertia",
-    [np.eye(2), -np.eye(3), np.full((3, 3), np.nan), np.arange(9.0).reshape(3, 3),
-     np.zeros((3, 3)), np.diag([1e-3, 1e-3, 9e-3])],
-)  # fmt: skip
+    [
+        np.eye(2),
+        -np.eye(3),
+        np.full((3, 3), np.nan),
+        np.arange(9.0).reshape(3, 3),
+        np.zeros((3, 3)),
+        np.diag([1e-3, 1e-3, 9e-3]),
+    ],
+)
 def test_what_is_no_inertia_is_refused(inertia: Array) -> None:
     """Another shape, not symmetric, moments that no body has; a list of rows is taken."""
     with pytest.raises(MittError, match=r"HandModel\.inertia"):

@@ -14,7 +14,8 @@ from mitt.signals import Array
 
 STEP = 1e-5
 #: Central differences of first and second order leave errors of this size.
-FIRST, SECOND = 1e-7, 1e-3
+FIRST = 1e-7
+SECOND = 1e-3
 
 
 def swept(sliding: bool, q: Array, dq: Array) -> tuple[Array, Array, Array, Array]:

@@ -109,9 +109,15 @@ def _set(joints: tuple[str, ...], **bounds: list[float]) -> LimitSet:
 def test_a_set_goes_before_the_file(tmp_path: Path) -> None:
     """Torque and speed are the set's, the range is the tighter one, what is left out the file's."""
     path = urdf(tmp_path / "a.urdf")
-    own = _set(("1", "2", "4"), torque=[10.0, 20.0, 40.0], lower=[-9.0, -1.0, -1.5],
-               upper=[9.0, 9.0, 1.5], acceleration=[3.0, 4.0, 5.0], jerk=[30.0, 40.0, 50.0],
-               torque_rate=[100.0, 200.0, 300.0])  # fmt: skip
+    own = _set(
+        ("1", "2", "4"),
+        torque=[10.0, 20.0, 40.0],
+        lower=[-9.0, -1.0, -1.5],
+        upper=[9.0, 9.0, 1.5],
+        acceleration=[3.0, 4.0, 5.0],
+        jerk=[30.0, 40.0, 50.0],
+        torque_rate=[100.0, 200.0, 300.0],
+    )
     arm = build_arm(path, tip="l5", joints=_NAMES, limits=own)
     assert arm.limits.name == "own"
     assert arm.tau_max.tolist() == [10.0, 20.0, 40.0]
@@ -163,8 +169,9 @@ def test_a_set_of_a_file_says_whose_its_bounds_are(tmp_path: Path) -> None:
 def test_a_set_that_ships_is_for_its_own_arm(tmp_path: Path) -> None:
     """By the names of joints; by order, with a note, where names tell nothing; else refused."""
     path = urdf(tmp_path / "a.urdf")
-    five = LimitSet(name="own", joints=("a1", "b", "c", "d", "e"), shipped=True,
-                    bounds={"speed": np.ones(5)})  # fmt: skip
+    five = LimitSet(
+        name="own", joints=("a1", "b", "c", "d", "e"), shipped=True, bounds={"speed": np.ones(5)}
+    )
     arm = build_arm(path, tip="l5", joints=_NAMES, limits=five)
     assert arm.dq_max.tolist() == [1.0, 1.0, 1.0]
     assert "taken in their order" in arm.model.notes[0]
@@ -172,8 +179,9 @@ def test_a_set_that_ships_is_for_its_own_arm(tmp_path: Path) -> None:
     names = [f"robot_{x}" for x in _NAMES]
     with pytest.raises(ModelError, match="an arm with the joints"):
         build_arm(path, tip="l5", joints=names, limits=five)
-    ends = LimitSet(name="own", joints=("j1", "j2", "j4"), shipped=True,
-                    bounds={"speed": np.ones(3)})  # fmt: skip
+    ends = LimitSet(
+        name="own", joints=("j1", "j2", "j4"), shipped=True, bounds={"speed": np.ones(3)}
+    )
     assert build_arm(path, tip="l5", joints=names, limits=ends).model.notes == ()
     assert build_arm(path, tip="l5", joints=names, limits=replace(five, shipped=False)).n == 3
 

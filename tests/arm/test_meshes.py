@@ -206,8 +206,10 @@ def test_a_link_through_the_plate_is_cut_there(tmp_path: Path, kind: str) -> Non
 def test_a_ball_at_the_plate_is_cut_there(tmp_path: Path, height: float) -> None:
     """As deep behind it as it was; a ball before it is no part of the arm."""
     plate, radius = -HandModel().catch_offset, 0.1
-    shape = (f'<collision><origin xyz="0.02 0 {plate + height}"/><geometry>'
-             f'<sphere radius="{radius}"/></geometry></collision>')  # fmt: skip
+    shape = (
+        f'<collision><origin xyz="0.02 0 {plate + height}"/><geometry>'
+        f'<sphere radius="{radius}"/></geometry></collision>'
+    )
     path = urdf(tmp_path / "a.urdf")
     path.write_text(path.read_text().replace('<link name="l5">', f'<link name="l5">{shape}'))
     arm = build_arm(path, tip="l5", joints=_NAMES, hand=HandModel())

@@ -103,13 +103,19 @@ def test_the_arm_moves_as_mujoco_moves_it(tmp_path: Path, ref: str) -> None:
         ),
         ('<geom class="visual" mesh="l0" material="m"/>', "<freejoint/>", "base that stands still"),
         ('<joint name="a"/>', '<joint name="a" type="ball" range="0 1"/>', "one axis"),
-        ('<inertial mass="2" pos="0 0.02 0.1" fullinertia="0.02 0.02 0.01 0.001 0 0"/>', "",
-         "<inertial>"),
-        ('<geom class="visual" mesh="l1"/>', '<geom type="sphere" size="0.1" pos="200 0 0"/>',
-         "shapes within 100 m"),
+        (
+            '<inertial mass="2" pos="0 0.02 0.1" fullinertia="0.02 0.02 0.01 0.001 0 0"/>',
+            "",
+            "<inertial>",
+        ),
+        (
+            '<geom class="visual" mesh="l1"/>',
+            '<geom type="sphere" size="0.1" pos="200 0 0"/>',
+            "shapes within 100 m",
+        ),
         ('class="small" pos', 'class="big" pos', "an MJCF arm"),
     ],
-)  # fmt: skip
+)
 def test_what_cannot_be_is_refused(tmp_path: Path, before: str, after: str, wanted: str) -> None:
     """One line each."""
     changes = [(before, after)]
@@ -132,12 +138,16 @@ _PARSED = "<worldbody>"
         ("<asset>", '<asset><model name="m" file="x.xml"/>', "one file"),
         (_PARSED, f'{_PARSED}<attach model="m" body="b" prefix="p"/>', "one file"),
         ("<asset>", '<extension><plugin plugin="x"/></extension><asset>', "plugins"),
-        (_PARSED, f'{_PARSED}<replicate count="400"><replicate count="400"><site/></replicate>'
-         "</replicate>", "100000 elements"),
+        (
+            _PARSED,
+            f'{_PARSED}<replicate count="400"><replicate count="400"><site/></replicate>'
+            "</replicate>",
+            "100000 elements",
+        ),
         (_PARSED, f'{_PARSED}<replicate count="1e9"><site/></replicate>', "whole numbers"),
         (_PARSED, f'{_PARSED}<composite type="cable" count="99999 9 1"/>', "100000 elements"),
     ],
-)  # fmt: skip
+)
 def test_other_files_and_endless_copies_are_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, before: str, after: str, wanted: str
 ) -> None:
@@ -159,12 +169,17 @@ def test_files_outside_its_folder_are_left_out_with_a_note(tmp_path: Path) -> No
     folder.mkdir()
     for meshdir in ("../parts", str(pipe.parent), "../own/../parts"):
         path = _written(
-            folder / "a.xml", ('meshdir="assets"', f'meshdir="{meshdir}" texturedir="../parts"'),
-            ('file="l0.obj"', 'file="pipe"'), ('file="l1.stl"', 'name="l1" file="pipe"'),
+            folder / "a.xml",
+            ('meshdir="assets"', f'meshdir="{meshdir}" texturedir="../parts"'),
+            ('file="l0.obj"', 'file="pipe"'),
+            ('file="l1.stl"', 'name="l1" file="pipe"'),
             ('file="t.png"', 'file="pipe"'),
-            ("</asset>", '<hfield name="h" size="1 1 1 1" file="pipe"/></asset><deformable>'
-             '<skin file="pipe"/></deformable>'),
-        )  # fmt: skip
+            (
+                "</asset>",
+                '<hfield name="h" size="1 1 1 1" file="pipe"/></asset><deformable>'
+                '<skin file="pipe"/></deformable>',
+            ),
+        )
         (note,) = (x for x in build_arm(path, tip="tcp", joints=_NAMES).model.notes if "mesh" in x)
         assert "for base, one: " in note
         assert "save it as one of" in note
@@ -232,11 +247,14 @@ def test_what_names_a_mesh_may_stay(tmp_path: Path) -> None:
 def test_a_joint_without_a_name_is_called_by_its_number(tmp_path: Path) -> None:
     """In the arm, in ranges and torques alike."""
     path = _written(
-        tmp_path / "a.xml", ('<joint name="b" class="small" pos="0 0 0.05"/>',
-                             '<joint class="small" actuatorfrcrange="-9 9"/>'),
+        tmp_path / "a.xml",
+        (
+            '<joint name="b" class="small" pos="0 0 0.05"/>',
+            '<joint class="small" actuatorfrcrange="-9 9"/>',
+        ),
         ('<general class="small" name="b1" joint="b" gainprm="450" biasprm="0 -450 -45"/>', ""),
         ("velocity_limit_b", "velocity_limit_joint 1"),
-    )  # fmt: skip
+    )
     arm = build_arm(path, tip="tcp", joints=["a", "joint 1", "c"])
     assert arm.names == ("a", "joint 1", "c")
     assert arm.q_max.tolist() == [2.8, 1.0, 2.8]
@@ -291,9 +309,11 @@ def test_meshes_that_give_no_mass_need_no_inertial(tmp_path: Path) -> None:
         for k, x in enumerate(('mass="0"', 'density="0"', 'group="4"'))
     )
     path = _written(
-        tmp_path / "a.xml", (base, ""), (_WELDED, _WELDED + light),
+        tmp_path / "a.xml",
+        (base, ""),
+        (_WELDED, _WELDED + light),
         ('angle="radian"', 'angle="radian" inertiagrouprange="0 3"'),
-    )  # fmt: skip
+    )
     arm = build_arm(path, tip="tcp", joints=_NAMES)
     assert arm.model.links[2].mass == pytest.approx(1.0 + 0.2 + 1.5)
 

@@ -54,12 +54,18 @@ def mujoco_gap(arm: Arm, q: Array) -> float:
     kind = mujoco.mjtGeom.mjGEOM_CAPSULE
     assert arm.model.hand is not None
     for k, x in enumerate(arm.model.hand.capsules()):
-        plate.add_geom(name=f"hull{k}", type=kind, fromto=[*x.start, *x.end],
-                       size=[x.radius, 0.0, 0.0], mass=0.0)  # fmt: skip
+        plate.add_geom(
+            name=f"hull{k}",
+            type=kind,
+            fromto=[*x.start, *x.end],
+            size=[x.radius, 0.0, 0.0],
+            mass=0.0,
+        )
     floor = mujoco.mjtGeom.mjGEOM_PLANE
     spec.worldbody.add_geom(name="floor", type=floor, size=[5.0, 5.0, 0.1], pos=[0.0, 0.0, -0.9])
-    spec.worldbody.add_geom(name="zone", type=kind, fromto=[*ZONE.start, *ZONE.end],
-                            size=[ZONE.radius, 0.0, 0.0])  # fmt: skip
+    spec.worldbody.add_geom(
+        name="zone", type=kind, fromto=[*ZONE.start, *ZONE.end], size=[ZONE.radius, 0.0, 0.0]
+    )
     model = spec.compile()
     data = mujoco.MjData(model)
     data.qpos[:] = q
@@ -156,13 +162,29 @@ def _beads(angle: float, radius: float) -> Arm:
     at, axes = (0.5 * np.cos(angle), 0.5 * np.sin(angle), 0.0), np.eye(3)[[2, 0, 1]]
     ball = Capsule(start=(0.5, 0.0, 0.0), end=(0.5, 0.0, 0.0), radius=radius)
     links = tuple(
-        Link(name=f"j{k}", placement=np.eye(4), axis=axis, q_min=-2.0 * np.pi, q_max=2.0 * np.pi,
-             mass=1.0, com=np.zeros(3), inertia=np.eye(3), capsules=(ball,) if k == 1 else ())
+        Link(
+            name=f"j{k}",
+            placement=np.eye(4),
+            axis=axis,
+            q_min=-2.0 * np.pi,
+            q_max=2.0 * np.pi,
+            mass=1.0,
+            com=np.zeros(3),
+            inertia=np.eye(3),
+            capsules=(ball,) if k == 1 else (),
+        )
         for k, axis in enumerate(axes)
-    )  # fmt: skip
+    )
     still = Capsule(start=at, end=at, radius=radius)
-    model = ArmModel(name="beads", links=links, tool=np.eye(4), hand=None, q_ready=np.zeros(3),
-                     base_capsules=(still,), mount=np.eye(4))  # fmt: skip
+    model = ArmModel(
+        name="beads",
+        links=links,
+        tool=np.eye(4),
+        hand=None,
+        q_ready=np.zeros(3),
+        base_capsules=(still,),
+        mount=np.eye(4),
+    )
     return Arm(model, joint_level("beads", tau=np.ones(3), speed=np.ones(3)))
 
 
@@ -198,11 +220,16 @@ def test_a_pair_of_the_arm_that_is_not_watched_never_meets(seed: int) -> None:
     ends, kept = shapes.ends, set(map(tuple, shapes.pairs.tolist()))
     place_shapes(arm.bodies, arm.q_ready, shapes.table, ends)
     dropped = [
-        pair for pair in combinations(range(1, len(shapes.table)), 2)
-        if pair not in kept and pair_gap(shapes.table, ends, *pair)
-        > (LEAST_GAP if shapes.table["link"][pair[1]] - shapes.table["link"][pair[0]] == 1
-           else MARGIN)
-    ]  # fmt: skip
+        pair
+        for pair in combinations(range(1, len(shapes.table)), 2)
+        if pair not in kept
+        and pair_gap(shapes.table, ends, *pair)
+        > (
+            LEAST_GAP
+            if shapes.table["link"][pair[1]] - shapes.table["link"][pair[0]] == 1
+            else MARGIN
+        )
+    ]
     for q in rng.uniform(arm.q_min, arm.q_max, (300, 3)) if dropped else ():
         place_shapes(arm.bodies, q, shapes.table, ends)
         assert min(pair_gap(shapes.table, ends, *pair) for pair in dropped) > 0.012

@@ -55,10 +55,14 @@ class _Published:
 
 # Franka: "Control Interface Specification and Robot Limits", Denavit-Hartenberg parameters.
 _FRANKA = (
-    (0.0, 0.0, 0.333, 0.0), (0.0, -_HALF, 0.0, 0.0), (0.0, _HALF, 0.316, 0.0),
-    (0.0825, _HALF, 0.0, 0.0), (-0.0825, -_HALF, 0.384, 0.0), (0.0, _HALF, 0.0, 0.0),
+    (0.0, 0.0, 0.333, 0.0),
+    (0.0, -_HALF, 0.0, 0.0),
+    (0.0, _HALF, 0.316, 0.0),
+    (0.0825, _HALF, 0.0, 0.0),
+    (-0.0825, -_HALF, 0.384, 0.0),
+    (0.0, _HALF, 0.0, 0.0),
     (0.088, _HALF, 0.107, 0.0),
-)  # fmt: skip
+)
 
 
 def _ur(
@@ -66,9 +70,13 @@ def _ur(
 ) -> _Published:
     """Return an arm of Universal Robots: the article "DH Parameters for calculations of ..."."""
     rows = (
-        (0.0, _HALF, d_1, 0.0), (a_2, 0.0, 0.0, 0.0), (a_3, 0.0, 0.0, 0.0), (0.0, _HALF, d_4, 0.0),
-        (0.0, -_HALF, d_5, 0.0), (0.0, 0.0, d_6, 0.0),
-    )  # fmt: skip
+        (0.0, _HALF, d_1, 0.0),
+        (a_2, 0.0, 0.0, 0.0),
+        (a_3, 0.0, 0.0, 0.0),
+        (0.0, _HALF, d_4, 0.0),
+        (0.0, -_HALF, d_5, 0.0),
+        (0.0, 0.0, d_6, 0.0),
+    )
     return _Published(mass=mass, rows=rows, base=(0.0, np.pi))
 
 
@@ -183,9 +191,11 @@ def test_the_flange_is_where_the_published_rows_put_it(name: str) -> None:
 
 @pytest.mark.parametrize(
     ("name", "other", "tip", "within"),
-    [("franka-panda", "panda_description/urdf/panda.urdf", "panda_link8", _SAME),
-     ("xarm7", "xarm_description/urdf/xarm7.urdf", "link7", _ROUNDED)],
-)  # fmt: skip
+    [
+        ("franka-panda", "panda_description/urdf/panda.urdf", "panda_link8", _SAME),
+        ("xarm7", "xarm_description/urdf/xarm7.urdf", "link7", _ROUNDED),
+    ],
+)
 def test_the_flange_is_where_another_description_puts_it(
     name: str, other: str, tip: str, within: float
 ) -> None:
@@ -272,8 +282,12 @@ def test_an_arm_by_name_is_taken_wherever_a_file_is() -> None:
     q = palm.q_ready
     away = palm.position(q) - arm.position(q)
     assert np.linalg.norm(away) == pytest.approx(hand.catch_offset, abs=1e-9)
-    some = mitt.load_arm("ur5e", joints=["shoulder_pan_joint", "elbow_joint", "wrist_1_joint"],
-                         tip="wrist_3_link", limits="ur10e")  # fmt: skip
+    some = mitt.load_arm(
+        "ur5e",
+        joints=["shoulder_pan_joint", "elbow_joint", "wrist_1_joint"],
+        tip="wrist_3_link",
+        limits="ur10e",
+    )
     assert some.n == 3
     assert some.limits.name == "ur10e"
 

@@ -33,12 +33,18 @@ place = st.floats(-2.0, 2.0)
 
 
 @settings(max_examples=60)
-@given(size=st.tuples(length, length, length), at=st.tuples(place, place, place),
-       turn=st.floats(-4.0, 4.0), point=st.tuples(place, place, place))  # fmt: skip
+@given(
+    size=st.tuples(length, length, length),
+    at=st.tuples(place, place, place),
+    turn=st.floats(-4.0, 4.0),
+    point=st.tuples(place, place, place),
+)
 def test_the_distance_from_a_slab_is_that_of_its_nearest_point(
-    size: tuple[float, float, float], at: tuple[float, float, float], turn: float,
+    size: tuple[float, float, float],
+    at: tuple[float, float, float],
+    turn: float,
     point: tuple[float, float, float],
-) -> None:  # fmt: skip
+) -> None:
     """Of points on a grid none is nearer, and one is about as near."""
     slab = Slab(middle=at[:2], direction=turn, height=at[2], size=size)
     c, s = np.cos(turn), np.sin(turn)
@@ -67,8 +73,9 @@ def test_what_overlaps_is_refused_and_what_is_beside_is_not(arm: Arm) -> None:
     foot = arm.model.base_capsules[0]
     edge = foot.radius + 0.5 * 0.3
     for off, clear in ((edge - 0.003, False), (edge + 0.003, True)):
-        slab = Slab(middle=(0.0, off), direction=0.0, height=foot.start[2] + 0.02,
-                    size=(6.0, 0.3, 0.05))  # fmt: skip
+        slab = Slab(
+            middle=(0.0, off), direction=0.0, height=foot.start[2] + 0.02, size=(6.0, 0.3, 0.05)
+        )
         assert stands(arm, -1.0, slab) == clear
     low = arm.position(arm.q_ready)
     tray = Tray(middle=(float(low[0]), float(low[1])), height=float(low[2]))
@@ -145,8 +152,14 @@ def by_cell(file: Path) -> None:  # noqa: ARG001
         prepare(cell_of(raw | {"task": task}, place="a cell"))
 
 
-DOORS: list[Callable[[Path], None]] = [by_meeting, by_catching, by_batting, by_python, by_study,
-                                       by_cell]  # fmt: skip
+DOORS: list[Callable[[Path], None]] = [
+    by_meeting,
+    by_catching,
+    by_batting,
+    by_python,
+    by_study,
+    by_cell,
+]
 
 
 @pytest.mark.parametrize("door", DOORS, ids=lambda x: x.__name__)

@@ -37,13 +37,25 @@ _REFUSED = {
 }
 #: Files of robots of which another file is here: less of it, other hands or limits, or boxes.
 _AGAIN = {
-    "alex_nub_hands.urdf", "alex_sake_hands.urdf", "allegro_left_hand.urdf",
-    "double_pendulum_simple.urdf", "g1_29dof_rev_1_0.urdf", "icub_reduced.urdf",
-    "panda_collision.urdf", "simple_humanoid_classical.urdf", "talos_full_v2_box.urdf",
-    "talos_reduced.urdf", "talos_reduced_box.urdf", "talos_reduced_corrected.urdf", "tiago.urdf",
-    "ur3_joint_limited_robot.urdf", "ur3_robot.urdf", "ur5_joint_limited_robot.urdf",
-    "ur5_robot.urdf", "ur10_joint_limited_robot.urdf",
-}  # fmt: skip
+    "alex_nub_hands.urdf",
+    "alex_sake_hands.urdf",
+    "allegro_left_hand.urdf",
+    "double_pendulum_simple.urdf",
+    "g1_29dof_rev_1_0.urdf",
+    "icub_reduced.urdf",
+    "panda_collision.urdf",
+    "simple_humanoid_classical.urdf",
+    "talos_full_v2_box.urdf",
+    "talos_reduced.urdf",
+    "talos_reduced_box.urdf",
+    "talos_reduced_corrected.urdf",
+    "tiago.urdf",
+    "ur3_joint_limited_robot.urdf",
+    "ur3_robot.urdf",
+    "ur5_joint_limited_robot.urdf",
+    "ur5_robot.urdf",
+    "ur10_joint_limited_robot.urdf",
+}
 _FILES = sorted(path for path in _ROBOTS.rglob("*.urdf") if path.name not in _AGAIN)
 
 
@@ -113,8 +125,11 @@ def _changed(path: Path, *changes: tuple[str, str]) -> Path:
 
 def test_an_axis_of_a_fixed_joint_has_no_meaning(tmp_path: Path) -> None:
     """Zeros there are what some exporters write."""
-    path = _changed(tmp_path / "a.urdf", ('name="j5" type="revolute"', 'name="j5" type="fixed"'),
-                    ("0.6 0 0.8", "0 0 0"))  # fmt: skip
+    path = _changed(
+        tmp_path / "a.urdf",
+        ('name="j5" type="revolute"', 'name="j5" type="fixed"'),
+        ("0.6 0 0.8", "0 0 0"),
+    )
     assert build_arm(path, tip="l5", joints=_NAMES).names == ("j1", "j2", "j4")
 
 
@@ -246,8 +261,11 @@ _DRIVE = """<transmission name="t"><joint name="j2"/><actuator name="m">
 
 def test_a_rotor_is_read_as_drake_reads_it(tmp_path: Path) -> None:
     """Its inertia by the square of the gear ratio is the joint's armature; others have none."""
-    path = _changed(tmp_path / "a.urdf", ("</robot>", _DRIVE),
-                    ("<robot ", '<robot xmlns:drake="http://drake.mit.edu" '))  # fmt: skip
+    path = _changed(
+        tmp_path / "a.urdf",
+        ("</robot>", _DRIVE),
+        ("<robot ", '<robot xmlns:drake="http://drake.mit.edu" '),
+    )
     arm, bare = build_arm(path, tip="l5", joints=_NAMES), read_urdf(urdf(tmp_path / "b.urdf"))
     assert [x.armature for x in arm.model.links] == [0.0, pytest.approx(0.05), 0.0, 0.0, 0.0]
     assert all(part.armature == 0.0 for part in bare.tree.parts)
@@ -256,8 +274,11 @@ def test_a_rotor_is_read_as_drake_reads_it(tmp_path: Path) -> None:
 @pytest.mark.parametrize("value", ["", "two", "nan", "-1e-5"])
 def test_a_rotor_that_cannot_be_is_refused(tmp_path: Path, value: str) -> None:
     """In one line that says which number is wrong."""
-    path = _changed(tmp_path / "a.urdf", ("</robot>", _DRIVE.replace("2e-5", value)),
-                    ("<robot ", '<robot xmlns:drake="http://drake.mit.edu" '))  # fmt: skip
+    path = _changed(
+        tmp_path / "a.urdf",
+        ("</robot>", _DRIVE.replace("2e-5", value)),
+        ("<robot ", '<robot xmlns:drake="http://drake.mit.edu" '),
+    )
     with pytest.raises(MittError, match=r"rotor_inertia|armature"):
         build_arm(path, tip="l5", joints=_NAMES)
 
@@ -268,7 +289,10 @@ def test_a_rotor_that_cannot_be_is_refused(tmp_path: Path, value: str) -> None:
 )
 def test_a_gear_that_cannot_be_is_refused(tmp_path: Path, value: str, said: str) -> None:
     """Also one whose square is no number any more."""
-    path = _changed(tmp_path / "a.urdf", ("</robot>", _DRIVE.replace('"50"', f'"{value}"')),
-                    ("<robot ", '<robot xmlns:drake="http://drake.mit.edu" '))  # fmt: skip
+    path = _changed(
+        tmp_path / "a.urdf",
+        ("</robot>", _DRIVE.replace('"50"', f'"{value}"')),
+        ("<robot ", '<robot xmlns:drake="http://drake.mit.edu" '),
+    )
     with pytest.raises(MittError, match=said):
         build_arm(path, tip="l5", joints=_NAMES)

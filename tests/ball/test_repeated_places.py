@@ -31,10 +31,13 @@ def rounded(r: Array, digits: int | None) -> Array:
 
 
 @given(
-    hz=st.sampled_from((60.0, 120.0, 240.0, 1000.0)), v=st.floats(0.1, 1.5),
-    phase=st.floats(0.0, 1.0), sigma=st.sampled_from((0.0, 1e-5, 1e-4, 1e-3)),
-    digits=st.sampled_from((None, 3, 4)), carried=st.booleans(),
-)  # fmt: skip
+    hz=st.sampled_from((60.0, 120.0, 240.0, 1000.0)),
+    v=st.floats(0.1, 1.5),
+    phase=st.floats(0.0, 1.0),
+    sigma=st.sampled_from((0.0, 1e-5, 1e-4, 1e-3)),
+    digits=st.sampled_from((None, 3, 4)),
+    carried=st.booleans(),
+)
 @settings(max_examples=120, deadline=None)
 def test_a_target_that_stops_dead_is_known_to_stand(
     hz: float, v: float, phase: float, sigma: float, digits: int | None, *, carried: bool
@@ -77,9 +80,12 @@ def flown(t: float) -> Array:
 
 
 @given(
-    hz=st.sampled_from((60.0, 120.0, 1000.0)), length=st.floats(0.02, 0.25),
-    sigma=st.sampled_from((0.0, 1e-4, 1e-3)), seed=st.integers(0, 10**6), origin=st.booleans(),
-)  # fmt: skip
+    hz=st.sampled_from((60.0, 120.0, 1000.0)),
+    length=st.floats(0.02, 0.25),
+    sigma=st.sampled_from((0.0, 1e-4, 1e-3)),
+    seed=st.integers(0, 10**6),
+    origin=st.booleans(),
+)
 @settings(max_examples=60, deadline=None)
 def test_a_tracker_that_loses_the_ball_bends_no_flight(
     hz: float, length: float, sigma: float, seed: int, *, origin: bool
@@ -124,9 +130,11 @@ _KINDS = ("good", "good", "good", "wild", "origin", "nan", "lost", "again", "old
 
 
 @given(
-    kinds=st.lists(st.sampled_from(_KINDS), max_size=150), seed=st.integers(0, 10**6),
-    step=st.sampled_from((0.001, 0.008, 0.016)), watchful=st.booleans(),
-)  # fmt: skip
+    kinds=st.lists(st.sampled_from(_KINDS), max_size=150),
+    seed=st.integers(0, 10**6),
+    step=st.sampled_from((0.001, 0.008, 0.016)),
+    watchful=st.booleans(),
+)
 @settings(max_examples=150, deadline=None)
 def test_each_sighting_is_counted_once(
     kinds: list[str], seed: int, step: float, *, watchful: bool

@@ -14,7 +14,9 @@ from mitt.cameras.filtering import fresh_noise, learn_noise
 from mitt.errors import InputError
 from mitt.signals import GRAVITY, Array, Sighting
 
-H, SIGMA, START = 1e-3, 1e-3, 100.0
+H = 1e-3
+SIGMA = 1e-3
+START = 100.0
 """Time between sightings [s], their noise [m], time of the first [s]."""
 BALL = replace(THROWN_BALL, drag_mean=0.0)
 GAP = BALL.max_gap
@@ -54,8 +56,9 @@ def miss(f: BallFilter, t: float) -> float:
 
 @given(
     st.one_of(st.floats(-1e6, START - GAP - 0.2), st.floats(START + GAP + 0.3, 1e9)),
-    st.integers(1, 199), st.integers(0, 5),
-)  # fmt: skip
+    st.integers(1, 199),
+    st.integers(0, 5),
+)
 @settings(max_examples=50)
 def test_a_stamp_of_another_time_changes_nothing(stamp: float, place: int, seed: int) -> None:
     """Stale by more than the gap or far ahead, wherever it comes: the estimate, bit for bit."""
@@ -79,8 +82,12 @@ def test_a_place_where_the_ball_is_not_costs_nothing(
     """Half a metre off or more, at any stamp about the newest: the error stays that of the rest."""
     rng, seen = np.random.default_rng(seed), flight(200)
     away = rng.standard_normal(3)
-    z = (true(place * H) + 0.5 * away / np.linalg.norm(away), np.zeros(3), np.ones(3),
-         true(place * H) + 3.0 * away / np.linalg.norm(away))[kind]  # fmt: skip
+    z = (
+        true(place * H) + 0.5 * away / np.linalg.norm(away),
+        np.zeros(3),
+        np.ones(3),
+        true(place * H) + 3.0 * away / np.linalg.norm(away),
+    )[kind]
     stamp = (place - 0.5) * H + min(shift, 0.0)
     f = shown([*seen[:place], at(stamp, z), *seen[place:]])
     assert miss(f, 199 * H) < 1.5e-3
@@ -182,9 +189,14 @@ def test_one_camera_that_sees_something_else_costs_no_track(count: int) -> None:
 
 @pytest.mark.parametrize(
     "covariance",
-    [np.zeros((3, 3)), np.diag((0.0, 1e-6, 1e-6)), np.full((3, 3), 1e-6),
-     1e-6 * np.outer((3.0, 0.1, 0.7), (3.0, 0.1, 0.7)), 1e-30 * np.eye(3)],
-)  # fmt: skip
+    [
+        np.zeros((3, 3)),
+        np.diag((0.0, 1e-6, 1e-6)),
+        np.full((3, 3), 1e-6),
+        1e-6 * np.outer((3.0, 0.1, 0.7), (3.0, 0.1, 0.7)),
+        1e-30 * np.eye(3),
+    ],
+)
 def test_exact_positions_are_used(covariance: Array) -> None:
     """Known exactly in all or some directions: tracked to a tenth of a millimetre, no NaN."""
     seen = [replace(at(k * H, true(k * H)), covariance=covariance) for k in range(200)]
@@ -200,9 +212,10 @@ def test_every_covariance_is_taken_and_no_other_matrix(seed: int, size: float) -
     rng = np.random.default_rng(seed)
     A = 10.0**size * rng.standard_normal((3, rng.integers(1, 4)))
     P = A @ A.T
-    assert at(0.0, np.zeros(3)).covariance.shape == replace(
-        at(0.0, np.zeros(3)), covariance=P
-    ).covariance.shape  # fmt: skip
+    assert (
+        at(0.0, np.zeros(3)).covariance.shape
+        == replace(at(0.0, np.zeros(3)), covariance=P).covariance.shape
+    )
     direction = rng.standard_normal(3)
     direction /= np.linalg.norm(direction)
     negative = P - 2.0 * (direction @ P @ direction + 1e-3 * np.trace(P)) * np.outer(
@@ -227,8 +240,9 @@ def learned(t: Array, z: Array) -> Array:
 
 @given(
     st.sampled_from((0.0, -1.0, 1e-9, 5.0, 1e300, np.nan, np.inf, -np.inf)),
-    st.sampled_from((0.0, 1e3, np.nan, np.inf)), st.integers(0, 399),
-)  # fmt: skip
+    st.sampled_from((0.0, 1e3, np.nan, np.inf)),
+    st.integers(0, 399),
+)
 @settings(max_examples=50)
 def test_one_wrong_row_does_not_spoil_the_noise(stamp: float, place: float, k: int) -> None:
     """A stamp that repeats, goes back or far ahead, a place beside itself: the noise is learned."""

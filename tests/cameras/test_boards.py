@@ -46,9 +46,12 @@ def test_opencv_finds_the_same_minimum(board: Board) -> None:
     p = board_problem(board, seen, free_numbers(5))
     left = p.corners.camera == 0
     c = replace(
-        p.corners, camera=p.corners.camera[left], view=p.corners.view[left],
-        on_board=p.corners.on_board[left], uv=p.corners.uv[left],
-    )  # fmt: skip
+        p.corners,
+        camera=p.corners.camera[left],
+        view=p.corners.view[left],
+        on_board=p.corners.on_board[left],
+        uv=p.corners.uv[left],
+    )
     alone = replace(p, corners=c, lenses=p.lenses[:1], T_cam_rig=p.T_cam_rig[:1], cameras=("left",))
     ours = fit(alone)
     points = [board.corners[v[0].ids].astype(np.float32) for v in seen.views if v[0]]

@@ -179,9 +179,15 @@ def test_a_ball_in_the_hand_places_the_rig(
             assert cv2.imwrite(str(tmp_path / name / f"{k}.png"), frame.pixels)
     table = write_csv(tmp_path / "hand.csv", "q1_rad,q2_rad,q3_rad", rows)
     status, result, err = call(
-        "--rig", unplaced, "--hand", table, "--hand-left", tmp_path / "l", "--hand-right",
+        "--rig",
+        unplaced,
+        "--hand",
+        table,
+        "--hand-left",
+        tmp_path / "l",
+        "--hand-right",
         tmp_path / "r",
-    )  # fmt: skip
+    )
     assert status == 0, err
     assert result["stages"]["hand"]["places"] == 20
     assert result["stages"]["hand"]["rms_px"] < 0.1
@@ -211,9 +217,13 @@ def test_a_table_without_rows_is_refused_in_one_line(call: Call, tmp_path: Path)
     for name in ("log.csv", "points.csv"):
         (tmp_path / name).write_text("t_s,x_m,y_m,z_m\n")
     status, _, err = call(
-        "--rig", tmp_path / "placed.toml",
-        "--arm-log", tmp_path / "log.csv", "--points", tmp_path / "points.csv",
-    )  # fmt: skip
+        "--rig",
+        tmp_path / "placed.toml",
+        "--arm-log",
+        tmp_path / "log.csv",
+        "--points",
+        tmp_path / "points.csv",
+    )
     assert status == 2
     assert len(err.splitlines()) == 1
     assert "a table with rows" in err
@@ -231,9 +241,10 @@ def test_a_moving_hand_sets_the_clock(call: Call, tmp_path: Path) -> None:
     seen = t[200:1200]
     noise = 1e-3 * np.random.default_rng(0).standard_normal((len(seen), 3))
     points = write_csv(
-        tmp_path / "points.csv", "t_s,x_m,y_m,z_m",
+        tmp_path / "points.csv",
+        "t_s,x_m,y_m,z_m",
         np.column_stack((seen, hand(seen + 0.0373) + noise)),
-    )  # fmt: skip
+    )
     status, result, err = call(
         "--rig", tmp_path / "placed.toml", "--arm-log", log, "--points", points
     )
@@ -254,8 +265,9 @@ def test_heads_are_found_from_drawn_views(call: Call, tmp_path: Path) -> None:
     rows: list[tuple[str, float, float]] = []
     for pan in (-0.12, 0.0, 0.12):
         for tilt in (-0.08, 0.0, 0.08):
-            turn = turned(turned(np.eye(4), np.array((tilt, 0, 0, 0, 0, 0))),
-                          np.array((0, pan, 0, 0, 0, 0)))  # fmt: skip
+            turn = turned(
+                turned(np.eye(4), np.array((tilt, 0, 0, 0, 0, 0))), np.array((0, pan, 0, 0, 0, 0))
+            )
             name = f"{len(rows)}.png"
             assert cv2.imwrite(str(tmp_path / name), drawn(board, lens, inverse(start @ turn), rng))
             rows.append((name, pan, tilt))

@@ -97,11 +97,13 @@ def test_a_folder_is_read_in_the_order_of_its_numbers(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("names", "times"),
-    [(["l_0.0010.png", "l_0.0035.png"], [0.001, 0.0035]),
-     (["1700000000000000000.png", "1700000000004000000.png"], [1.7e9, 1.7e9 + 0.004]),
-     (["a-1700000000000000.png", "a-1700000000004000.png"], [1.7e9, 1.7e9 + 0.004]),
-     (["1700000000000.png", "1700000000004.png"], [1.7e9, 1.7e9 + 0.004])],
-)  # fmt: skip
+    [
+        (["l_0.0010.png", "l_0.0035.png"], [0.001, 0.0035]),
+        (["1700000000000000000.png", "1700000000004000000.png"], [1.7e9, 1.7e9 + 0.004]),
+        (["a-1700000000000000.png", "a-1700000000004000.png"], [1.7e9, 1.7e9 + 0.004]),
+        (["1700000000000.png", "1700000000004.png"], [1.7e9, 1.7e9 + 0.004]),
+    ],
+)
 def test_names_tell_the_time(tmp_path: Path, names: list[str], times: list[float]) -> None:
     """Seconds with a point, nanoseconds as ROS writes them, micro- and milliseconds since 1970."""
     write_images(tmp_path / "a", names)
@@ -110,9 +112,18 @@ def test_names_tell_the_time(tmp_path: Path, names: list[str], times: list[float
 
 @pytest.mark.parametrize(
     "name",
-    ["one", "7", "1700000000", "170000000000", "20231011162034500", "9700000000000000",
-     "0000000000001234", "170000000000000000", "20231011162034"],
-)  # fmt: skip
+    [
+        "one",
+        "7",
+        "1700000000",
+        "170000000000",
+        "20231011162034500",
+        "9700000000000000",
+        "0000000000001234",
+        "170000000000000000",
+        "20231011162034",
+    ],
+)
 def test_names_without_a_time_need_a_rate(tmp_path: Path, name: str) -> None:
     """No unit is guessed of a counter, a written date, or digits of no unit."""
     write_images(tmp_path / "a", [f"{name}.png"])
@@ -234,9 +245,12 @@ def test_a_rate_times_a_camera_without_stamps() -> None:
 
 @pytest.mark.parametrize(
     ("spec", "says"),
-    [("genicam:none.cti", "producer"), (f"genicam:{VIKY}#99", "one of its"),
-     (f"genicam:{VIKY}#x", "INDEX")],
-)  # fmt: skip
+    [
+        ("genicam:none.cti", "producer"),
+        (f"genicam:{VIKY}#99", "one of its"),
+        (f"genicam:{VIKY}#x", "INDEX"),
+    ],
+)
 def test_a_camera_that_is_not_there_is_one_line(spec: str, says: str) -> None:
     """No producer, no such device, no index."""
     with pytest.raises(InputError, match=says) as caught:

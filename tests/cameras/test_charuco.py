@@ -68,8 +68,9 @@ def test_every_corner_has_its_own_number(
     spec = replace(SPEC, columns=size[0], rows=size[1])
     images, places = _images(spec, legacy=legacy)
     board = Board(spec)
-    seen = look_for_board(board, [Taken([images[k] for k in order])], ("left",),
-                          progress=lambda *_: None)  # fmt: skip
+    seen = look_for_board(
+        board, [Taken([images[k] for k in order])], ("left",), progress=lambda *_: None
+    )
     assert seen.without == (0,)
     assert len(seen.views) == len(order)
     for (view,), n in zip(seen.views, seen.numbers, strict=True):

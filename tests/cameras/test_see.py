@@ -77,17 +77,23 @@ def check_track(path: Path, taken: Film) -> None:
 
 def test_two_videos_give_the_track(see: See, folder: Path, taken: Film, tmp_path: Path) -> None:
     """Track, points and video of a throw; every number of the result is right."""
-    status, result, _ = see(folder / "left.mkv", folder / "right.mkv", "--points",
-                            tmp_path / "P.csv", "--video", tmp_path / "V.mkv",
-                            "--ball", "thrown")  # fmt: skip
+    status, result, _ = see(
+        folder / "left.mkv",
+        folder / "right.mkv",
+        "--points",
+        tmp_path / "P.csv",
+        "--video",
+        tmp_path / "V.mkv",
+        "--ball",
+        "thrown",
+    )
     assert status == 0
     assert (result["schema"], result["status"], result["warnings"]) == ("mitt.see/1", "ok", [])
     assert result["frames"] == {"left": FRAMES, "right": FRAMES, "paired": FRAMES}
     assert result["sightings"] == FRAMES - 5
     assert result["rate_hz"] == pytest.approx(RATE, rel=1e-6)
     head = (tmp_path / "T.csv").read_text().splitlines()[0]
-    assert head == ("t_s,x_m,y_m,z_m,vx_m_s,vy_m_s,vz_m_s,ax_m_s2,ay_m_s2,az_m_s2,"
-                    "sx_m,sy_m,sz_m")  # fmt: skip
+    assert head == ("t_s,x_m,y_m,z_m,vx_m_s,vy_m_s,vz_m_s,ax_m_s2,ay_m_s2,az_m_s2,sx_m,sy_m,sz_m")
     check_track(tmp_path / "T.csv", taken)
     points = table(tmp_path / "P.csv")
     assert points.shape == (FRAMES - 5, 4)
@@ -131,8 +137,9 @@ def test_images_of_other_sizes_through_lenses_that_bend(see: See, tmp_path: Path
         (tmp_path / name).mkdir()
         for k, image in enumerate(images):
             cv2.imwrite(str(tmp_path / name / f"{k / RATE:.4f}.png"), image)
-    status, result, _ = see(tmp_path / "left", tmp_path / "right", "--rig",
-                            tmp_path / "RIG.toml", "--ball", "thrown")  # fmt: skip
+    status, result, _ = see(
+        tmp_path / "left", tmp_path / "right", "--rig", tmp_path / "RIG.toml", "--ball", "thrown"
+    )
     assert (status, result["status"]) == (0, "ok")
     check_track(tmp_path / "T.csv", taken)
 
@@ -182,8 +189,10 @@ def test_poses_of_other_programs_are_told_apart(
     see: See, taken: Film, tmp_path: Path, change: Callable[[Array], Array], says: str
 ) -> None:
     """The inverse, other axes, another unit: which it is stands in the line, with the remedy."""
-    films = [video_of(tmp_path / f"{name}.mkv", images[::4], rate=RATE / 4)
-             for name, images in (("l", taken.left), ("r", taken.right))]  # fmt: skip
+    films = [
+        video_of(tmp_path / f"{name}.mkv", images[::4], rate=RATE / 4)
+        for name, images in (("l", taken.left), ("r", taken.right))
+    ]
     rig = calibrated()
     cameras = tuple(replace(c, T_world_cam=change(c.T_world_cam)) for c in rig.cameras)
     write_rig(tmp_path / "RIG.toml", replace(rig, cameras=cameras), version="test")
@@ -275,9 +284,12 @@ def test_frames_that_never_meet_are_told(see: See, tmp_path: Path) -> None:
     ],
 )
 def test_rigs_that_cannot_see_are_refused(
-    see: See, folder: Path, tmp_path: Path,
-    change: Callable[[CalibratedRig], CalibratedRig], says: str,
-) -> None:  # fmt: skip
+    see: See,
+    folder: Path,
+    tmp_path: Path,
+    change: Callable[[CalibratedRig], CalibratedRig],
+    says: str,
+) -> None:
     """Without the vertical there is no gravity, with one camera no depth."""
     write_rig(tmp_path / "RIG.toml", change(calibrated()), version="test")
     status, _, err = see(folder / "left.mkv", folder / "right.mkv", "--rig", tmp_path / "RIG.toml")
@@ -288,11 +300,14 @@ def test_rigs_that_cannot_see_are_refused(
 @pytest.mark.parametrize(
     ("more", "says"),
     [
-        (["--ball-radius", "0"], "--ball-radius"), (["--max-skew", "-1"], "--max-skew"),
-        (["--frames", "0"], "--frames"), (["--fps", "nan"], "--fps"),
-        (["--video", "a.avi"], "--video"), (["--ball", "bowling"], "ball"),
+        (["--ball-radius", "0"], "--ball-radius"),
+        (["--max-skew", "-1"], "--max-skew"),
+        (["--frames", "0"], "--frames"),
+        (["--fps", "nan"], "--fps"),
+        (["--video", "a.avi"], "--video"),
+        (["--ball", "bowling"], "ball"),
     ],
-)  # fmt: skip
+)
 def test_bad_options_are_one_line(see: See, folder: Path, more: list[str], says: str) -> None:
     """Exit status 2, and the option is named."""
     status, _, err = see(folder / "left.mkv", folder / "right.mkv", *more)

@@ -12,7 +12,9 @@ from mitt.cameras.synchrony import Synchrony, synchrony
 from mitt.eyes.camera import Rig, fixed_rig, turned
 from mitt.signals import Array
 
-RADIUS, NOISE, DURATION = 0.04, 0.1, 0.6
+RADIUS = 0.04
+NOISE = 0.1
+DURATION = 0.6
 #: What a calibration leaves of the poses [rad, m], one sigma.
 POSE = np.array(3 * [3e-4] + 3 * [1e-3])
 Motion = Callable[[Array], Array]
@@ -49,8 +51,10 @@ def seen(
     ]
     uv = np.hstack(images) + NOISE * rng.normal(size=(len(t), 4))
     inside = np.all((uv > 1.0) & (uv < 126.0), axis=1)
-    found = [replace(c, T_world_cam=turned(c.T_world_cam, POSE * rng.normal(size=6)))
-             for c in rig.cameras]  # fmt: skip
+    found = [
+        replace(c, T_world_cam=turned(c.T_world_cam, POSE * rng.normal(size=6)))
+        for c in rig.cameras
+    ]
     return np.column_stack((t, uv))[inside], Rig(cameras=tuple(found))
 
 
@@ -64,20 +68,33 @@ def answer(points: Array, rig: Rig) -> Synchrony:
 def delays(name: str, period: float) -> Delay:
     """Return how late the right images are, as a function of time."""
     first, last = {
-        "first frame lost": (-1.0, 9.0), "one lost on the way": (0.3, 9.0),
-        "each lost one": (0.12, 0.45), "each lost one, soon": (0.3, 0.3 + 6.5 * abs(period)),
-    }.get(name, (-1.0, 9.0))  # fmt: skip
-    size = {"the left one lost it": -period, "stamps 25 ms apart": 0.025,
-            "started between frames": 0.5 * period, "rates that differ": 0.0}  # fmt: skip
+        "first frame lost": (-1.0, 9.0),
+        "one lost on the way": (0.3, 9.0),
+        "each lost one": (0.12, 0.45),
+        "each lost one, soon": (0.3, 0.3 + 6.5 * abs(period)),
+    }.get(name, (-1.0, 9.0))
+    size = {
+        "the left one lost it": -period,
+        "stamps 25 ms apart": 0.025,
+        "started between frames": 0.5 * period,
+        "rates that differ": 0.0,
+    }
     drift = 0.05 if name == "rates that differ" else 0.0
     return lambda t: np.asarray(
         np.where((t > first) & (t < last), size.get(name, period), 0.0) + drift * t
     )
 
 
-SHIFTS = ("first frame lost", "the left one lost it", "one lost on the way", "each lost one",
-          "each lost one, soon",
-          "stamps 25 ms apart", "rates that differ", "started between frames")  # fmt: skip
+SHIFTS = (
+    "first frame lost",
+    "the left one lost it",
+    "one lost on the way",
+    "each lost one",
+    "each lost one, soon",
+    "stamps 25 ms apart",
+    "rates that differ",
+    "started between frames",
+)
 
 
 @pytest.mark.parametrize("rig", [level_rig(), fixed_rig()], ids=["level", "fixed"])

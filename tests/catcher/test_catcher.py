@@ -259,9 +259,11 @@ def test_no_catch_waits_for_what_is_known_of_the_arm_with_the_ball() -> None:
     """It takes some 25 ms to work out, which is done before the first tick."""
     arm = build_arm("wam")
     Catcher(
-        arm, Direct(unlearned(arm, default_design(arm))), Eyes(fixed_rig()),
+        arm,
+        Direct(unlearned(arm, default_design(arm))),
+        Eyes(fixed_rig()),
         settings=CatcherSettings(ball_mass=0.123),
-    )  # fmt: skip
+    )
     before = arm_numbers.cache_info().misses
     arm_numbers(arm.holding(0.123))
     assert arm_numbers.cache_info().misses == before
@@ -571,8 +573,11 @@ def test_a_change_of_map_changes_the_waiting_height(arm: Arm) -> None:
 def test_generators_that_are_no_map_run_the_same_kernels(arm: Arm, learned: Learned) -> None:
     """Their states have the same type: nothing is compiled anew for them."""
     kinds = {
-        typeof(Catcher(arm, generator, Eyes(fixed_rig()), settings=CatcherSettings())
-               .kernel_arguments[1])
+        typeof(
+            Catcher(arm, generator, Eyes(fixed_rig()), settings=CatcherSettings()).kernel_arguments[
+                1
+            ]
+        )
         for generator in (Direct(learned.map), make_generator("quintic", learned.map))
-    }  # fmt: skip
+    }
     assert len(kinds) == 1

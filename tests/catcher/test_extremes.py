@@ -30,8 +30,11 @@ def place(t: float) -> Array:
 
 
 def catch(
-    arm: Arm, learned: Learned, wrong: Sequence[tuple[int, Sighting]] = (), **settings: Any  # noqa: ANN401
-) -> tuple[Catcher, float, list[Array]]:  # fmt: skip
+    arm: Arm,
+    learned: Learned,
+    wrong: Sequence[tuple[int, Sighting]] = (),
+    **settings: Any,  # noqa: ANN401
+) -> tuple[Catcher, float, list[Array]]:
     """Throw a ball at an arm that does as it is commanded.
 
     Returns:
@@ -82,7 +85,17 @@ def test_a_sighting_of_another_time_ends_no_throw(arm: Arm, learned: Learned) ->
     _, near, usual = catch(arm, learned)
     assert near < 0.01
     for k, stamp in ((3, -5.0), (60, 3600.0), (350, -0.65), (350, 0.5), (480, -0.7)):
-        burst = [(k + i, Sighting(t=(k + i) * TICK + stamp, found=True, r_o=np.ones(3),
-                                  covariance=1e-6 * np.eye(3))) for i in range(8)]  # fmt: skip
+        burst = [
+            (
+                k + i,
+                Sighting(
+                    t=(k + i) * TICK + stamp,
+                    found=True,
+                    r_o=np.ones(3),
+                    covariance=1e-6 * np.eye(3),
+                ),
+            )
+            for i in range(8)
+        ]
         _, _, commands = catch(arm, learned, burst)
         assert np.array_equal(commands, usual)

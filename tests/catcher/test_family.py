@@ -38,7 +38,7 @@ def chosen(f: Family, ball: BallState, q: Array, dq: Array) -> Family:
 
 def in_pieces(
     f: Family, ball: BallState, q: Array, dq: Array, count: int
-) -> tuple[Verdict, Family, int]:  # fmt: skip
+) -> tuple[Verdict, Family, int]:
     """Return verdict and choice, some pieces at a time, and how many times it took."""
     pieces, times = Pieces(0), 0
     while True:
@@ -242,8 +242,11 @@ def test_a_ball_that_has_come_back_is_not_waited_for_with_another_map(several: F
 
 def test_maps_that_weigh_the_match_are_chosen_among_their_own_kind(learned: Learned) -> None:
     """A map with terms of first order has no others of that size beside it that have none."""
-    soft = learn(learned.map.arm, design=MapDesign(match_weight=1.0),
-                 around=Neighbourhood(flights=20, instants=6))  # fmt: skip
+    soft = learn(
+        learned.map.arm,
+        design=MapDesign(match_weight=1.0),
+        around=Neighbourhood(flights=20, instants=6),
+    )
     with pytest.raises(InputError, match="match_weight"):
         Family((Direct(learned.map), Direct(soft.map)))
     assert len(Family((Direct(soft.map), Direct(soft.map))).maps) == 2

@@ -51,8 +51,10 @@ def thrown(t: Array, *, bounce: float = np.inf) -> Array:
 @given(
     hz=st.sampled_from((60.0, 120.0, 240.0, 1000.0)),
     sigma=st.sampled_from((0.0, 1e-4, 1e-3, 5e-3)),
-    seed=st.integers(0, 10**6), jitter=st.booleans(), bounce=st.floats(0.0, 1.0),
-)  # fmt: skip
+    seed=st.integers(0, 10**6),
+    jitter=st.booleans(),
+    bounce=st.floats(0.0, 1.0),
+)
 @settings(max_examples=150, deadline=None)
 def test_noise_that_is_as_it_says_is_not_complained_of(
     hz: float, sigma: float, seed: int, bounce: float, *, jitter: bool

@@ -44,8 +44,14 @@ def part(speed: float = 0.2, ahead: float = 0.3, x: float = 0.0) -> BallState:
     """Return a part that comes along y, as far before the tool's place as is said."""
     r = bare().position(Q) + np.array([x, -ahead, -0.05])
     covariance = 1e-8 * np.eye(6)
-    return BallState(t=0.0, r_o=r, dr_o=np.array([0.0, speed, 0.0]), led=True,
-                     ddr_o=np.zeros(3), covariance=covariance)  # fmt: skip
+    return BallState(
+        t=0.0,
+        r_o=r,
+        dr_o=np.array([0.0, speed, 0.0]),
+        led=True,
+        ddr_o=np.zeros(3),
+        covariance=covariance,
+    )
 
 
 def with_limits(**of: float) -> Arm:
@@ -191,8 +197,13 @@ def test_under_way_the_tool_is_with_the_part_whatever_it_does_and_lifts_it_to_re
         slower = -0.3 if 200 < tick <= 500 else 0.0
         speed += TICK * slower
         r[1] += TICK * speed
-        now = replace(ball, t=tick * TICK, r_o=r.copy(), dr_o=np.array([0.0, speed, 0.0]),
-                      ddr_o=np.array([0.0, slower, 0.0]))  # fmt: skip
+        now = replace(
+            ball,
+            t=tick * TICK,
+            r_o=r.copy(),
+            dr_o=np.array([0.0, speed, 0.0]),
+            ddr_o=np.array([0.0, slower, 0.0]),
+        )
         said = g.reference(now)
         left, rows = said.time_to_catch, np.array([said.q_d, said.dq_d, said.ddq_d])
         if left <= 0.0:
@@ -266,8 +277,9 @@ def test_a_tool_closes_in_step_or_not_at_all(speed: float, gentle: float) -> Non
     rng, ends = np.random.default_rng(round(10 * speed)), list[str]()
     along = None if gentle else (0.0, 1.0, 0.0)
     for k in range(8):
-        g = meeting(width=0.5, along=along, gentle=gentle, closing=0.05,
-                    settle=0.0 if gentle else 0.1)  # fmt: skip
+        g = meeting(
+            width=0.5, along=along, gentle=gentle, closing=0.05, settle=0.0 if gentle else 0.1
+        )
         why, apart = led(replace(g, tolerance=ENDLESS), rng, speed, 1e-4 * 2.0**k)
         ends.append(why)
         if not why:

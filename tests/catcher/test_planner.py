@@ -34,9 +34,11 @@ from mitt.world.scene import Scene
 
 FALL = np.array([0.0, 0.0, -GRAVITY])
 #: Height of the floor [m], share of its vertical speed that a ball has after the bounce there.
-FLOOR, SPRINGS = -0.7, 0.85
+FLOOR = -0.7
+SPRINGS = 0.85
 #: When a ball is kicked, and stops on the floor [s].
-KICKED, STOPS = 0.15, 0.247
+KICKED = 0.15
+STOPS = 0.247
 BOUNCE = np.array([3.2, 0.1, 0.2]), np.array([-5.2, -0.1, -2.5])
 SUNK = np.array([3.1, 0.15, 0.3]), np.array([-5.0, -0.2, 0.9])
 FLIGHT = replace(THROWN_BALL, drag_mean=0.0, drag_sigma=0.002)
@@ -92,9 +94,14 @@ def sinking(
 
 
 def caught(
-    arm: Arm, generator: Generator, way: Callable[[float], Array], settings: CatcherSettings,
-    watch: Callable[[Catcher], None], *, exact: bool = False,
-) -> Catcher:  # fmt: skip
+    arm: Arm,
+    generator: Generator,
+    way: Callable[[float], Array],
+    settings: CatcherSettings,
+    watch: Callable[[Catcher], None],
+    *,
+    exact: bool = False,
+) -> Catcher:
     """Return the catcher after a throw at an arm that is where it is told to be.
 
     Or, ``exact``, where its torques bring it.
@@ -217,8 +224,12 @@ def test_several_maps_wait_for_a_ball_that_comes_in_low(
     assert np.linalg.norm(way(t) - arm.position(catcher.estimated[0])) < 0.03
 
 
-PUSHES = {"aside": (0.0, 2.0, 0.0), "up": (0.0, 0.0, 3.0), "back": (8.0, 0.0, 0.0),
-          "to a stop": (5.9, 0.2, 0.0)}  # fmt: skip
+PUSHES = {
+    "aside": (0.0, 2.0, 0.0),
+    "up": (0.0, 0.0, 3.0),
+    "back": (8.0, 0.0, 0.0),
+    "to a stop": (5.9, 0.2, 0.0),
+}
 
 
 @pytest.mark.parametrize(
@@ -276,8 +287,14 @@ def fluttering(seed: int) -> Callable[[float], Array]:
 def test_no_forecast_stops_an_arm_whose_ball_comes(arm: Arm, taught: Learned, seed: int) -> None:
     """Of a ball that flutters a map foresees no catch for 0.1 s, and it comes all the same."""
     way, coming = fluttering(seed), list[bool]()
-    catcher = caught(arm, Direct(taught.map), way, settings_for(0.07),
-                     lambda x: coming.append(is_coming(arm, x, way)), exact=True)  # fmt: skip
+    catcher = caught(
+        arm,
+        Direct(taught.map),
+        way,
+        settings_for(0.07),
+        lambda x: coming.append(is_coming(arm, x, way)),
+        exact=True,
+    )
     assert catcher.phase is Phase.BRAKE
     assert catcher.verdict is not None
     closed = catcher.state.fingers["t_begun"][0] < np.inf
@@ -314,8 +331,9 @@ def test_a_verdict_that_is_read_changes_nothing(
     monkeypatch.setattr(Direct, "unsettled", lambda *_: True)
     monkeypatch.setattr(Direct, "verdict", fails)
     read = list[Verdict | None]()
-    catcher = caught(arm, Direct(taught.map), fluttering(0), settings_for(0.07),
-                     lambda x: read.append(x.verdict))  # fmt: skip
+    catcher = caught(
+        arm, Direct(taught.map), fluttering(0), settings_for(0.07), lambda x: read.append(x.verdict)
+    )
     assert catcher.phase is Phase.WATCH
     assert catcher.stopped_by is None
     assert read == [None] * len(read)
@@ -334,9 +352,12 @@ def falling_short(t: float) -> Array:
 @pytest.mark.parametrize("make", [Direct, direct])
 @pytest.mark.parametrize("way", [coming, falling_short, kicked, bouncing])
 def test_no_call_works_out_more_than_a_few_pieces(
-    arm: Arm, taught: Learned, way: Callable[[float], Array],
-    make: Callable[[DirectMap], Generator], monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
+    arm: Arm,
+    taught: Learned,
+    way: Callable[[float], Array],
+    make: Callable[[DirectMap], Generator],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """Of a verdict, before the arm moves and on the way; what it follows is what was judged.
 
     In the call in which the arm starts, or changes what it follows, no map is judged.

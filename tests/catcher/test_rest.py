@@ -13,7 +13,8 @@ from mitt.trials.runner import TrialRunner
 from mitt.trials.source import source_of
 from mitt.world.scene import Scene
 
-THROWS, SEED = 10, 9000
+THROWS = 10
+SEED = 9000
 
 
 @pytest.mark.parametrize("plant", ["exact", "true"])

@@ -22,12 +22,14 @@ from mitt.map.mapping import DirectMap
 from mitt.signals import TICK, Array, BallState, Command, JointReference
 from mitt.verdict.feasibility import Approach, Verdict
 
-RELEASE, VELOCITY = np.array([3.6, 0.15, 0.2]), np.array([-5.9, -0.2, 2.2])
+RELEASE = np.array([3.6, 0.15, 0.2])
+VELOCITY = np.array([-5.9, -0.2, 2.2])
 FALL = np.array([0.0, 0.0, -9.81])
 
 
 #: Most by which a torque may change in a tick, and least weight of the ball at a joint [N m].
-CHANGE, WEIGHT = 0.02, 0.15
+CHANGE = 0.02
+WEIGHT = 0.15
 
 
 class Cell:
@@ -363,10 +365,14 @@ def test_a_generator_may_write_to_what_it_is_given(arm: Arm, learned: Learned) -
 
 @pytest.mark.parametrize(
     ("fields", "says"),
-    [({"arms": None}, "not iterable"), ({"arms": (1,)}, "arms: wanted an Arm"),
-     ({"as_map": lambda _: 1 / 0}, "ZeroDivisionError"), ({"as_map": lambda _: 5}, "DirectMap")],
+    [
+        ({"arms": None}, "not iterable"),
+        ({"arms": (1,)}, "arms: wanted an Arm"),
+        ({"as_map": lambda _: 1 / 0}, "ZeroDivisionError"),
+        ({"as_map": lambda _: 5}, "DirectMap"),
+    ],
     ids=["no arms", "numbers", "raises", "no map"],
-)  # fmt: skip
+)
 def test_a_generator_that_cannot_say_what_it_is_for_is_refused(
     arm: Arm, learned: Learned, fields: dict[str, object], says: str
 ) -> None:
@@ -491,20 +497,32 @@ def _ball(t: float) -> Array:
 
 
 HINTS: dict[str, tuple[str, Callable[[float], mitt.Sighting | None]]] = {
-    "millimetres": ("metres", lambda t: mitt.Sighting(
-        t=t, found=True, r_o=1e3 * _ball(t), covariance=np.eye(3))),
-    "square millimetres": ("in mm^2", lambda t: mitt.Sighting(
-        t=t, found=True, r_o=_ball(t), covariance=np.eye(3))),
-    "clock ahead": ("ahead of their ticks", lambda t: mitt.Sighting(
-        t=t + 1.7e9, found=True, r_o=_ball(t), covariance=1e-6 * np.eye(3))),
-    "clock behind": ("behind their ticks", lambda t: mitt.Sighting(
-        t=t - 20.0, found=True, r_o=_ball(t), covariance=1e-6 * np.eye(3))),
-    "repeated": ("same place", lambda t: mitt.Sighting(
-        t=t, found=True, r_o=_ball(0.0), covariance=1e-6 * np.eye(3))),
-    "not found": ("no sighting for", lambda t: mitt.Sighting(
-        t=t, found=False, r_o=np.zeros(3), covariance=np.eye(3))),
+    "millimetres": (
+        "metres",
+        lambda t: mitt.Sighting(t=t, found=True, r_o=1e3 * _ball(t), covariance=np.eye(3)),
+    ),
+    "square millimetres": (
+        "in mm^2",
+        lambda t: mitt.Sighting(t=t, found=True, r_o=_ball(t), covariance=np.eye(3)),
+    ),
+    "clock ahead": (
+        "ahead of their ticks",
+        lambda t: mitt.Sighting(t=t + 1.7e9, found=True, r_o=_ball(t), covariance=1e-6 * np.eye(3)),
+    ),
+    "clock behind": (
+        "behind their ticks",
+        lambda t: mitt.Sighting(t=t - 20.0, found=True, r_o=_ball(t), covariance=1e-6 * np.eye(3)),
+    ),
+    "repeated": (
+        "same place",
+        lambda t: mitt.Sighting(t=t, found=True, r_o=_ball(0.0), covariance=1e-6 * np.eye(3)),
+    ),
+    "not found": (
+        "no sighting for",
+        lambda t: mitt.Sighting(t=t, found=False, r_o=np.zeros(3), covariance=np.eye(3)),
+    ),
     "nothing": ("no sighting for", lambda t: None),  # noqa: ARG005
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", HINTS)

@@ -21,7 +21,8 @@ AROUND = Surroundings(
     floor=-0.6, zones=(Capsule(start=(0.5, 0.75, -0.5), end=(0.5, 0.75, 1.2), radius=0.1),)
 )
 #: Excess that is rounding [m, rad], and what torques between the instants that are looked at take.
-ROUNDING, BETWEEN = 1e-6, 1.05
+ROUNDING = 1e-6
+BETWEEN = 1.05
 TICKS = 400
 
 

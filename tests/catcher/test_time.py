@@ -15,7 +15,9 @@ from mitt.world.throws import Throw
 
 BALL = Throw(r=np.array([3.6, 0.15, 0.2]), dr=np.array([-5.9, -0.2, 2.2]))
 #: Ticks of a throw, instants of the swing [s], and how near the ball comes to the hand [m].
-TICKS, INSTANTS, NEAR = 900, (0.42, 0.5), 0.005
+TICKS = 900
+INSTANTS = (0.42, 0.5)
+NEAR = 0.005
 #: How fast the ball is about, by which stamps that are all late bring the hand late [m/s].
 BALL_SPEED = 6.0
 
@@ -27,9 +29,13 @@ def first(arm: Arm, learned: Learned) -> Catcher:
 
 
 def on(
-    times: Array, first: Catcher, arm: Arm, learned: Learned,
-    change: Change = as_read, seed: int = 7,
-) -> Thrown:  # fmt: skip
+    times: Array,
+    first: Catcher,
+    arm: Arm,
+    learned: Learned,
+    change: Change = as_read,
+    seed: int = 7,
+) -> Thrown:
     """Throw the ball once, with ticks at the given times."""
     return throw(first.again(learned), arm, BALL, times, seed=seed, change=change)
 

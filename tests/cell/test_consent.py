@@ -19,13 +19,15 @@ from mitt.cell.session import Person, Session
 STATES: dict[str, tuple[str, str]] = {
     "it waits for a person": ("another program commands the arm on /c: end it", ""),
     "it moves": ("another program commands the arm on /c: end it; the arm moves already", ""),
-    "it was killed": ("another program commands the arm on /c: end it",
-                      "protective stop: no command for 20 ms"),
+    "it was killed": (
+        "another program commands the arm on /c: end it",
+        "protective stop: no command for 20 ms",
+    ),
     "it was killed a while ago": ("", "protective stop: no command for 20 ms"),
     "it has engaged the brakes": ("", "another program engaged the brakes on /b"),
     "it told the hand": ("another program commands the hand on /h", ""),
     "two of them": ("two publishers of j1 on /joint_states: end one", ""),
-}  # fmt: skip
+}
 
 
 def session(cell: LocalCell, person: Person, said: list[str]) -> Session:
@@ -175,9 +177,12 @@ def test_in_the_background_the_keyboard_is_left_alone() -> None:
     """With a key waiting there too: whoever reads it then is stopped by the kernel."""
     keys, theirs = pty.openpty()
     shell = subprocess.Popen(
-        [sys.executable, "-c", _SHELL, _LISTENS], stdin=theirs, stdout=subprocess.PIPE, text=True,
+        [sys.executable, "-c", _SHELL, _LISTENS],
+        stdin=theirs,
+        stdout=subprocess.PIPE,
+        text=True,
         start_new_session=True,
-    )  # fmt: skip
+    )
     os.write(keys, b"\n")
     out, _ = shell.communicate(timeout=60)
     assert out.strip() == "0"

@@ -134,8 +134,11 @@ def test_a_header_that_lies_is_one_line() -> None:
     """Sizes beyond the memory, none at all, or below zero."""
     writer = FrameWriter(NAME, 2, *SHAPE)
     file, head = FOLDER / NAME, writer._head.copy()
-    for field, value, shapes in (("slots", 4000, [SHAPE, SHAPE]), ("slots", -1, [SHAPE, SHAPE]),
-                                 ("height", 0, [(0, 20)] * 2)):  # fmt: skip
+    for field, value, shapes in (
+        ("slots", 4000, [SHAPE, SHAPE]),
+        ("slots", -1, [SHAPE, SHAPE]),
+        ("height", 0, [(0, 20)] * 2),
+    ):
         bad = head.copy()
         bad[field] = value
         with file.open("r+b") as out:

@@ -29,8 +29,13 @@ def test_no_message_is_lost_or_changed_beside_fast_dds() -> None:
     pytest.importorskip("cyclonedds")
     if lacks := missing():
         pytest.skip(f"{lacks} not found: apt-get install {PACKAGES}")
-    done = subprocess.run([sys.executable, str(SCRIPT), "--seconds", "3"], capture_output=True,
-                          text=True, timeout=300, check=False)  # fmt: skip
+    done = subprocess.run(
+        [sys.executable, str(SCRIPT), "--seconds", "3"],
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
     assert done.returncode == 0, done.stdout + done.stderr
     found = json.loads(done.stdout)
     assert found["sent"] == found["received"] == found["answered"] == 3000

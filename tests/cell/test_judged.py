@@ -29,8 +29,12 @@ def basket(tmp_path_factory: pytest.TempPathFactory) -> PreparedCell:
     """A simulated cell whose arm carries a basket."""
     file = tmp_path_factory.mktemp("basket") / "arm.toml"
     file.write_text(BASKET_ARM)
-    raw = {"schema": "mitt.cell/1", "name": "basket", "arm": {"file": file.name},
-           "robot": {"driver": "sim", "delay": 0.0033}}  # fmt: skip
+    raw = {
+        "schema": "mitt.cell/1",
+        "name": "basket",
+        "arm": {"file": file.name},
+        "robot": {"driver": "sim", "delay": 0.0033},
+    }
     return prepare(cell_of(raw, place="cell", folder=file.parent))
 
 
@@ -46,9 +50,12 @@ def judged(arm: Arm) -> Arm:
     """Return an arm with limits that any catch exceeds: of rates, of continuous torque."""
     size, drives = len(arm.model.links), len(arm.limits.tau_rms)
     tight = replace(
-        arm.limits, acceleration=np.full(size, 20.0), jerk=np.full(size, 5e4),
-        torque_rate=np.full(size, 2e3), tau_rms=np.full(drives, 0.03),
-    )  # fmt: skip
+        arm.limits,
+        acceleration=np.full(size, 20.0),
+        jerk=np.full(size, 5e4),
+        torque_rate=np.full(size, 2e3),
+        tau_rms=np.full(drives, 0.03),
+    )
     return Arm(arm.model, tight)
 
 
@@ -114,9 +121,12 @@ def test_a_cell_counts_the_ticks_that_a_trial_counts(
     port = LocalPort(1e-3)
     monkeypatch.setattr(LocalPort, "command", commander(arm, np.random.default_rng(seed)))
     cell = SimulatedCell(
-        replace(basket, arm=arm), scene, feed_of(basket, scene, seed=seed, count=1), port,
+        replace(basket, arm=arm),
+        scene,
+        feed_of(basket, scene, seed=seed, count=1),
+        port,
         clock=lambda: 0.0,
-    )  # fmt: skip
+    )
     port.braked = False
     told, driven = list[Array](), list[bool]()
     for _ in range(250):

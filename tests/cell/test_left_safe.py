@@ -38,9 +38,14 @@ class Failing:
     brakes = True
 
     def __init__(
-        self, inner: Robot, method: str, first: int | None, fault: Callable[[], Any], *,
+        self,
+        inner: Robot,
+        method: str,
+        first: int | None,
+        fault: Callable[[], Any],
+        *,
         forever: bool,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Take what fails, from which call on (None: from a fast joint on), and how."""
         self._inner, self._method, self._first = inner, method, first
         self._fault, self._forever = fault, forever
@@ -128,9 +133,13 @@ FAULTS: dict[str, Callable[[], Any]] = {
 
 
 def ended(
-    method: str, first: int | None, fault: Callable[[], Any], *, forever: bool,
+    method: str,
+    first: int | None,
+    fault: Callable[[], Any],
+    *,
+    forever: bool,
     tell: Callable[[str], None] = lambda _: None,
-) -> tuple[LocalCell, Failing, Session]:  # fmt: skip
+) -> tuple[LocalCell, Failing, Session]:
     """Run a session of one throw in which something fails; return what was left."""
     made = list[Failing]()
 
@@ -263,7 +272,16 @@ def test_what_others_say_of_throws_is_counted_only_where_it_is_that() -> None:
     good = {"status": "caught", "limit_violations": 0, "command_age_us": None, "done": False}
     assert news_of(json.dumps(good)) == good
     for raw in (
-        "", "x", "[" * 100_000, "7", "null", '{"status": 7}', '{"status": "caught", "x": NaN}',
-        '{"status": "caught", "limit_violations": "many"}', None, 7, b"\xff",
-    ):  # fmt: skip
+        "",
+        "x",
+        "[" * 100_000,
+        "7",
+        "null",
+        '{"status": 7}',
+        '{"status": "caught", "x": NaN}',
+        '{"status": "caught", "limit_violations": "many"}',
+        None,
+        7,
+        b"\xff",
+    ):
         assert news_of(raw) == {}  # type: ignore[arg-type]

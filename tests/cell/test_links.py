@@ -88,10 +88,13 @@ def graph(request: pytest.FixtureRequest) -> Iterator[Callable[[str], Graph]]:
 
 
 SAYS = {
-    "state": "nobody publishes", "command": "nobody takes commands on", "brake": "/brake: start",
-    "hand": "/hand/commands: start the hand's controller", "status": "no entry robot on",
+    "state": "nobody publishes",
+    "command": "nobody takes commands on",
+    "brake": "/brake: start",
+    "hand": "/hand/commands: start the hand's controller",
+    "status": "no entry robot on",
     "ball": "/ball: start what sees the ball",
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("end", SAYS)
@@ -155,9 +158,10 @@ def told(joints: Joints, t: float, names: tuple[str, ...], q: list[float], who: 
 
 
 @given(
-    st.lists(st.integers(0, 2), min_size=3, max_size=3), st.randoms(use_true_random=False),
+    st.lists(st.integers(0, 2), min_size=3, max_size=3),
+    st.randoms(use_true_random=False),
     st.lists(st.floats(0.0, 0.9 * TICK), min_size=3, max_size=3),
-)  # fmt: skip
+)
 def test_parts_of_joint_states_are_one_reading(
     whose: list[int], rng: Random, apart: list[float]
 ) -> None:
@@ -167,8 +171,10 @@ def test_parts_of_joint_states_are_one_reading(
     """
     joints, found = Joints(read_cell("wam-sim"), ARM), list[ArmState]()
     for k in range(20):
-        parts = [(i, tuple(n for n, w in zip(NAMES, whose, strict=True) if w == i))
-                 for i in sorted(set(whose))]  # fmt: skip
+        parts = [
+            (i, tuple(n for n, w in zip(NAMES, whose, strict=True) if w == i))
+            for i in sorted(set(whose))
+        ]
         rng.shuffle(parts)
         for i, names in [*parts, (7, ("finger_joint",))]:
             t = 1.0 + k * TICK + (0.0 if i == 7 else apart[i])

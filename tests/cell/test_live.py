@@ -31,7 +31,8 @@ from mitt.trials.replayed import replay
 #: Speed of a joint in a catch at which faults begin [rad/s].
 FAST = 1.5
 #: Ticks that a watchdog takes, and some for the drives' lag.
-WATCHDOG, LAG = 20, 5
+WATCHDOG = 20
+LAG = 5
 
 
 def in_a_catch(*, throws: int = 1) -> LocalCell:

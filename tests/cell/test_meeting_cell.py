@@ -95,8 +95,14 @@ def test_torques_keep_their_rates_from_one_catcher_to_the_next(
         return True
 
     def seen(_: object) -> list[Sighting]:
-        return [Sighting(t=cell.simulated.t, found=True, r_o=cell.simulated.truth.r_o,
-                         covariance=1e-6 * np.eye(3))]  # fmt: skip
+        return [
+            Sighting(
+                t=cell.simulated.t,
+                found=True,
+                r_o=cell.simulated.truth.r_o,
+                covariance=1e-6 * np.eye(3),
+            )
+        ]
 
     cell.robot.on_write = note
     assert cell.recorder is not None
@@ -128,8 +134,9 @@ def test_what_keeps_people_safe_acts_in_a_cell(target: str) -> None:
     raw = read_toml(shipped_path("cells", NAME))
     belt = {"belt": raw["task"]["belt"]} if target == "belt" else {}
     task = {key: x for key, x in raw["task"].items() if key not in ("belt", "area")}
-    prepared = prepare(cell_of(raw | {"task": task | belt | {"target": target, "tool_speed": 0.2}},
-                               place="a cell"))  # fmt: skip
+    prepared = prepare(
+        cell_of(raw | {"task": task | belt | {"target": target, "tool_speed": 0.2}}, place="a cell")
+    )
     about = about_of(prepared, map_of(prepared))
     assert about.settings.adapt_q < inf
     assert about.meeting is not None
@@ -156,12 +163,18 @@ def test_what_a_task_cannot_be_is_refused(change: dict[str, object], said: str) 
 
 #: Least and largest values that the file of a cell may say, by the address of the key.
 EXTREMES = {
-    "task.mass": (0.001, 50.0), "task.sides.0": (0.005, 0.5), "task.sides.2": (0.005, 0.5),
-    "task.belt.height": (-5.0, 5.0), "task.belt.width": (0.0201, 10.0),
-    "task.belt.length": (0.2, 100.0), "task.belt.direction": (-7.0, 7.0),
-    "ball.mass": (0.001, 2.0), "ball.radius": (0.005, 0.06), "ball.drag": (0.0, 1.0),
+    "task.mass": (0.001, 50.0),
+    "task.sides.0": (0.005, 0.5),
+    "task.sides.2": (0.005, 0.5),
+    "task.belt.height": (-5.0, 5.0),
+    "task.belt.width": (0.0201, 10.0),
+    "task.belt.length": (0.2, 100.0),
+    "task.belt.direction": (-7.0, 7.0),
+    "ball.mass": (0.001, 2.0),
+    "ball.radius": (0.005, 0.06),
+    "ball.drag": (0.0, 1.0),
     "source.sigma": (1e-6, 0.1),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("key", EXTREMES)

@@ -34,8 +34,12 @@ def cell_that(takes: str, joints: list[str] | None = None) -> Cell:
 
 def orders(takes: str, arm: Arm, joints: list[str] | None = None, **options: str) -> Orders:
     """Return commands of a cell with some options."""
-    of = {"command": "/c/joint_trajectory", "controller": "", "hand": "",
-          "hand_command": "/h/commands"} | options  # fmt: skip
+    of = {
+        "command": "/c/joint_trajectory",
+        "controller": "",
+        "hand": "",
+        "hand_command": "/h/commands",
+    } | options
     return Orders(cell_that(takes, joints), arm, of)
 
 
@@ -116,9 +120,11 @@ def test_held_joints_are_told_where_they_are_held(wam: Arm) -> None:
     for takes in TAKES:
         assert orders(takes, wam).names == (("j1", "j2", "j4") if takes == "torque" else ALL)
     for takes, said in (
-        ("torque", "j1,j2,j3,j4"), ("position", "j1,j2"), ("position", "j1,j2,j4,x"),
+        ("torque", "j1,j2,j3,j4"),
+        ("position", "j1,j2"),
+        ("position", "j1,j2,j4,x"),
         ("velocity", "j1,j1,j2,j4"),
-    ):  # fmt: skip
+    ):
         with pytest.raises(InputError, match=r"robot\.options\.controller"):
             orders(takes, wam, controller=said)
 
@@ -137,9 +143,12 @@ def test_what_has_other_joints_is_refused(takes: str, wam: Arm, *, plain: bool) 
 
     assert of.read(made(of.names, np.ones(n)), 0.0) is not None
     for bad in (
-        made(of.names[:-1], np.ones(n - 1)), made((*of.names, "hand"), np.ones(n + 1)),
-        made(of.names, np.full(n, np.nan)), b"", b"\0\1\0\0",
-    ):  # fmt: skip
+        made(of.names[:-1], np.ones(n - 1)),
+        made((*of.names, "hand"), np.ones(n + 1)),
+        made(of.names, np.full(n, np.nan)),
+        b"",
+        b"\0\1\0\0",
+    ):
         assert of.read(bad, 0.0) is None
     if not plain:
         assert of.read(made((*of.names[:-1], "other"), np.ones(n)), 0.0) is None

@@ -74,9 +74,14 @@ class WaitsForCommands(FaultyRobot):
 def cell_that_takes(takes: str) -> Cell:
     """Return the shipped cell with topics of its own, and drives that take torques or else."""
     cell = read_cell("wam-sim")
-    options = {**cell.robot.options, "command": f"/{takes}/commands", "state": f"/{takes}/states",
-               "hand_command": f"/{takes}/hand", "brake": f"/{takes}/brake",
-               "diagnostics": f"/{takes}/diagnostics"}  # fmt: skip
+    options = {
+        **cell.robot.options,
+        "command": f"/{takes}/commands",
+        "state": f"/{takes}/states",
+        "hand_command": f"/{takes}/hand",
+        "brake": f"/{takes}/brake",
+        "diagnostics": f"/{takes}/diagnostics",
+    }
     robot = cell.robot.model_copy(update={"options": options, "takes": takes})
     source = cell.source.model_copy(update={"topic": f"/{takes}/ball"})
     return cell.model_copy(update={"robot": robot, "source": source})
@@ -97,9 +102,13 @@ def test_a_ball_is_caught_over_dds(takes: str, monkeypatch: pytest.MonkeyPatch) 
     cell, arm, scene = prepared.cell, prepared.arm, scene_of_cell(prepared.cell, None)
     port, inner = Ros2Cell(cell, arm), Ros2Robot(cell, arm)
     simulated = SimulatedCell(
-        prepared, scene, feed_of(prepared, scene, seed=3, count=1), port,
-        clock=lambda: simulated.t, started=1.7e9,
-    )  # fmt: skip
+        prepared,
+        scene,
+        feed_of(prepared, scene, seed=3, count=1),
+        port,
+        clock=lambda: simulated.t,
+        started=1.7e9,
+    )
     robot = WaitsForCommands(inner, simulated, port)
     connection = Connection(robot, None, clock=lambda: simulated.t)
     loop = loop_of(prepared, map_of(prepared), connection)

@@ -144,8 +144,11 @@ def at(t: float, r_o: object = (1.0, 0.2, 0.3), *, found: bool = True) -> Sighti
 
 
 @settings(max_examples=100, deadline=None)
-@given(st.lists(st.integers(1, 12), min_size=1, max_size=12), st.integers(-3, 5),
-       st.integers(0, 2**32 - 1))  # fmt: skip
+@given(
+    st.lists(st.integers(1, 12), min_size=1, max_size=12),
+    st.integers(-3, 5),
+    st.integers(0, 2**32 - 1),
+)
 def test_each_position_reaches_the_first_reading_that_can_know_it(
     batches: list[int], ahead: int, seed: int
 ) -> None:
@@ -202,8 +205,9 @@ def test_a_source_of_no_use_is_named(name: str) -> None:
         assert len(kept.upto(before + k * TICK)) == 1
     assert (kept.fault, kept.note, counts.stray, counts.repeated) == ("", "", 0, 0)
     for k in range(2 * WINDOW):
-        kept.take([change(k, np.array([2.0, 0.1, 0.5]) + 1e-3 * rng.normal(size=3))],
-                  NOW + k * TICK)  # fmt: skip
+        kept.take(
+            [change(k, np.array([2.0, 0.1, 0.5]) + 1e-3 * rng.normal(size=3))], NOW + k * TICK
+        )
         kept.upto(NOW + k * TICK)
     assert says in (kept.fault if fault else kept.note + kept.absent)
     assert bool(kept.fault) == fault

@@ -248,8 +248,18 @@ def test_what_cannot_be_recorded_is_refused(tmp_path: Path, about: About) -> Non
         recorder.call("dance")
 
 
-@pytest.mark.parametrize("call", ["again", "", "torques", "torques 1.0 2.0", "torques 1 x 3",
-                                  "torques 1 nan 3", "torques 1 2 3 4"])  # fmt: skip
+@pytest.mark.parametrize(
+    "call",
+    [
+        "again",
+        "",
+        "torques",
+        "torques 1.0 2.0",
+        "torques 1 x 3",
+        "torques 1 nan 3",
+        "torques 1 2 3 4",
+    ],
+)
 def test_torques_that_were_taken_over_are_read_to_the_bit(call: str) -> None:
     """And what a file says that are none is not."""
     torques = np.array([0.1, -1e-17, 30.0 / 7.0])

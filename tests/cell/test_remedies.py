@@ -39,8 +39,9 @@ def texts(module: ast.Module) -> Iterator[str]:
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef)
         and isinstance(node.body[0], ast.Expr)
     }
-    whole = {part for node in ast.walk(module) if isinstance(node, ast.JoinedStr)
-             for part in node.values}  # fmt: skip
+    whole = {
+        part for node in ast.walk(module) if isinstance(node, ast.JoinedStr) for part in node.values
+    }
     for node in ast.walk(module):
         if isinstance(node, ast.JoinedStr):
             yield "".join(x.value if isinstance(x, ast.Constant) else "{}" for x in node.values)  # type: ignore[misc]
@@ -97,10 +98,12 @@ def joined(cell: Cell) -> str:
     """Return what a driver says that waits at a cell of which only ``/there/...`` is there."""
     node, robot, q = dds.Node(), Ros2Robot(cell, ARM), np.zeros(3)
     state = node.publish(options_of(cell)["state"], dds.JointState, "sensor")
-    kept = [node.subscribe(options_of(cell)["command"], dds.JointTrajectory, "command"),
-            node.subscribe("/there/brake", dds.Bool, "command"),
-            node.subscribe("/there/hand/commands", dds.MultiArray, "command"),
-            node.publish("/there/ball", dds.PointStamped, "sensor")]  # fmt: skip
+    kept = [
+        node.subscribe(options_of(cell)["command"], dds.JointTrajectory, "command"),
+        node.subscribe("/there/brake", dds.Bool, "command"),
+        node.subscribe("/there/hand/commands", dds.MultiArray, "command"),
+        node.publish("/there/ball", dds.PointStamped, "sensor"),
+    ]
     status, said = node.publish("/there/diagnostics", dds.Diagnostics, "command"), "at first"
     begun = time.monotonic()
     while said and time.monotonic() < begun + 10.0:
@@ -119,8 +122,12 @@ def joined(cell: Cell) -> str:
     return said
 
 
-THERE = {"brake": "/there/brake", "hand_command": "/there/hand/commands",
-         "diagnostics": "/there/diagnostics", "status": "arm"}  # fmt: skip
+THERE = {
+    "brake": "/there/brake",
+    "hand_command": "/there/hand/commands",
+    "diagnostics": "/there/diagnostics",
+    "status": "arm",
+}
 
 
 def there(tag: str, topic: str = "/there/ball", **given: str) -> Cell:
@@ -171,19 +178,27 @@ REMEDIES: dict[str, tuple[Callable[[], str], Callable[[], str]]] = {
             robot_of(cell_with("x", controller="j1, j2, j4"), takes="position"), NAMES
         ),
     ),
-    "robot.options.brake": (lambda: joined(there("r1", brake="/nobody")),
-                            lambda: joined(there("r2"))),
-    "robot.options.hand_command": (lambda: joined(there("r3", hand_command="/nobody/commands")),
-                                   lambda: joined(there("r4"))),
+    "robot.options.brake": (
+        lambda: joined(there("r1", brake="/nobody")),
+        lambda: joined(there("r2")),
+    ),
+    "robot.options.hand_command": (
+        lambda: joined(there("r3", hand_command="/nobody/commands")),
+        lambda: joined(there("r4")),
+    ),
     "robot.options.hand": (
         lambda: joined(there("r5", hand_command="/nobody/commands")),
         lambda: joined(there("r6", hand_command="/nobody/commands", hand="")),
     ),
-    "robot.options.status": (lambda: joined(there("r7", status="robot")),
-                             lambda: joined(there("r8", status=""))),
+    "robot.options.status": (
+        lambda: joined(there("r7", status="robot")),
+        lambda: joined(there("r8", status="")),
+    ),
     "source.topic": (lambda: joined(there("r9", topic="/nobody")), lambda: joined(there("r10"))),
-    "source.frame": (lambda: frame_said(cell_with("x")),
-                     lambda: frame_said(source_of(cell_with("x"), frame="mocap"))),
+    "source.frame": (
+        lambda: frame_said(cell_with("x")),
+        lambda: frame_said(source_of(cell_with("x"), frame="mocap")),
+    ),
     "source.memory": (lambda: with_memory("no/name"), lambda: with_memory("mitt-remedy")),
     "robot.options.interface": (
         lambda: line_of(lambda: dds.Node("eth77")),
@@ -193,7 +208,7 @@ REMEDIES: dict[str, tuple[Callable[[], str], Callable[[], str]]] = {
         lambda: line_of(lambda: RobotLink(Brakeless())),  # type: ignore[arg-type]
         lambda: line_of(lambda: RobotLink(Brakeless(), unbraked=True)),  # type: ignore[arg-type]
     ),
-}  # fmt: skip
+}
 #: Settings that a line names as what is wrong, or as what it speaks of.
 NO_REMEDY = {"robot.watchdog", "robot.driver", "robot.options", "task.put", "task.belt"}
 

@@ -125,9 +125,14 @@ def test_the_ball_comes_in_the_arms_frame() -> None:
     """Turned and moved as the cell says; a message of another frame is refused."""
     cell = cell_with("ball_frame")
     turned = cell.source.model_copy(
-        update={"origin": (1.0, 0.0, 0.0), "rpy": (0.0, 0.0, np.pi / 2), "frame": "mocap",
-                "latency": 0.25, "message": "pose"}
-    )  # fmt: skip
+        update={
+            "origin": (1.0, 0.0, 0.0),
+            "rpy": (0.0, 0.0, np.pi / 2),
+            "frame": "mocap",
+            "latency": 0.25,
+            "message": "pose",
+        }
+    )
     cell = cell.model_copy(update={"source": turned})
     arm = arm_of(cell)
     robot, other = Ros2Robot(cell, arm), Ros2Cell(cell, arm)
@@ -223,8 +228,9 @@ for name in os.listdir("/proc/self/fd"):
 
 def test_on_the_loopback_no_socket_hears_another_interface() -> None:
     """Cyclone binds them to all addresses; the kernel drops what comes from elsewhere."""
-    done = subprocess.run([sys.executable, "-c", _BOUND], capture_output=True, text=True,
-                          check=True)  # fmt: skip
+    done = subprocess.run(
+        [sys.executable, "-c", _BOUND], capture_output=True, text=True, check=True
+    )
     found = done.stdout.split()
     assert len(found) >= 2
     assert set(found) == {"lo"}
@@ -353,8 +359,11 @@ def test_arrays_carry_what_the_drives_take(takes: str) -> None:
     answers, got = messages.read_array(soon(heard.take)[0])
     assert answers == 1.0
     # j3 is held: at its angle, still; nobody says by which torque.
-    wanted = {"torque": [9.0, 10.0, 11.0], "velocity": [3.0, 4.0, 0.0, 5.0],
-              "position": [0.0, 1.0, 0.0, 2.0]}[takes]  # fmt: skip
+    wanted = {
+        "torque": [9.0, 10.0, 11.0],
+        "velocity": [3.0, 4.0, 0.0, 5.0],
+        "position": [0.0, 1.0, 0.0, 2.0],
+    }[takes]
     assert got.tolist() == wanted
 
 

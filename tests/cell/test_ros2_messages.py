@@ -84,8 +84,10 @@ def test_the_others() -> None:
     assert [m.read_flag(theirs(dds.Bool(x))) for x in (True, False)] == [True, False]
     assert m.flag(True) == theirs(dds.Bool(True))
     assert m.read_text(m.text("é")) == "é"
-    entries = [dds.Status(2, "robot", "stop", "", [dds.KeyValue("a", "b")]),
-               dds.Status(0, "other", "", "x", [])]  # fmt: skip
+    entries = [
+        dds.Status(2, "robot", "stop", "", [dds.KeyValue("a", "b")]),
+        dds.Status(0, "other", "", "x", []),
+    ]
     raw = theirs(dds.Diagnostics(dds.Header(dds.Time(1, 0), "f"), entries))
     assert searched(raw, "robot") == (2, "stop")
     assert searched(raw, "other") == (0, "")
@@ -113,17 +115,26 @@ def test_diagnostics_are_read_a_field_at_a_time() -> None:
 
 #: Valid messages, and what reads and writes each again.
 VALID: tuple[tuple[Any, bytes, Callable[[Any], bytes]], ...] = (
-    (m.read_joint_state, m.joint_state(1.5, ("a", "bc"), np.ones(2), np.ones(2)),
-     lambda x: m.joint_state(x.t, x.names, x.q, x.dq)),
-    (m.read_trajectory, m.trajectory(1.5, ("a", "bc"), np.ones((4, 2))),
-     lambda x: m.trajectory(*x)),
+    (
+        m.read_joint_state,
+        m.joint_state(1.5, ("a", "bc"), np.ones(2), np.ones(2)),
+        lambda x: m.joint_state(x.t, x.names, x.q, x.dq),
+    ),
+    (
+        m.read_trajectory,
+        m.trajectory(1.5, ("a", "bc"), np.ones((4, 2))),
+        lambda x: m.trajectory(*x),
+    ),
     (m.read_array, m.array(np.arange(3.0), 1.5), lambda x: m.array(x[1], x[0])),
     (m.read_point, m.pose(1.5, "map", np.ones(3)), lambda x: m.point(*x)),
     (m.read_flag, m.flag(True), m.flag),
     (m.read_text, m.text("robot"), m.text),
-    (lambda raw: searched(raw, "robot"), m.diagnostics(1.5, "robot", 2, "stop"),
-     lambda x: m.diagnostics(0.0, "robot", *x) if x else b""),
-)  # fmt: skip
+    (
+        lambda raw: searched(raw, "robot"),
+        m.diagnostics(1.5, "robot", 2, "stop"),
+        lambda x: m.diagnostics(0.0, "robot", *x) if x else b"",
+    ),
+)
 
 
 @st.composite

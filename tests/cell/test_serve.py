@@ -9,7 +9,9 @@ from mitt.files.cell import read_cell
 from mitt.signals import TICK
 
 #: Tick with a stall, its length [s], number of ticks.
-AT, STALL, TICKS = 50, 0.012, 400
+AT = 50
+STALL = 0.012
+TICKS = 400
 
 
 class Cell:

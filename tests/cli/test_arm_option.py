@@ -110,9 +110,11 @@ FIVE = 'file = "five.urdf"\ntip = "l5"\njoints = ["j1", "j2", "j4"]\n'
     ],
 )
 def test_what_is_doubted_of_an_arm_is_said_by_every_command(
-    words: Sequence[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    words: Sequence[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
+) -> None:
     """Once, on stderr, and before anything else is refused, as a floor above a part of the arm."""
     monkeypatch.chdir(tmp_path)
     urdf(tmp_path / "five.urdf", effort="90000")

@@ -15,10 +15,20 @@ from mitt.map.learn import Learned
 from mitt.trials.source import source_of
 
 KEYS = {
-    "schema", "version", "machine", "tick_us", "tick_without_images_us", "adapt_us", "learn_ms",
-    "learn_solver_ms", "learn_ipopt_ms", "learn_cost_gap", "throws_per_s_core", "rivals_us",
+    "schema",
+    "version",
+    "machine",
+    "tick_us",
+    "tick_without_images_us",
+    "adapt_us",
+    "learn_ms",
+    "learn_solver_ms",
+    "learn_ipopt_ms",
+    "learn_cost_gap",
+    "throws_per_s_core",
+    "rivals_us",
     "noise_us",
-}  # fmt: skip
+}
 TIME = {"p50", "p99", "p99_9"}
 
 
@@ -44,8 +54,17 @@ def test_the_json_has_the_keys_of_the_contract(
     assert result["learn_ipopt_ms"] is None
     assert result["learn_cost_gap"] is None
     assert result["throws_per_s_core"] > 0.0
-    times = [result[k] for k in ("tick_us", "tick_without_images_us", "adapt_us", "learn_ms",
-                                 "learn_solver_ms", "noise_us")]  # fmt: skip
+    times = [
+        result[k]
+        for k in (
+            "tick_us",
+            "tick_without_images_us",
+            "adapt_us",
+            "learn_ms",
+            "learn_solver_ms",
+            "noise_us",
+        )
+    ]
     for time in (*times, *result["rivals_us"].values()):
         assert set(time) == TIME
         assert 0.0 < time["p50"] <= time["p99"] <= time["p99_9"]

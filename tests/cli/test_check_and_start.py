@@ -39,20 +39,42 @@ GOOD: dict[str, tuple[list[str], str]] = {
     "sim": (["sim", "wam-sim"], "mitt.cell.dds.DomainParticipant"),
     "study": (["study", "STUDY.toml", "--out", "OUT"], "mitt.trials.study_run.run_study"),
     "track": (["track", "POINTS.csv", "--out", "NEW.csv"], "mitt.cli.seeing.follow_all"),
-    "see": (["see", "LEFT", "RIGHT", "--rig", "RIG.toml", "--out", "NEW.csv", "--no-video"],
-            "mitt.cli.seeing.follow"),
-    "calibrate": (["calibrate", "--rig", "RIG.toml", "--hand", "HAND.csv", "--out", "NEW.toml"],
-                  "mitt.cli.seeing._calibrate"),
+    "see": (
+        ["see", "LEFT", "RIGHT", "--rig", "RIG.toml", "--out", "NEW.csv", "--no-video"],
+        "mitt.cli.seeing.follow",
+    ),
+    "calibrate": (
+        ["calibrate", "--rig", "RIG.toml", "--hand", "HAND.csv", "--out", "NEW.toml"],
+        "mitt.cli.seeing._calibrate",
+    ),
     "replay": (["replay", "REC.mcap", "--out", "OUT"], "mitt.cli.replaying.played"),
     "view": (["view", "REC.mcap"], "mitt.report.viewer.served"),
     "bench": (["bench"], "mitt.cli.measuring.measure"),
     "report": (["report", "OUT"], "mitt.cli.measuring.progress"),
     "arms": (["arms"], "mitt.cli.listing.show"),
-}  # fmt: skip
-TEXTS = ("", "nonsense", "²", "../x", "tmp/such/file.toml", ".", "mine.toml", "MAP.json",
-         "POINTS.csv", "\x1b[31m", "x" * 300, "dask://x:99999", "1e308,0,0", "nan,1,2")  # fmt: skip
-ALL = [(name, option) for name in COMMANDS for option in options_of(COMMANDS[name])
-       if option.kind is not bool]  # fmt: skip
+}
+TEXTS = (
+    "",
+    "nonsense",
+    "²",
+    "../x",
+    "tmp/such/file.toml",
+    ".",
+    "mine.toml",
+    "MAP.json",
+    "POINTS.csv",
+    "\x1b[31m",
+    "x" * 300,
+    "dask://x:99999",
+    "1e308,0,0",
+    "nan,1,2",
+)
+ALL = [
+    (name, option)
+    for name in COMMANDS
+    for option in options_of(COMMANDS[name])
+    if option.kind is not bool
+]
 Judge = Callable[[str, list[str]], tuple[str, str]]
 
 
@@ -104,9 +126,13 @@ def one_in_five(cases: Sequence[object]) -> list[object]:
 
 def bad_values(option: Option) -> list[str]:
     """Return values of an option that are bad, or nearly so, by how it is declared."""
-    edges = [] if option.arg.range is None else [
-        f"{x:.15g}" for low, high in [option.arg.range] for x in (low - 1, low, high, high + 1)
-    ]  # fmt: skip
+    edges = (
+        []
+        if option.arg.range is None
+        else [
+            f"{x:.15g}" for low, high in [option.arg.range] for x in (low - 1, low, high, high + 1)
+        ]
+    )
     if option.kind is int:
         return [*edges, "-1", "0", "1000000000000", "-1000000000000", "1" * 5000]
     if option.kind is float:
@@ -138,8 +164,11 @@ def test_a_bad_value_of_an_option_is_refused_alike(name: str, option: Option, ju
 def keys(kind: type[BaseModel], at: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
     """Yield each key of a file, those of its tables too."""
     for name, field in kind.model_fields.items():
-        inner = [x for x in (field.annotation, *get_args(field.annotation))
-                 if isinstance(x, type) and issubclass(x, BaseModel)]  # fmt: skip
+        inner = [
+            x
+            for x in (field.annotation, *get_args(field.annotation))
+            if isinstance(x, type) and issubclass(x, BaseModel)
+        ]
         yield (*at, field.alias or name)
         if inner and get_origin(field.annotation) in (None, Union, UnionType):
             yield from keys(inner[0], (*at, name))
@@ -155,15 +184,41 @@ def cell_file(key: tuple[str, ...], value: object) -> str:
     return toml_text(table)
 
 
-OPTIONS = [("robot", "options", x) for x in ("state", "command", "brake", "interface", "hand",
-           "hand_command", "diagnostics", "others", "controller", "unbraked", "more")]  # fmt: skip
+OPTIONS = [
+    ("robot", "options", x)
+    for x in (
+        "state",
+        "command",
+        "brake",
+        "interface",
+        "hand",
+        "hand_command",
+        "diagnostics",
+        "others",
+        "controller",
+        "unbraked",
+        "more",
+    )
+]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("key", one_in_five([".".join(x) for x in (*keys(Cell), *OPTIONS)]))
 def test_a_bad_value_of_a_cell_is_refused_alike(key: str, judge: Judge, here: Path) -> None:
-    for value in ("nonsense", "/a b", "", "../x", "eth7", -1.0, 0, 10**9, 1e300, True,
-                  ["j1", "j1"], [0.0, 0.0, 1e308]):  # fmt: skip
+    for value in (
+        "nonsense",
+        "/a b",
+        "",
+        "../x",
+        "eth7",
+        -1.0,
+        0,
+        10**9,
+        1e300,
+        True,
+        ["j1", "j1"],
+        [0.0, 0.0, 1e308],
+    ):
         (here / "cell.toml").write_text(cell_file(tuple(key.split(".")), value))
         for command in ("run", "sim"):
             check, start = judge(command, [command, "cell.toml"])
@@ -190,9 +245,13 @@ def test_a_bad_domain_is_refused_alike(
     ],
 )
 def test_a_driver_that_cannot_be_is_refused_alike(
-    robot: str, said: str, judge: Judge, here: Path, tmp_path: Path,
+    robot: str,
+    said: str,
+    judge: Judge,
+    here: Path,
+    tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
+) -> None:
     """Not installed: which line installs it. Installed: the joints that it wants."""
     if "franka" in robot:
         install(ROOT / "examples" / "drivers", tmp_path, monkeypatch)
@@ -202,15 +261,24 @@ def test_a_driver_that_cannot_be_is_refused_alike(
     assert said in check
 
 
-@pytest.mark.parametrize(("known", "driver", "library", "pip"), [
-    ("franka-fr3", "franka", "pylibfranka", "pip install pylibfranka"),
-    ("franka-panda", "franka", "pylibfranka", "pip install pylibfranka"),
-    ("ur5e", "ur", "dashboard_client", "pip install ur_rtde"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("known", "driver", "library", "pip"),
+    [
+        ("franka-fr3", "franka", "pylibfranka", "pip install pylibfranka"),
+        ("franka-panda", "franka", "pylibfranka", "pip install pylibfranka"),
+        ("ur5e", "ur", "dashboard_client", "pip install ur_rtde"),
+    ],
+)
 def test_a_library_that_a_driver_lacks_is_named_with_what_installs_it(
-    known: str, driver: str, library: str, pip: str, judge: Judge, here: Path, tmp_path: Path,
+    known: str,
+    driver: str,
+    library: str,
+    pip: str,
+    judge: Judge,
+    here: Path,
+    tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
+) -> None:
     """The joints of both Frankas are taken as their vendor names them."""
     install(ROOT / "examples" / "drivers", tmp_path, monkeypatch)
     takes = 'takes = "velocity"\nservo = 8.0\ndelay = 0.006\n' if driver == "ur" else ""

@@ -20,14 +20,30 @@ from mitt.trials.meeting import MeetRunner
 from mitt.trials.runner import TrialRunner
 
 TOP = {
-    "schema", "version", "arm", "limits", "generator", "vision", "seed", "scene", "trials",
+    "schema",
+    "version",
+    "arm",
+    "limits",
+    "generator",
+    "vision",
+    "seed",
+    "scene",
+    "trials",
     "summary",
-}  # fmt: skip
+}
 TRIAL = {
-    "index", "status", "t_catch_s", "position_error_mm", "velocity_error_m_s",
-    "peak_torque_ratio", "peak_speed_ratio", "limit_violations", "demand_cost",
-    "peak_contact_force_n", "binding_limit",
-}  # fmt: skip
+    "index",
+    "status",
+    "t_catch_s",
+    "position_error_mm",
+    "velocity_error_m_s",
+    "peak_torque_ratio",
+    "peak_speed_ratio",
+    "limit_violations",
+    "demand_cost",
+    "peak_contact_force_n",
+    "binding_limit",
+}
 #: What a trial says beyond the contract of docs/notation.md.
 BEYOND = {
     "saturated_ticks",
@@ -41,9 +57,20 @@ BEYOND = {
     "over_force",
 }
 SUMMARY = {
-    "throws", "caught", "dropped", "missed", "unreachable", "stopped", "aborted", "catch_rate",
-    "ci95", "tick_us", "deadline_misses", "force_n", "over_force",
-}  # fmt: skip
+    "throws",
+    "caught",
+    "dropped",
+    "missed",
+    "unreachable",
+    "stopped",
+    "aborted",
+    "catch_rate",
+    "ci95",
+    "tick_us",
+    "deadline_misses",
+    "force_n",
+    "over_force",
+}
 #: Of a file: longer than a name may be.
 LONG = "a" * 300
 STATUSES = {"caught", "dropped", "missed", "unreachable", "stopped", "aborted"}
@@ -82,9 +109,13 @@ def a_map(tmp_path_factory: pytest.TempPathFactory, learned: Learned) -> Path:
 def process(words: Sequence[str | Path], cwd: Path) -> subprocess.CompletedProcess[str]:
     """Run Python with some words as a process of its own."""
     return subprocess.run(
-        [sys.executable, *map(str, words)], cwd=cwd, capture_output=True, text=True, timeout=300,
+        [sys.executable, *map(str, words)],
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        timeout=300,
         check=False,
-    )  # fmt: skip
+    )
 
 
 def one_line(err: str) -> str:
@@ -115,8 +146,7 @@ def check_contract(result: dict[str, Any], throws: int, *, incomplete: bool = Fa
         assert isinstance(trial["limit_violations"], int)
         assert isinstance(trial["demand_cost"], float)
         assert len(trial["peak_torque_ratio"]) == len(trial["peak_speed_ratio"]) == 3
-        for key in ("t_catch_s", "position_error_mm", "velocity_error_m_s",
-                    "peak_contact_force_n"):  # fmt: skip
+        for key in ("t_catch_s", "position_error_mm", "velocity_error_m_s", "peak_contact_force_n"):
             assert trial[key] is None or isinstance(trial[key], float)
         assert trial["binding_limit"] is None or isinstance(trial["binding_limit"], str)
 
@@ -124,9 +154,19 @@ def check_contract(result: dict[str, Any], throws: int, *, incomplete: bool = Fa
 def test_catch_prints_and_writes_the_contract(call: Call, a_map: Path, tmp_path: Path) -> None:
     """--json is the file, and holds the contract; alike in any process: tests/test_bare.py."""
     status, out, _ = call(
-        "catch", "--throws", "2", "--seed", "3", "--vision", "points", "--map", a_map, "--json",
-        "--out", tmp_path / "a",
-    )  # fmt: skip
+        "catch",
+        "--throws",
+        "2",
+        "--seed",
+        "3",
+        "--vision",
+        "points",
+        "--map",
+        a_map,
+        "--json",
+        "--out",
+        tmp_path / "a",
+    )
     first = json.loads(out)
     assert status == 0
     check_contract(first, 2)
@@ -140,9 +180,17 @@ def test_an_unreachable_throw_is_a_result_not_a_failure(
     path = tmp_path / "far.csv"
     path.write_text(THROWS + "3.5,4,0.2,-6,0,1.5\n")
     status, out, _ = call(
-        "catch", "--throws-file", path, "--map", a_map, "--vision", "points", "--json",
-        "--out", tmp_path / "o",
-    )  # fmt: skip
+        "catch",
+        "--throws-file",
+        path,
+        "--map",
+        a_map,
+        "--vision",
+        "points",
+        "--json",
+        "--out",
+        tmp_path / "o",
+    )
     assert status == 0
     result = json.loads(out)
     check_contract(result, 1)
@@ -154,9 +202,18 @@ def test_an_unreachable_throw_is_a_result_not_a_failure(
 def test_without_json_a_table_is_shown(call: Call, a_map: Path, tmp_path: Path) -> None:
     """People read a table with each throw and the rate with its interval."""
     status, out, _ = call(
-        "catch", "--throws", "1", "--vision", "points", "--map", a_map, "--record", "none",
-        "--out", tmp_path / "o",
-    )  # fmt: skip
+        "catch",
+        "--throws",
+        "1",
+        "--vision",
+        "points",
+        "--map",
+        a_map,
+        "--record",
+        "none",
+        "--out",
+        tmp_path / "o",
+    )
     assert status == 0
     assert "caught 1 of 1: 100.0 %" in out
     assert str(tmp_path / "o" / "report.html") in out.replace("\n", "")
@@ -246,10 +303,18 @@ def test_bad_options_end_with_status_2_and_one_line(
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("words", [
-    ("learn", "--out", LONG), ("catch", "--out", LONG), ("report", LONG), ("view", LONG),
-    ("replay", LONG), ("track", "no.csv", "--out", LONG), ("study", "smoke", "--out", LONG),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("learn", "--out", LONG),
+        ("catch", "--out", LONG),
+        ("report", LONG),
+        ("view", LONG),
+        ("replay", LONG),
+        ("track", "no.csv", "--out", LONG),
+        ("study", "smoke", "--out", LONG),
+    ],
+)
 def test_a_name_that_no_file_can_have_is_bad_input(
     call: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...]
 ) -> None:
@@ -337,8 +402,19 @@ def test_a_folder_in_use_is_refused_until_overwrite_is_said(
     out = tmp_path / "out"
     out.mkdir()
     (out / "mine.txt").write_text("mine")
-    words = ["catch", "--throws", "1", "--vision", "points", "--map", a_map, "--record", "none",
-             "--out", out]  # fmt: skip
+    words = [
+        "catch",
+        "--throws",
+        "1",
+        "--vision",
+        "points",
+        "--map",
+        a_map,
+        "--record",
+        "none",
+        "--out",
+        out,
+    ]
     status, _, err = call(*words)
     assert status == 2
     assert "--overwrite" in one_line(err)
@@ -381,9 +457,14 @@ def test_a_map_that_cannot_be_written_is_bad_input(call: Call, tmp_path: Path, p
     ids=["catch", "bat", "meet"],
 )
 def test_a_signal_keeps_what_is_finished(
-    call: Call, runner: type, method: str, words: list[str], a_map: Path, tmp_path: Path,
+    call: Call,
+    runner: type,
+    method: str,
+    words: list[str],
+    a_map: Path,
+    tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
+) -> None:
     """One of six done: it is printed and written, the last line says where, and the status."""
     inner = vars(runner)[method]
 
@@ -470,9 +551,13 @@ def test_a_closed_pipe_is_no_fault(a_map: Path, tmp_path: Path) -> None:
     """``mitt catch --json | head -c 0``: no traceback, not status 1."""
     script = f"{sys.executable} -m mitt --help | head -c 1 >/dev/null; exit ${{PIPESTATUS[0]}}"
     done = subprocess.run(
-        ["bash", "-c", script], cwd=tmp_path, capture_output=True, text=True, timeout=120,
+        ["bash", "-c", script],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=120,
         check=False,
-    )  # fmt: skip
+    )
     assert done.returncode in (0, 141)
     assert "Traceback" not in done.stderr
     assert a_map.exists()
@@ -497,9 +582,13 @@ def test_streams_that_are_closed_or_full_are_answered_as_other_commands_do(
     """The right status, at most one line, never a traceback or a complaint of the interpreter."""
     script = f"{sys.executable} -m mitt {words}; exit ${{PIPESTATUS[0]}}"
     done = subprocess.run(
-        ["bash", "-c", script], cwd=tmp_path, capture_output=True, text=True, timeout=120,
+        ["bash", "-c", script],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=120,
         check=False,
-    )  # fmt: skip
+    )
     assert done.returncode in status, done.stderr
     told = done.stdout + done.stderr
     assert said in told

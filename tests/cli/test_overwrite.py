@@ -23,10 +23,23 @@ from mitt.map.learn import Learned
 from mitt.trials.result import NAME, PAGE, RESULT
 
 #: The user's own files: names that mean something to one of the commands, and others.
-MINE = ("notes.txt", "maps/notes.txt", "flights/mine.csv", "recordings/.git/config", "parts/x.csv",
-        "recordings/session-1.txt", "replays/mine.html", "report.html.bak", ".report.html.swp",
-        "arm.toml.old", "study.toml", "throws.csv", "a.csv", "image.png",
-        ".hidden.json.12")  # fmt: skip
+MINE = (
+    "notes.txt",
+    "maps/notes.txt",
+    "flights/mine.csv",
+    "recordings/.git/config",
+    "parts/x.csv",
+    "recordings/session-1.txt",
+    "replays/mine.html",
+    "report.html.bak",
+    ".report.html.swp",
+    "arm.toml.old",
+    "study.toml",
+    "throws.csv",
+    "a.csv",
+    "image.png",
+    ".hidden.json.12",
+)
 STUDY = """
 name = "two"
 throws = 1
@@ -75,8 +88,9 @@ def quick(monkeypatch: pytest.MonkeyPatch, learned: Learned, a_map: Path) -> Qui
     monkeypatch.setattr("mitt.report.outputs._content", lambda *_: None)
     for name in ("replay_page", "still"):
         monkeypatch.setattr(f"mitt.report.bat_page.{name}", lambda *_: "")
-    monkeypatch.setattr("mitt.report.recording_page.write_replay_page",
-                        lambda path, *_, **__: path.write_text(page))  # fmt: skip
+    monkeypatch.setattr(
+        "mitt.report.recording_page.write_replay_page", lambda path, *_, **__: path.write_text(page)
+    )
     monkeypatch.setattr("mitt.trials.study_run.learn", lambda *_, **__: learned)
     monkeypatch.setattr("mitt.cli.measuring.engine_of", lambda *_: Here())
 
@@ -91,8 +105,19 @@ def quick(monkeypatch: pytest.MonkeyPatch, learned: Learned, a_map: Path) -> Qui
 def test_each_command_that_writes_a_folder_or_a_file_is_looked_at_here() -> None:
     """A new command with --out has to be added to this file."""
     with_out = {name for name, kind in COMMANDS.items() if hasattr(kind, "out")}
-    assert with_out == {"catch", "meet", "bat", "learn", "design", "run", "study", "track", "see",
-                        "calibrate", "replay"}  # fmt: skip
+    assert with_out == {
+        "catch",
+        "meet",
+        "bat",
+        "learn",
+        "design",
+        "run",
+        "study",
+        "track",
+        "see",
+        "calibrate",
+        "replay",
+    }
 
 
 @pytest.mark.parametrize("words", [("meet", "--trials", 1), ("bat", "--throws", 1)])
@@ -166,8 +191,10 @@ def test_a_study_whose_flights_lie_in_its_output_keeps_them(tmp_path: Path, quic
     put(tmp_path)
     (tmp_path / "flights" / "mine.csv").write_text(flights)
     study = tmp_path / "study.toml"
-    study.write_text('name = "x"\nthrows = 1\ngenerators = ["direct"]\nvision = "points"\n'
-                     '[[conditions]]\nname = "mine"\nflights = "flights/mine.csv"\n')  # fmt: skip
+    study.write_text(
+        'name = "x"\nthrows = 1\ngenerators = ["direct"]\nvision = "points"\n'
+        '[[conditions]]\nname = "mine"\nflights = "flights/mine.csv"\n'
+    )
     assert quick("study", study, "--out", tmp_path, "--overwrite") == 0
     assert (tmp_path / "flights" / "mine.csv").read_text() == flights
     (copy,) = (tmp_path / "flights").glob("?" * 16 + ".csv")
@@ -284,12 +311,14 @@ def test_check_refuses_no_folder_and_writes_nothing(
     films = (tmp_path / "left.mkv", tmp_path / "right.mkv")
     before = {x: x.read_bytes() for x in tmp_path.rglob("*") if x.is_file()}
     for words in (
-        ("catch", "--out", "."), ("study", "study.toml", "--out", "."),
+        ("catch", "--out", "."),
+        ("study", "study.toml", "--out", "."),
         ("run", "wam-sim", "--out", "."),
-        ("track", "points.csv", "--out", "a.csv"), ("learn", "--out", "arm.toml"),
+        ("track", "points.csv", "--out", "a.csv"),
+        ("learn", "--out", "arm.toml"),
         ("see", *films, "--rig", rig, "--out", "a.csv", "--no-video"),
         ("design", "wam", "--out", "arm.toml"),
-    ):  # fmt: skip
+    ):
         assert quick(*words, "--check") == 0, words
     assert {x: x.read_bytes() for x in tmp_path.rglob("*") if x.is_file()} == before
 

@@ -70,10 +70,17 @@ def test_a_cut_file_is_replayed_to_its_last_chunk(
     assert "cut after" in said.err
 
 
-@pytest.mark.parametrize("words", [
-    ["no.mcap"], [], ["pyproject.toml"], ["REC", "--map", "no.json"],
-    ["REC", "--settings", "no.toml"], ["REC", "--generator", "dance"],
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["no.mcap"],
+        [],
+        ["pyproject.toml"],
+        ["REC", "--map", "no.json"],
+        ["REC", "--settings", "no.toml"],
+        ["REC", "--generator", "dance"],
+    ],
+)
 def test_bad_input_is_one_line(
     files: list[Path], words: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -247,15 +247,24 @@ def test_checking_says_which_controllers_are_wanted(
 def test_what_a_simulated_cell_did_is_a_line_of_words() -> None:
     """Without anything thrown, and with; no brackets of a program."""
     ages = {"p50": 1776.94, "p99": 2000.0, "p99_9": 2500.0, "max": 3000.4}
-    counts = {"caught": 1, "dropped": 1, "missed": 0, "aborted": 0, "limit_violations": 0,
-              "late_ticks": 3, "slipped_ticks": 1}  # fmt: skip
+    counts = {
+        "caught": 1,
+        "dropped": 1,
+        "missed": 0,
+        "aborted": 0,
+        "limit_violations": 0,
+        "late_ticks": 3,
+        "slipped_ticks": 1,
+    }
     head = {"schema": "mitt.sim/1", "version": "0", "cell": "wam-sim", "seed": 5}
     assert _in_words({**head, "throws": 0}) == "wam-sim, seed 5: 0 throws"
     for age, says in ((ages, "commands 1777 us old (median), 3000 at most"), (None, "1 slipped")):
         force = {"median": 44.4, "p95": 61.0}
         said = _in_words({**head, "throws": 2, **counts, "force_n": force, "command_age_us": age})
-        assert said.startswith("wam-sim, seed 5: 2 throws, 1 caught, 1 dropped, contact force 44 N"
-                               " median, 95 % 61 N, 0 ticks beyond")  # fmt: skip
+        assert said.startswith(
+            "wam-sim, seed 5: 2 throws, 1 caught, 1 dropped, contact force 44 N"
+            " median, 95 % 61 N, 0 ticks beyond"
+        )
         assert said.endswith(says)
         assert not set(said) & set("{}[]'_")
 
@@ -274,14 +283,20 @@ def both(name: str, folder: Path, environment: dict[str, str]) -> tuple[str, str
     throws = ["--throws", "2", "--json"]
     folder.mkdir()
     with (folder / "sim.json").open("w") as out, (folder / "sim.txt").open("w") as err:
-        sim = subprocess.Popen([*words, "sim", name, "--seed", "3", *throws], stdout=out,
-                               stderr=err, env=environment)  # fmt: skip
+        sim = subprocess.Popen(
+            [*words, "sim", name, "--seed", "3", *throws], stdout=out, stderr=err, env=environment
+        )
     try:
         with (folder / "run.txt").open("w") as err:
             run = subprocess.run(
-                [*words, "run", name, "--yes", *throws], stdout=subprocess.PIPE, stderr=err,
-                text=True, timeout=180, env=environment, check=False,
-            )  # fmt: skip
+                [*words, "run", name, "--yes", *throws],
+                stdout=subprocess.PIPE,
+                stderr=err,
+                text=True,
+                timeout=180,
+                env=environment,
+                check=False,
+            )
         if run.returncode != 0:
             return None
         sim.wait(timeout=60)

@@ -40,11 +40,21 @@ class Full:
 def test_the_table_of_throws_fits_80_columns() -> None:
     """The longest that each column can hold: nothing is cut, only the last column breaks."""
     trial = Trial(
-        index=9999, status="unreachable", t_catch_s=1.234, position_error_mm=123.4,
-        velocity_error_m_s=12.34, peak_torque_ratio=[1.0], peak_speed_ratio=[1.0],
-        limit_violations=0, demand_cost=1.0, peak_contact_force_n=1234.0, over_force=True,
-        binding_limit="acceleration:panda_joint2", saturated_ticks=0, range_excess_rad=0.0,
-    )  # fmt: skip
+        index=9999,
+        status="unreachable",
+        t_catch_s=1.234,
+        position_error_mm=123.4,
+        velocity_error_m_s=12.34,
+        peak_torque_ratio=[1.0],
+        peak_speed_ratio=[1.0],
+        limit_violations=0,
+        demand_cost=1.0,
+        peak_contact_force_n=1234.0,
+        over_force=True,
+        binding_limit="acceleration:panda_joint2",
+        saturated_ticks=0,
+        range_excess_rad=0.0,
+    )
     console = Console(width=80, file=io.StringIO())
     with console.capture() as captured:
         console.print(table_of("a", [trial, replace(trial, binding_limit=None)]))
@@ -69,9 +79,12 @@ def test_the_table_of_throws_fits_80_columns() -> None:
     ],
 )
 def test_compiling_is_said_in_one_line_where_it_is_due(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
-    folder: Path | None, cold: bool, said: str,
-) -> None:  # fmt: skip
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    folder: Path | None,
+    cold: bool,
+    said: str,
+) -> None:
     """That they are compiled once, or nothing: that they cannot be kept is a warning of its own."""
     monkeypatch.setattr(kernels, "cache_folder", lambda: folder)
     monkeypatch.setattr(kernels, "is_cold", lambda: cold)
@@ -89,9 +102,24 @@ def test_nobody_who_hears_is_no_fault(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 #: Names that are markup, escapes or formulas to somebody.
-HOSTILE = ("m[a].json", "[/red]", "[bold]x[/bold]", "[link=http://x]y[/link]", ":smile:",
-           "$\\frac$", "a\x1b[31mb", "line\nend", "tab\tend", "\u202eevil", "<b>&amp;", "{x}", "%s",
-           "\\[x]", "\ud800", "caf\u00e9")  # fmt: skip
+HOSTILE = (
+    "m[a].json",
+    "[/red]",
+    "[bold]x[/bold]",
+    "[link=http://x]y[/link]",
+    ":smile:",
+    "$\\frac$",
+    "a\x1b[31mb",
+    "line\nend",
+    "tab\tend",
+    "\u202eevil",
+    "<b>&amp;",
+    "{x}",
+    "%s",
+    "\\[x]",
+    "\ud800",
+    "caf\u00e9",
+)
 
 
 @given(name=st.sampled_from(HOSTILE) | st.text(max_size=30))

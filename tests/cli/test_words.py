@@ -18,8 +18,10 @@ LEAKS = re.compile(
 ALL = [(name, option) for name, kind in COMMANDS.items() for option in options_of(kind)]
 NAMES = [f"{name} {option.name}" for name, option in ALL]
 #: Values that are no number of a kind.
-WRONG = {int: ("five", "2.5", "", "None", "0x10", "1e3", "1_0", "nan"),
-         float: ("five", "", "None", "1,5", "0x10", "1 m", "--")}  # fmt: skip
+WRONG = {
+    int: ("five", "2.5", "", "None", "0x10", "1e3", "1_0", "nan"),
+    float: ("five", "", "None", "1,5", "0x10", "1 m", "--"),
+}
 
 
 def base(name: str, but: Option | None = None) -> list[str]:
@@ -85,8 +87,10 @@ def test_an_option_that_is_nearly_one_is_meant(
     called = option.name
     others = {x.name for x in options_of(COMMANDS[name])}
     for k in range(2, len(called) - 1):
-        for wrong in (called[:k] + called[k + 1 :],
-                      called[:k] + called[k + 1] + called[k] + called[k + 2 :]):  # fmt: skip
+        for wrong in (
+            called[:k] + called[k + 1 :],
+            called[:k] + called[k + 1] + called[k] + called[k + 2 :],
+        ):
             if wrong in (*others, "--help") or wrong.startswith("---"):
                 continue
             said = refused([*base(name), wrong, "3"], capsys)
@@ -106,15 +110,15 @@ def test_a_command_that_is_nearly_one_is_meant(
     assert "-x" in refused([name, "-x"], capsys)
 
 
-@pytest.mark.parametrize("name", [x for x, kind in COMMANDS.items() if
-                                  any(o.required for o in options_of(kind))])  # fmt: skip
+@pytest.mark.parametrize(
+    "name", [x for x, kind in COMMANDS.items() if any(o.required for o in options_of(kind))]
+)
 def test_all_that_is_missing_is_named_at_once(
     name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     said = refused([name], capsys)
     for option in options_of(COMMANDS[name]):
-        assert (f"{option.name} {option.value}" in said) == (option.required and not
-                                                             option.place)  # fmt: skip
+        assert (f"{option.name} {option.value}" in said) == (option.required and not option.place)
         assert option.name in said or not option.required
     assert f"see mitt {name} --help" in said
 
@@ -149,9 +153,12 @@ def test_mitt_alone_is_its_help(capsys: pytest.CaptureFixture[str]) -> None:
     ],
 )
 def test_a_name_that_is_nearly_one_is_meant(
-    words: list[str], near: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    words: list[str],
+    near: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
+) -> None:
     monkeypatch.chdir(tmp_path)
     assert f"did you mean {near!r}?" in refused([*words, "--check"], capsys)
 
@@ -166,9 +173,12 @@ def test_a_name_that_is_nearly_one_is_meant(
     ],
 )
 def test_an_input_is_called_as_it_is_said(
-    words: list[str], called: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    words: list[str],
+    called: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
+) -> None:
     """By its option, not by the name of a field or of an argument in Python."""
     example = Path(__file__).parents[2] / "examples" / "own_arm.urdf"
     (tmp_path / "ARM.urdf").write_bytes(example.read_bytes())

@@ -10,7 +10,9 @@ from mitt.arm.hands import Closing, HandModel
 from mitt.control.closing import FOLLOW_ON, TOUCH_BEFORE, close, fingers_of, has_closed
 from mitt.signals import PASSED, TICK, Array
 
-HAND, RADIUS, FAR = HandModel(), 0.04, np.array([[0.0, 0.0, 10.0], [0.0, 0.0, 0.0]])
+HAND = HandModel()
+RADIUS = 0.04
+FAR = np.array([[0.0, 0.0, 10.0], [0.0, 0.0, 0.0]])
 
 #: Times to the catch as a map announces them: falling, noisy, or none in sight.
 announced = st.lists(st.one_of(st.floats(-0.1, 0.6), st.just(np.inf)), min_size=1, max_size=120)
@@ -68,9 +70,12 @@ def test_a_started_closing_is_not_taken_back(times: list[float], radius: float) 
 
 
 @given(
-    speed=st.floats(0.1, 8.0), acceleration=st.floats(0.0, 150.0), radius=st.floats(0.02, 0.05),
-    later=st.floats(0.0, 0.01), takes=st.floats(0.0, 0.3),
-)  # fmt: skip
+    speed=st.floats(0.1, 8.0),
+    acceleration=st.floats(0.0, 150.0),
+    radius=st.floats(0.02, 0.05),
+    later=st.floats(0.0, 0.01),
+    takes=st.floats(0.0, 0.3),
+)
 def test_the_fingers_have_closed_when_the_ball_is_inside(
     speed: float, acceleration: float, radius: float, later: float, takes: float
 ) -> None:

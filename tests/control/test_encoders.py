@@ -31,7 +31,8 @@ from mitt.signals import TICK, Array
 STEPS = (1e-5, 8.5e-5, 1e-3)
 #: Acceleration by unknown forces that the monitor is told of [rad/s^2], and share of it and of the
 #: modelled acceleration by which the true one differs.
-DOUBT, WRONG = 15.0, 0.15
+DOUBT = 15.0
+WRONG = 0.15
 #: Ticks within which a fault is found that shows itself.
 WITHIN = 5
 
@@ -72,9 +73,14 @@ class Watch:
         self.joints["ddq_own"] = unknown / np.diag(M)
 
     def read(
-        self, q: Array, push: Array, dq: Array | None = None, *, held: bool = False,
+        self,
+        q: Array,
+        push: Array,
+        dq: Array | None = None,
+        *,
+        held: bool = False,
         passed: float = TICK,
-    ) -> int:  # fmt: skip
+    ) -> int:
         """Feed positions as they are."""
         read = np.array([q, np.zeros_like(q) if dq is None else dq])
         self.monitor.ddq_by_tau[:] = push

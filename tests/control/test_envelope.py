@@ -25,7 +25,8 @@ from mitt.kernels import Record
 from mitt.signals import TICK, Array
 
 #: A joint may pass the emitted range [rad] and speed [share] by so much in discrete time.
-OVERSHOOT, OVERSPEED = 0.02, 1e-9
+OVERSHOOT = 0.02
+OVERSPEED = 1e-9
 #: Time within which a joint beyond its speed limit is back below it [s]: six time constants.
 BACK = 0.036
 ROUNDING = 1e-9
@@ -247,8 +248,10 @@ def test_no_wish_takes_a_joint_beyond_its_jerk(
     assert np.all((rows[:, 0] >= b["q_min"] - ROUNDING) & (rows[:, 0] <= b["q_max"] + ROUNDING))
     for k in range(arm.n):
         rate, jerk = b["deceleration"][k], b["jerk"][k]
-        way = [braked(start[1, k], start[2, k], rate, jerk, TICK * (i + 1.0))[0]
-               for i in range(len(rows))]  # fmt: skip
+        way = [
+            braked(start[1, k], start[2, k], rate, jerk, TICK * (i + 1.0))[0]
+            for i in range(len(rows))
+        ]
         assert np.all(np.abs(rows[:, 0, k] - start[0, k]) <= np.array(way) + ROUNDING)
 
 

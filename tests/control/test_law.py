@@ -30,13 +30,18 @@ from mitt.signals import TICK, ArmState, Array
 
 ARMS = int(os.environ.get("MITT_LAW", "3"))
 #: Ticks before a fault, to be found in, and to come to rest in; the delay of the brakes [s].
-BEFORE, WITHIN, AFTER, DELAY = 250, 100, 500, 0.05
+BEFORE = 250
+WITHIN = 100
+AFTER = 500
+DELAY = 0.05
 #: Steps of the plant in a tick, and sweeps of its friction.
-PARTS, SWEEPS = 4, 60
+PARTS = 4
+SWEEPS = 60
 #: Change of a speed in a sweep that ends it [rad/s].
 CONVERGED = 1e-12
 #: Mass and friction of a plant beyond what is known, shares of mass and of the largest torque.
-MASS, FRICTION = 0.2, 0.05
+MASS = 0.2
+FRICTION = 0.05
 
 
 def random_arm(rng: np.random.Generator) -> Arm:
@@ -49,13 +54,32 @@ def random_arm(rng: np.random.Generator) -> Arm:
     for k in range(n):
         size = float(rng.uniform(0.1, 0.4))
         mass, axis = float(rng.uniform(0.5, 3.0)), np.eye(3)[int(rng.integers(0, 3))]
-        placement = transform(rotation(np.eye(3)[k % 3], float(rng.uniform(-1.0, 1.0))),
-                              np.array([0.0, 0.0, size if k else 0.3]))  # fmt: skip
-        links.append(Link(name=f"r{k}", placement=placement, axis=axis, q_min=-2.0, q_max=2.0,
-                          mass=mass, com=np.array([0.0, 0.0, 0.5 * size]),
-                          inertia=mass * size**2 / 6.0 * np.eye(3), armature=0.05))  # fmt: skip
-    model = ArmModel(name="random", links=tuple(links), tool=transform(p=np.array([0.0, 0.0, 0.2])),
-                     hand=None, q_ready=np.zeros(n), base_capsules=(), mount=np.eye(4))  # fmt: skip
+        placement = transform(
+            rotation(np.eye(3)[k % 3], float(rng.uniform(-1.0, 1.0))),
+            np.array([0.0, 0.0, size if k else 0.3]),
+        )
+        links.append(
+            Link(
+                name=f"r{k}",
+                placement=placement,
+                axis=axis,
+                q_min=-2.0,
+                q_max=2.0,
+                mass=mass,
+                com=np.array([0.0, 0.0, 0.5 * size]),
+                inertia=mass * size**2 / 6.0 * np.eye(3),
+                armature=0.05,
+            )
+        )
+    model = ArmModel(
+        name="random",
+        links=tuple(links),
+        tool=transform(p=np.array([0.0, 0.0, 0.2])),
+        hand=None,
+        q_ready=np.zeros(n),
+        base_capsules=(),
+        mount=np.eye(4),
+    )
     free = Arm(model, joint_level("free", tau=np.full(n, 1e3), speed=np.full(n, 10.0)))
     poses, still = rng.uniform(-2.0, 2.0, (100, n)), np.zeros(n)
     weight = np.max([np.abs(free.inverse_dynamics(q, still, still)) for q in poses], axis=0)
@@ -72,8 +96,10 @@ class Cell:
         """Draw the plant."""
         self.arm, n = arm, arm.n
         off = rng.uniform(1.0 - MASS, 1.0 + MASS, n)
-        links = [replace(x, mass=m * x.mass, inertia=m * x.inertia)
-                 for x, m in zip(arm.model.links, off, strict=True)]  # fmt: skip
+        links = [
+            replace(x, mass=m * x.mass, inertia=m * x.inertia)
+            for x, m in zip(arm.model.links, off, strict=True)
+        ]
         self.plant = to_pinocchio(replace(arm.model, links=tuple(links)))
         self.data = self.plant.createData()
         self.friction = FRICTION * arm.tau_max * rng.uniform(0.0, 1.0, n)
@@ -142,15 +168,20 @@ def wish_at(arm: Arm, swing: Array, k: int) -> Array:
     """Return a smooth motion from rest, well within the limits, shape (3, n)."""
     t, w = TICK * k, 5.0
     size = swing * np.minimum(0.5 * arm.dq_max / w, 0.4)
-    return np.array([size * (1.0 - np.cos(w * t)), size * w * np.sin(w * t),
-                     size * w * w * np.cos(w * t)])  # fmt: skip
+    return np.array(
+        [size * (1.0 - np.cos(w * t)), size * w * np.sin(w * t), size * w * w * np.cos(w * t)]
+    )
 
 
 def reading(kind: str, q: Array, joint: int, kept: Array, step: Array) -> Array:
     """Return what the encoders read."""
     read = np.rint(q / step) * step
-    wrong = {"silent": np.nan, "stuck": kept[joint], "jumped": read[joint] + 0.3,
-             "reversed": -read[joint]}  # fmt: skip
+    wrong = {
+        "silent": np.nan,
+        "stuck": kept[joint],
+        "jumped": read[joint] + 0.3,
+        "reversed": -read[joint],
+    }
     read[joint] = wrong.get(kind, read[joint])
     return read
 

@@ -11,7 +11,8 @@ from mitt.control.setpoints import Setpoints
 from mitt.errors import MittError
 from mitt.signals import TICK, Command
 
-W, DELAY = 50.0, 0.004
+W = 50.0
+DELAY = 0.004
 
 takes = st.sampled_from(["position", "velocity"])
 
@@ -66,9 +67,18 @@ def test_a_reading_that_is_lost_once_leaves_no_trace(arm: Arm, takes: str) -> No
 
 @pytest.mark.parametrize(
     ("field", "bad"),
-    [("bandwidth", 0.0), ("bandwidth", np.nan), ("bandwidth", -1.0), ("bandwidth", "8"),
-     ("delay", np.nan), ("delay", -0.001), ("delay", np.inf), ("takes", "torque"), ("takes", None)],
-)  # fmt: skip
+    [
+        ("bandwidth", 0.0),
+        ("bandwidth", np.nan),
+        ("bandwidth", -1.0),
+        ("bandwidth", "8"),
+        ("delay", np.nan),
+        ("delay", -0.001),
+        ("delay", np.inf),
+        ("takes", "torque"),
+        ("takes", None),
+    ],
+)
 def test_a_control_that_cannot_be_is_refused(arm: Arm, field: str, bad: object) -> None:
     """One line that names the field."""
     given = {"takes": "position", "bandwidth": W, "delay": DELAY} | {field: bad}
@@ -78,9 +88,16 @@ def test_a_control_that_cannot_be_is_refused(arm: Arm, field: str, bad: object) 
 
 @pytest.mark.parametrize(
     ("name", "bad"),
-    [("desired", np.full((3, 3), np.nan)), ("desired", np.zeros((2, 3))), ("q", np.zeros(2)),
-     ("passed", 0.0), ("passed", np.nan), ("fastest", np.nan), ("fastest", -1.0)],
-)  # fmt: skip
+    [
+        ("desired", np.full((3, 3), np.nan)),
+        ("desired", np.zeros((2, 3))),
+        ("q", np.zeros(2)),
+        ("passed", 0.0),
+        ("passed", np.nan),
+        ("fastest", np.nan),
+        ("fastest", -1.0),
+    ],
+)
 def test_a_tick_that_cannot_be_is_refused(arm: Arm, name: str, bad: object) -> None:
     """One line that names the argument, and nothing changes."""
     setpoints = Setpoints(arm, "position", bandwidth=W, delay=DELAY)

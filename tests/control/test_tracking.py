@@ -222,9 +222,7 @@ def test_a_motor_that_can_hold_nothing_more_does_not_keep_the_others_from_brakin
     """At the no-load speed of a differential of which one motor also holds a joint's weight."""
     arm = build_arm("wam", limits="wam-80v", joints=["j1", "j3", "j4"], held={"j2": np.pi / 2})
     q, dq = np.array([0.6, -0.8, 2.1]), np.array([-2.0, beyond * arm.dq_max[1], 3.0])
-    assert arm.limits.torque_ratio(
-        arm.torque(q, dq, np.zeros(3)), arm.all_joints(dq)
-    ).max() > 0.99  # fmt: skip
+    assert arm.limits.torque_ratio(arm.torque(q, dq, np.zeros(3)), arm.all_joints(dq)).max() > 0.99
     wanted = np.array([q, [-1.0, 0.8 * dq[1], 1.0], [10.0, -35.0, -100.0]])
     tracker = begun(arm, q, dq)
     tau = tracker.step(ArmState(t=0.0, q=q, dq=dq), wanted, hand=0.0).command.tau

@@ -131,9 +131,12 @@ def test_in_open_space_a_wish_passes_bit_by_bit(arm: Arm, safety_filter: SafetyF
     for k in range(200):
         t = TICK * k
         wanted = np.array(
-            [arm.q_ready + 0.05 * (1.0 - np.cos(4.0 * t)), np.full(3, 0.2 * np.sin(4.0 * t)),
-             np.full(3, 0.8 * np.cos(4.0 * t))]
-        )  # fmt: skip
+            [
+                arm.q_ready + 0.05 * (1.0 - np.cos(4.0 * t)),
+                np.full(3, 0.2 * np.sin(4.0 * t)),
+                np.full(3, 0.8 * np.cos(4.0 * t)),
+            ]
+        )
         given_ = wanted.copy()
         assert safety_filter.step(wanted) == PASSED
         assert np.array_equal(wanted, given_)

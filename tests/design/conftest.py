@@ -19,10 +19,28 @@ from mitt.world.scene import read_scene
 
 #: A search that is over in seconds.
 TINY = Effort(
-    poses=4000, rounds=1, enough=200, changes=2, judged=4, generations=1, offspring=2, thrown=2,
-    throws=(2, 2), parents=1, children=2, last=1, confirm=2, again=1, more=8, report=4,
-    speeds=(5.0, 7.0), each_speed=2, sure=2, grid=3, slower=1,
-)  # fmt: skip
+    poses=4000,
+    rounds=1,
+    enough=200,
+    changes=2,
+    judged=4,
+    generations=1,
+    offspring=2,
+    thrown=2,
+    throws=(2, 2),
+    parents=1,
+    children=2,
+    last=1,
+    confirm=2,
+    again=1,
+    more=8,
+    report=4,
+    speeds=(5.0, 7.0),
+    each_speed=2,
+    sure=2,
+    grid=3,
+    slower=1,
+)
 
 
 def silent(name: str, done: int, of: int) -> None:

@@ -62,9 +62,7 @@ def test_a_ball_passes_the_point_that_is_meant(task: Task, faster: float) -> Non
     point = np.array([0.7, 0.2, 0.1])
     ball = module._through(point, task, faster)
     after = np.linspace(0.0, 0.8, 801)
-    path = np.array([
-        fly(ball.r_o, ball.dr_o, drag=ball.drag, duration=float(t))[0] for t in after
-    ])  # fmt: skip
+    path = np.array([fly(ball.r_o, ball.dr_o, drag=ball.drag, duration=float(t))[0] for t in after])
     gap = np.linalg.norm(path - point, axis=1)
     assert gap.min() < 5e-3
     dr = fly(ball.r_o, ball.dr_o, drag=ball.drag, duration=float(after[np.argmin(gap)]))[1]

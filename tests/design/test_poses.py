@@ -10,7 +10,8 @@ from mitt.design.poses import poses_of, touching
 from mitt.world.scene import Scene
 
 #: Step of central differences [rad], and what they agree to.
-_STEP, _ROUNDED = 1e-6, 1e-8
+_STEP = 1e-6
+_ROUNDED = 1e-8
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +49,8 @@ def test_some_poses_are_taken_from_all(whole: Arm) -> None:
 
 
 #: The WAM's base ends 0.346 m below its shoulder.
-TABLE, PEDESTAL = Scene(floor=-0.36), Scene(floor=-1.0)
+TABLE = Scene(floor=-0.36)
+PEDESTAL = Scene(floor=-1.0)
 
 
 @pytest.mark.parametrize(("scene", "low"), [(TABLE, True), (PEDESTAL, False)])

@@ -56,10 +56,23 @@ from mitt.world.scene import read_scene
 from mitt.world.throws import Aim, ThrowRanges, default_throw, fly
 
 KEYS = {
-    "schema", "version", "arm", "found", "reason", "joints", "throws", "feasible", "caught",
-    "relative_speed_m_s", "force_n", "force_limit_n", "over_force", "fastest_m_s", "by_speed",
+    "schema",
+    "version",
+    "arm",
+    "found",
+    "reason",
+    "joints",
+    "throws",
+    "feasible",
+    "caught",
+    "relative_speed_m_s",
+    "force_n",
+    "force_limit_n",
+    "over_force",
+    "fastest_m_s",
+    "by_speed",
     "seconds",
-}  # fmt: skip
+}
 
 
 def test_what_is_printed_keeps_the_contract(found: Design) -> None:
@@ -126,10 +139,17 @@ def test_a_design_is_refined_by_throws_in_images_and_never_made_worse(
 
     def worth(_: Evaluator, name: str, jobs: list[Job]) -> list[Evaluation]:
         asked.extend((name, job) for job in jobs)
-        return [Evaluation(candidate=x.candidate, able=share(x.candidate), speed=3.0,
-                           thrown=1000 * x.by.throws, caught=round(1e3 * x.by.throws
-                           * share(x.candidate)), clean=round(1e3 * x.by.throws
-                           * share(x.candidate))) for x in jobs]  # fmt: skip
+        return [
+            Evaluation(
+                candidate=x.candidate,
+                able=share(x.candidate),
+                speed=3.0,
+                thrown=1000 * x.by.throws,
+                caught=round(1e3 * x.by.throws * share(x.candidate)),
+                clean=round(1e3 * x.by.throws * share(x.candidate)),
+            )
+            for x in jobs
+        ]
 
     monkeypatch.setattr(Evaluator, "_worth", worth)
     evaluator = Evaluator(whole, task, None, silent)
@@ -249,14 +269,22 @@ def test_bad_input_is_one_line(
 
 
 def test_an_arm_that_cannot_is_told_so_and_no_file_is_written(
-    whole: Arm, task: Task, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    whole: Arm,
+    task: Task,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
+) -> None:
     row = AtSpeed(speed_m_s=3.0, throws=12, feasible=2, binding_limit="speed:j2")
     lost = Design(
-        whole=whole, task=task, found=False, reason="too slow", best=None,
-        fastest=Fastest(speed_m_s=2.5), rows=(row,),
-    )  # fmt: skip
+        whole=whole,
+        task=task,
+        found=False,
+        reason="too slow",
+        best=None,
+        fastest=Fastest(speed_m_s=2.5),
+        rows=(row,),
+    )
     monkeypatch.setattr(command, "search_design", lambda *_, **__: lost)
     out = tmp_path / "d.toml"
     assert main(["design", "wam", "--out", str(out), "--json", "--workers", "1"]) == 0
@@ -298,9 +326,11 @@ def test_the_arm_file_that_is_given_is_not_written_over(
 
 
 def test_the_command_that_comes_next_is_said_and_good(
-    found: Design, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    found: Design,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
+) -> None:
     """It catches with the design that was written, in the scene of the search."""
     monkeypatch.setattr(command, "search_design", lambda *_, **__: found)
     out = str(tmp_path / "a design.toml")
@@ -424,9 +454,12 @@ def test_of_two_maps_beyond_a_limit_the_nearer_one_counts_more() -> None:
     def able(share: float, *, speed: float = 0.5, angle: float = 0.0) -> float:
         one = np.ones(4)
         said = Verdicts(
-            share=share * one, speed=speed * one, angle=angle * one, place=np.zeros((4, 3)),
+            share=share * one,
+            speed=speed * one,
+            angle=angle * one,
+            place=np.zeros((4, 3)),
             binding=("torque:j2",) * 4,
-        )  # fmt: skip
+        )
         return evaluation._able(said)
 
     counts = [able(share) for share in (0.5, 0.95, 1.2, 3.0, 50.0, np.inf)]
@@ -514,8 +547,7 @@ def test_a_design_whose_force_is_too_much_says_so_and_what_helps(
     assert f is not None
     soft = thrown(c, f, task, throws=2, seed=70)
     frail = replace(f.arm.limits, force=10.0)  # less than a finger presses with
-    hard = thrown(c, replace(f, arm=Arm(f.arm.model, frail)),
-                  task, throws=2, seed=70)  # fmt: skip
+    hard = thrown(c, replace(f, arm=Arm(f.arm.model, frail)), task, throws=2, seed=70)
     assert (soft.caught, soft.hard) == (2, 0)
     assert soft.clean > 0
     assert hard.clean == 0
@@ -730,8 +762,10 @@ def test_no_more_is_tried_on_paper_than_is_learned(
     def worth(_: Evaluator, __: str, jobs: list[Job]) -> list[Evaluation]:
         asked.extend(job.candidate for job in jobs)
         why = ["", "no pose", "", ""]
-        return [Evaluation(candidate=job.candidate, able=1.0, speed=0.0,
-                           failed=why[job.number % 4]) for job in jobs]  # fmt: skip
+        return [
+            Evaluation(candidate=job.candidate, able=1.0, speed=0.0, failed=why[job.number % 4])
+            for job in jobs
+        ]
 
     monkeypatch.setattr(Evaluator, "_worth", worth)
     effort = replace(TINY, judged=4)
@@ -744,9 +778,13 @@ def test_no_more_is_tried_on_paper_than_is_learned(
     ("lost", "tried"), [((0, 9, 9, 9), 2), ((9, 9, 0, 0), 4), ((9, 9, 9, 8), 4)]
 )
 def test_the_last_are_thrown_at_until_the_softest_that_catches_enough_is_known(
-    found: Design, whole: Arm, task: Task, monkeypatch: pytest.MonkeyPatch,
-    lost: tuple[int, ...], tried: int,
-) -> None:  # fmt: skip
+    found: Design,
+    whole: Arm,
+    task: Task,
+    monkeypatch: pytest.MonkeyPatch,
+    lost: tuple[int, ...],
+    tried: int,
+) -> None:
     """Of four, the harder the later: no pair after one that has what is asked for."""
     assert found.best is not None
     c, further = found.best.candidate, list[int]()
@@ -757,8 +795,16 @@ def test_the_last_are_thrown_at_until_the_softest_that_catches_enough_is_known(
         for job in jobs:
             rank, n = round(job.candidate.turn / 0.1), job.by.throws
             clean = n - lost[rank] if again else n
-            out.append(Evaluation(candidate=job.candidate, able=1.0, speed=1.0 + rank, thrown=n,
-                                  caught=clean, clean=clean))  # fmt: skip
+            out.append(
+                Evaluation(
+                    candidate=job.candidate,
+                    able=1.0,
+                    speed=1.0 + rank,
+                    thrown=n,
+                    caught=clean,
+                    clean=clean,
+                )
+            )
             further.extend([rank] if again else [])
         return out
 

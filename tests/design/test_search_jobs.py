@@ -93,10 +93,15 @@ def test_answers_come_back_to_the_bit_and_none_for_another_question(
     )
     by = Procedure(throws=4, seed=7)
     job = Job(number=0, whole=whole, candidate=c, task=task, by=by)
-    others = [replace(job, by=replace(by, throws=5)), replace(job, by=replace(by, seed=8)),
-              replace(job, by=replace(by, how="full")), replace(job, by=replace(by, least=0.2)),
-              replace(job, by=replace(by, give_up=False)), replace(job, task=replace(task, seed=9)),
-              replace(job, candidate=replace(c, turn=c.turn + 1e-15))]  # fmt: skip
+    others = [
+        replace(job, by=replace(by, throws=5)),
+        replace(job, by=replace(by, seed=8)),
+        replace(job, by=replace(by, how="full")),
+        replace(job, by=replace(by, least=0.2)),
+        replace(job, by=replace(by, give_up=False)),
+        replace(job, task=replace(task, seed=9)),
+        replace(job, candidate=replace(c, turn=c.turn + 1e-15)),
+    ]
     answers = Answers.open(path, "x", resume=False)
     answers.add(job, worth)
     answers.add(others[0], replace(worth, failed="lost"))
@@ -134,27 +139,40 @@ def test_answers_of_another_search_are_refused_and_those_in_use(tmp_path: Path) 
 
 def test_all_that_decides_a_search_is_in_its_digest(whole: Arm, task: Task) -> None:
     def of(
-        arm: Arm = whole, task: Task = task, effort: str = "quick", joints: list[str] | None = None,
+        arm: Arm = whole,
+        task: Task = task,
+        effort: str = "quick",
+        joints: list[str] | None = None,
         rate: float = RATE,
-    ) -> str:  # fmt: skip
+    ) -> str:
         return search_of(arm, task, EFFORTS[effort], joints=joints, rate=rate)
 
-    heavier = replace(whole.model, links=(*whole.model.links[:-1],
-                      replace(whole.model.links[-1], mass=9.0)))  # fmt: skip
+    heavier = replace(
+        whole.model, links=(*whole.model.links[:-1], replace(whole.model.links[-1], mass=9.0))
+    )
     deeper = task.scene.model_copy(update={"floor": -2.0})
     said = [
-        of(), of(Arm(heavier, whole.limits)), of(task=replace(task, seed=4)), of(effort="full"),
-        of(joints=["j1", "j2", "j4"]), of(rate=0.9), of(task=replace(task, scene=deeper)),
-    ]  # fmt: skip
+        of(),
+        of(Arm(heavier, whole.limits)),
+        of(task=replace(task, seed=4)),
+        of(effort="full"),
+        of(joints=["j1", "j2", "j4"]),
+        of(rate=0.9),
+        of(task=replace(task, scene=deeper)),
+    ]
     assert len(set(said)) == len(said)
     assert of() == of(task=replace(task))
 
 
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_an_interrupt_writes_the_best_so_far_and_says_how_to_go_on(
-    number: signal.Signals, status: int, found: Design, tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
+    number: signal.Signals,
+    status: int,
+    found: Design,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     """The arm file is good; nothing is refused for it when the search goes on."""
     assert found.best is not None
     out, before = tmp_path / "d.toml", list[object]()
@@ -162,8 +180,13 @@ def test_an_interrupt_writes_the_best_so_far_and_says_how_to_go_on(
     def broken(arm: Arm, task: Task, *_: object, answers: Answers, **__: object) -> Design:
         assert found.best is not None
         before.append(answers.best)
-        job = Job(number=0, whole=arm, candidate=found.best.candidate, task=task,
-                  by=Procedure(seed=len(before)))  # fmt: skip
+        job = Job(
+            number=0,
+            whole=arm,
+            candidate=found.best.candidate,
+            task=task,
+            by=Procedure(seed=len(before)),
+        )
         answers.add(job, replace(found.best, clean=0))
         if len(before) == 2:
             answers.ended(task, [found.best])
@@ -213,9 +236,11 @@ def test_a_search_that_has_not_begun_leaves_nothing(
 
 
 def test_what_ends_a_search_by_an_error_keeps_it_as_well(
-    found: Design, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    found: Design,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
+) -> None:
     def broken(_: Arm, task: Task, *__: object, answers: Answers, **___: object) -> Design:
         assert found.best is not None
         answers.ended(task, [found.best])
@@ -231,9 +256,11 @@ def test_what_ends_a_search_by_an_error_keeps_it_as_well(
 
 
 def test_an_earlier_design_outlives_a_search_without_one(
-    found: Design, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    found: Design,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
+) -> None:
     """With --overwrite as well: one that finds nothing, and one that is broken off."""
     out, none = tmp_path / "d.toml", replace(found, found=False, best=None, reason="none")
     words = ["design", "wam", "--limits", "wam-80v", "--out", str(out), "--workers", "1"]
@@ -261,8 +288,7 @@ def test_the_best_so_far_is_of_the_last_stage_that_caught_enough(
     assert found.best is not None
     answers, first = Answers(), replace(found.best, thrown=10, caught=9, clean=9)
     assert answers.best is None
-    job = Job(number=0, whole=whole, candidate=first.candidate, task=task,
-              by=Procedure(throws=10))  # fmt: skip
+    job = Job(number=0, whole=whole, candidate=first.candidate, task=task, by=Procedure(throws=10))
     told = list[str]()
     total = SearchProgress(TINY, lambda name, *_: told.append(name), answers)
     total("throwing", 0, 2)
@@ -278,8 +304,11 @@ def test_the_best_so_far_is_of_the_last_stage_that_caught_enough(
     assert answers.best == (task, [later, first])
     total("confirming", 1, 1)
     how = f"{first.speed:.1f} m/s, {first.force:.0f} N"
-    assert told == ["designing: throwing", f"designing: throwing (2 of 10 caught, {how})",
-                    f"designing: confirming (50 of 50 caught, {how})"]  # fmt: skip
+    assert told == [
+        "designing: throwing",
+        f"designing: throwing (2 of 10 caught, {how})",
+        f"designing: confirming (50 of 50 caught, {how})",
+    ]
 
 
 def _search(total: SearchProgress, now: list[float], *, known: int, out: int) -> None:

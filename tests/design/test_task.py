@@ -206,8 +206,9 @@ def test_what_is_kept_for_the_report_decides_nothing(
         path = tmp_path / f"flights-{factor}.csv"
         samples = [
             f"{x.name},{t / (factor if id(x) in other else 1.0)!r},{r[0]!r},{r[1]!r},{r[2]!r}"
-            for x in flights for t, r in zip(x.t.tolist(), x.r.tolist(), strict=True)
-        ]  # fmt: skip
+            for x in flights
+            for t, r in zip(x.t.tolist(), x.r.tolist(), strict=True)
+        ]
         path.write_text("\n".join(["flight,t_s,x_m,y_m,z_m", *samples]))
         options = DesignOptions(arm="wam", out=tmp_path / "d.toml", flights=path)
         tasks.append(_task(options, whole, scene))

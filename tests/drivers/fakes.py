@@ -10,7 +10,8 @@ from mitt.cell.drivers import LocalRobot
 from mitt.signals import ArmState, Array, Command
 
 #: Places of the WAM's three joints among those of the vendor's arm.
-FRANKA, UR = [0, 1, 3], [0, 1, 2]
+FRANKA = [0, 1, 3]
+UR = [0, 1, 2]
 
 
 class Torques:
@@ -56,10 +57,12 @@ class FakeFranka:
         if self._local.trouble():
             self.mode, self.controlled = "Reflex", False
         return SimpleNamespace(
-            q=q.tolist(), dq=dq.tolist(), robot_mode=f"RobotMode.{self.mode}",
+            q=q.tolist(),
+            dq=dq.tolist(),
+            robot_mode=f"RobotMode.{self.mode}",
             current_errors="[communication_constraints_violation]" if self.mode == "Reflex" else "",
             time=SimpleNamespace(to_sec=lambda t=self._reading.t: t - self._started),
-        )  # fmt: skip
+        )
 
     def start_torque_control(self) -> "FakeFranka":
         """Take torques from now on."""

@@ -50,9 +50,15 @@ def franka_at(cell: Cell, seen: list[FakeFranka], *, rate: float = 1.0) -> Local
         seen.append(fake)
         vendor = SimpleNamespace(Robot=lambda _: fake, Torques=Torques)
         robot: Robot = FrankaRobot(
-            vendor, "there", prepared.cell, prepared.arm, clock=RobotClock(lambda: local.t),
-            ball=local.points, hand=fake.grip, rate=rate,
-        )  # fmt: skip
+            vendor,
+            "there",
+            prepared.cell,
+            prepared.arm,
+            clock=RobotClock(lambda: local.t),
+            ball=local.points,
+            hand=fake.grip,
+            rate=rate,
+        )
         return robot
 
     return LocalCell(throws=2, prepared=prepare(cell), driver=driver)
@@ -67,10 +73,16 @@ def ur_at(cell: Cell, seen: list[FakeUr], *, acceleration: float) -> LocalCell:
         fake = FakeUr(local, STARTED)
         seen.append(fake)
         robot: Robot = UrRobot(
-            fake, fake, fake.unlock, prepared.cell, prepared.arm,
-            clock=RobotClock(lambda: local.t), ball=local.points, hand=fake.grip,
+            fake,
+            fake,
+            fake.unlock,
+            prepared.cell,
+            prepared.arm,
+            clock=RobotClock(lambda: local.t),
+            ball=local.points,
+            hand=fake.grip,
             acceleration=acceleration,
-        )  # fmt: skip
+        )
         return robot
 
     return LocalCell(throws=2, prepared=prepare(cell), driver=driver)

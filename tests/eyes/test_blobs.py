@@ -23,9 +23,13 @@ LEVEL = 0.2
 """Level and noise of the ground [grey levels]."""
 
 CAMERA = Camera(
-    width=128, height=96, f_px=200.0, cu=63.5, cv=47.5,
+    width=128,
+    height=96,
+    f_px=200.0,
+    cu=63.5,
+    cv=47.5,
     T_world_cam=look_at(np.zeros(3), np.array((1.0, 0.0, 0.0))),
-)  # fmt: skip
+)
 
 
 FLAT = ImageSensor(texture=0.0)

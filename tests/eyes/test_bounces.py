@@ -18,7 +18,9 @@ RADIUS = 0.02
 """Of the ball [m]."""
 BOUNCES = [(0.85, 0.58), (0.7, 0.5), (0.9, 0.9)]
 """Restitution, and share of the speed along the table that is kept."""
-BOUNCE, FRAMES, BEFORE = 424, 125, 3
+BOUNCE = 424
+FRAMES = 125
+BEFORE = 3
 """Frame of the bounce, frames from then until the ball is past its catch, frames before it that
 hide the ball."""
 

@@ -17,7 +17,8 @@ from mitt.eyes.clock_offset import (
 )
 from mitt.signals import TICK, Array
 
-BRAKE, REST = 0.6, 0.8
+BRAKE = 0.6
+REST = 0.8
 #: Speeds of the joints as the braking begins [rad/s].
 SPEEDS = np.array([0.4, -1.0, -8.0])
 
@@ -31,9 +32,15 @@ def joints(arm: Arm, t: Array, speeds: Array = SPEEDS) -> Array:
 
 
 def catch(
-    arm: Arm, offset: float, *, noise: float = 0.002, place: tuple[float, ...] = (0.01, 0.0, 0.02),
-    speeds: Array = SPEEDS, every: int = 2, seed: int = 0,
-) -> Catch:  # fmt: skip
+    arm: Arm,
+    offset: float,
+    *,
+    noise: float = 0.002,
+    place: tuple[float, ...] = (0.01, 0.0, 0.02),
+    speeds: Array = SPEEDS,
+    every: int = 2,
+    seed: int = 0,
+) -> Catch:
     """Return a catch whose eyes see ``offset`` ahead of their stamps."""
     rng = np.random.default_rng(seed)
     t_arm = np.arange(0.3, REST + 0.1, TICK)
@@ -42,10 +49,14 @@ def catch(
     seen = [arm.position(x) + arm.orientation(x) @ place for x in q]
     covariance = np.tile(noise**2 * np.eye(3), (len(t), 1, 1))
     return Catch(
-        t_arm=t_arm, q=joints(arm, t_arm, speeds), t_seen=t,
-        seen=np.array(seen) + noise * rng.standard_normal((len(t), 3)), covariance=covariance,
-        t_brake=BRAKE, t_rest=REST,
-    )  # fmt: skip
+        t_arm=t_arm,
+        q=joints(arm, t_arm, speeds),
+        t_seen=t,
+        seen=np.array(seen) + noise * rng.standard_normal((len(t), 3)),
+        covariance=covariance,
+        t_brake=BRAKE,
+        t_rest=REST,
+    )
 
 
 def test_the_catch_point_and_its_velocity_are_those_of_the_arm(arm: Arm) -> None:
@@ -83,8 +94,9 @@ def test_a_sighting_of_one_camera_tells_what_it_can(arm: Arm) -> None:
 def test_what_tells_nothing_is_not_known(arm: Arm) -> None:
     """Too few sightings, too little motion, a ball that falls, one in no hand."""
     whole = catch(arm, 0.004)
-    few = replace(whole, t_seen=whole.t_seen[::20], seen=whole.seen[::20],
-                  covariance=whole.covariance[::20])  # fmt: skip
+    few = replace(
+        whole, t_seen=whole.t_seen[::20], seen=whole.seen[::20], covariance=whole.covariance[::20]
+    )
     assert "hardly seen" in caught_offset(arm, few).unknown
     slow = catch(arm, 0.004, speeds=0.01 * SPEEDS)
     assert "moved too little" in caught_offset(arm, slow).unknown
@@ -158,8 +170,9 @@ def test_an_offset_is_tried_where_no_ball_is_held() -> None:
     assert clock.offset == pytest.approx(-TRIAL - 0.003)
 
 
-@pytest.mark.parametrize(("offset", "said"), [(0.0, ""), (0.0015, ""), (-0.005, "older"),
-                                              (0.003, "newer")])  # fmt: skip
+@pytest.mark.parametrize(
+    ("offset", "said"), [(0.0, ""), (0.0015, ""), (-0.005, "older"), (0.003, "newer")]
+)
 def test_a_person_is_warned_beyond_two_milliseconds(offset: float, said: str) -> None:
     """And is told which way."""
     warning = learned([offset]).warning

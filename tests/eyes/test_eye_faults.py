@@ -16,7 +16,9 @@ from mitt.world.imaging import Imager, ImageSensor
 Frames = tuple[Frame, ...]
 Spoiler = Callable[[int, Frames], Frames]
 
-TICKS, FIRST, LAST = 400, 200, 300
+TICKS = 400
+FIRST = 200
+LAST = 300
 """Ticks of a throw; those between which something is wrong."""
 ODDS = 40
 """Looks within which eyes that contradict each other say so."""

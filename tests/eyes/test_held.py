@@ -10,7 +10,10 @@ from mitt.eyes.localization import eyes_handle
 from mitt.kernels import Fields
 from mitt.signals import Array, Image
 
-RADIUS, WALL, HAND, BALL = 0.04, 25.0, 80.0, 170.0
+RADIUS = 0.04
+WALL = 25.0
+HAND = 80.0
+BALL = 170.0
 #: Where the ball lies in the hand's frame of the world [m].
 OFF = np.array([0.02, -0.01, 0.015])
 

@@ -30,9 +30,12 @@ def test_opencv_projects_alike() -> None:
 
 
 @given(
-    k1=st.floats(-0.3, 0.3), k2=st.floats(-0.05, 0.1), p1=st.floats(-2e-3, 2e-3),
-    p2=st.floats(-2e-3, 2e-3), k3=st.floats(-0.02, 0.02),
-)  # fmt: skip
+    k1=st.floats(-0.3, 0.3),
+    k2=st.floats(-0.05, 0.1),
+    p1=st.floats(-2e-3, 2e-3),
+    p2=st.floats(-2e-3, 2e-3),
+    k3=st.floats(-0.02, 0.02),
+)
 def test_undistort_undoes_distort(k1: float, k2: float, p1: float, p2: float, k3: float) -> None:
     """Any lens of moderate distortion is inverted to 1e-9 over 65 degrees of view."""
     numbers = np.array([700.0, 705.0, 322.0, 238.0, k1, k2, p1, p2, k3])

@@ -12,7 +12,8 @@ from mitt.eyes.localization import MOST, TRACK, _fastest
 from mitt.signals import Array
 from mitt.world.imaging import Imager, ImageSensor
 
-TICKS, SOON = 120, 25
+TICKS = 120
+SOON = 25
 """Looks at a throw, and those after which the ball is to be known."""
 CLOSE = 0.05
 """Distance from the thrown ball that is no other ball [m]."""
@@ -45,9 +46,12 @@ def found_off(
 @pytest.mark.parametrize("learned", [True, False])
 @settings(max_examples=15)
 @given(
-    st.floats(1.2, 3.2), st.sampled_from((-0.55, 0.55)), st.floats(-0.9, -0.3),
-    st.floats(0.03, 0.08), st.integers(0, 2**32),
-)  # fmt: skip
+    st.floats(1.2, 3.2),
+    st.sampled_from((-0.55, 0.55)),
+    st.floats(-0.9, -0.3),
+    st.floats(0.03, 0.08),
+    st.integers(0, 2**32),
+)
 def test_a_ball_at_rest_is_never_the_target(
     learned: bool, x: float, y: float, z: float, radius: float, seed: int
 ) -> None:
@@ -59,9 +63,12 @@ def test_a_ball_at_rest_is_never_the_target(
 
 @settings(max_examples=15)
 @given(
-    st.floats(1.5, 3.0), st.floats(0.5, 2.0), st.floats(0.0, 2.0 * np.pi), st.floats(0.03, 0.08),
+    st.floats(1.5, 3.0),
+    st.floats(0.5, 2.0),
+    st.floats(0.0, 2.0 * np.pi),
+    st.floats(0.03, 0.08),
     st.integers(0, 2**32),
-)  # fmt: skip
+)
 def test_a_rolling_ball_is_never_the_target(
     x: float, speed: float, way: float, radius: float, seed: int
 ) -> None:

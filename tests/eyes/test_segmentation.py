@@ -26,7 +26,8 @@ from mitt.eyes.segmentation import (
 from mitt.kernels import Record
 from mitt.signals import Array, Frame, Image
 
-HEIGHT, WIDTH = 64, 80
+HEIGHT = 64
+WIDTH = 80
 SETTINGS = pack_segmenter(SegmenterConfig())[0]
 BALL = 184.0
 """Grey level of the ball."""
@@ -138,9 +139,13 @@ def image_of(rng: np.random.Generator, balls: list[tuple[float, float, float]]) 
 
 @settings(max_examples=40, deadline=None)
 @given(
-    st.integers(0, 2**32), st.floats(-2.5, 2.5), st.floats(-2.5, 2.5), st.floats(1.5, 6.0),
-    st.booleans(), st.booleans(),
-)  # fmt: skip
+    st.integers(0, 2**32),
+    st.floats(-2.5, 2.5),
+    st.floats(-2.5, 2.5),
+    st.floats(1.5, 6.0),
+    st.booleans(),
+    st.booleans(),
+)
 def test_the_rest_of_an_image_is_not_looked_at(
     seed: int, du: float, dv: float, radius: float, second: bool, learned: bool
 ) -> None:

@@ -19,9 +19,13 @@ LINEAR_METHOD = 1e-6
 
 RIG = fixed_rig()
 THIRD = Camera(
-    width=640, height=480, f_px=600.0, cu=319.5, cv=239.5,
+    width=640,
+    height=480,
+    f_px=600.0,
+    cu=319.5,
+    cv=239.5,
     T_world_cam=look_at(np.array((2.0, -3.0, 1.0)), np.array((2.0, 0.0, 0.2))),
-)  # fmt: skip
+)
 in_view = st.tuples(st.floats(0.8, 5.0), st.floats(-0.4, 0.4), st.floats(-0.25, 0.8)).map(np.array)
 
 
@@ -89,11 +93,15 @@ def test_errors_are_as_large_as_the_covariance_says() -> None:
         r = np.array((rng.uniform(0.8, 4.5), rng.uniform(-0.4, 0.4), rng.uniform(-0.2, 0.7)))
         noisy = tuple(
             Moments(
-                t=m.t, camera=m.camera, found=True, area=area,
-                u=m.u + sigma * rng.normal(), v=m.v + sigma * rng.normal(),
+                t=m.t,
+                camera=m.camera,
+                found=True,
+                area=area,
+                u=m.u + sigma * rng.normal(),
+                v=m.v + sigma * rng.normal(),
             )
             for m in seen(RIG, r, radius)
-        )  # fmt: skip
+        )
         s = triangulator.step(noisy)
         e = s.r_o - r
         distances.append(e @ np.linalg.solve(s.covariance, e))
@@ -111,8 +119,13 @@ def test_cameras_that_disagree_see_nothing() -> None:
 
 def _changed(m: Moments, **change: float | bool) -> Moments:
     values = {
-        "t": m.t, "found": m.found, "area": m.area, "u": m.u, "v": m.v, "clipped": m.clipped
-    } | change  # fmt: skip
+        "t": m.t,
+        "found": m.found,
+        "area": m.area,
+        "u": m.u,
+        "v": m.v,
+        "clipped": m.clipped,
+    } | change
     return Moments(
         t=float(values["t"]),
         camera=m.camera,
@@ -127,10 +140,15 @@ def _changed(m: Moments, **change: float | bool) -> Moments:
 @pytest.mark.parametrize(
     "fault",
     [
-        {"found": False}, {"clipped": True}, {"u": float("nan")}, {"v": float("inf")},
-        {"area": 0.0}, {"t": 0.253}, {"area": float("nan")},
+        {"found": False},
+        {"clipped": True},
+        {"u": float("nan")},
+        {"v": float("inf")},
+        {"area": 0.0},
+        {"t": 0.253},
+        {"area": float("nan")},
     ],
-)  # fmt: skip
+)
 def test_one_camera_is_not_enough(fault: dict[str, float | bool]) -> None:
     """A camera without a sound target at that instant leaves the ball unseen, never NaN."""
     first, second = seen(RIG, np.array((2.0, 0.0, 0.5)), 0.04)

@@ -143,8 +143,9 @@ def test_row_17_infeasible_throw(place: Range, side: float) -> None:
     assert not thrown.ticks.command[:, 1].any()
 
 
-@pytest.mark.parametrize("fault", [{"kind": "torque", "magnitude": 0.5},
-                                   {"kind": "payload", "magnitude": 2.0}])  # fmt: skip
+@pytest.mark.parametrize(
+    "fault", [{"kind": "torque", "magnitude": 0.5}, {"kind": "payload", "magnitude": 2.0}]
+)
 def test_row_18_saturation(place: Range, fault: dict[str, Any]) -> None:
     """Motors at half their torque, or 2 kg too many: every command stays finite and bounded."""
     thrown = place.throw(fault)

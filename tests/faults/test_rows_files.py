@@ -47,11 +47,19 @@ def one_line(error: BaseException) -> bool:
 
 @pytest.mark.parametrize(
     "text",
-    ["ball = 3", "unknown = 1", "[ball]\nradius = nan", "[ball]\nradius = 25",
-     "[ball]\nradius = '1'",
-     "floor = -1\nfloor = -2", "[[faults]]\nkind = 'magic'", "[sensing]\nlatency = 1.5", "= 3",
-     "a" * 2_000_000],
-)  # fmt: skip
+    [
+        "ball = 3",
+        "unknown = 1",
+        "[ball]\nradius = nan",
+        "[ball]\nradius = 25",
+        "[ball]\nradius = '1'",
+        "floor = -1\nfloor = -2",
+        "[[faults]]\nkind = 'magic'",
+        "[sensing]\nlatency = 1.5",
+        "= 3",
+        "a" * 2_000_000,
+    ],
+)
 def test_row_23_malformed_config(tmp_path: Path, text: str) -> None:
     """Wrong types, unknown and double keys, NaN, wrong units, too much: one line names the file."""
     path = tmp_path / "scene.toml"
@@ -64,12 +72,19 @@ def test_row_23_malformed_config(tmp_path: Path, text: str) -> None:
 
 @pytest.mark.parametrize(
     ("found", "instead"),
-    [("mass value=\"[^\"]*\"", 'mass value="nan"'), ("mass value=\"[^\"]*\"", 'mass value="-1"'),
-     ("mass value=\"[^\"]*\"", 'mass value="abc"'), ("mass value=\"[^\"]*\"", 'mass value="1e300"'),
-     ("ixx=\"[^\"]*\"", 'ixx="-1"'), ("lower=\"[^\"]*\"", 'lower="9"'),
-     ("effort=\"[^\"]*\"", 'effort="0"'), ("velocity=\"[^\"]*\"", 'velocity="nan"'),
-     ("axis xyz=\"[^\"]*\"", 'axis xyz="0 0 0"'), ("</robot>", "")],
-)  # fmt: skip
+    [
+        ('mass value="[^"]*"', 'mass value="nan"'),
+        ('mass value="[^"]*"', 'mass value="-1"'),
+        ('mass value="[^"]*"', 'mass value="abc"'),
+        ('mass value="[^"]*"', 'mass value="1e300"'),
+        ('ixx="[^"]*"', 'ixx="-1"'),
+        ('lower="[^"]*"', 'lower="9"'),
+        ('effort="[^"]*"', 'effort="0"'),
+        ('velocity="[^"]*"', 'velocity="nan"'),
+        ('axis xyz="[^"]*"', 'axis xyz="0 0 0"'),
+        ("</robot>", ""),
+    ],
+)
 def test_row_24_malformed_urdf(tmp_path: Path, found: str, instead: str) -> None:
     """What cannot be an arm is refused in one line, also where a parser accepts it."""
     text = OWN_ARM.read_text()
@@ -159,12 +174,14 @@ def test_row_29_no_code_in_data() -> None:
 
 @pytest.mark.parametrize(
     ("name", "text"),
-    [("bomb.urdf", '<!DOCTYPE r [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">]><robot name="&b;"/>'),
-     ("file.urdf", '<!DOCTYPE r [<!ENTITY x SYSTEM "file:///etc/passwd">]><robot name="&x;"/>'),
-     ("mesh.xml", '<mujoco><asset><mesh name="m" file="../../secret.stl"/></asset></mujoco>'),
-     ("include.xml", '<mujoco><include file="/etc/passwd"/></mujoco>'),
-     ("deep.xml", "<a>" * 20_000 + "</a>" * 20_000)],
-)  # fmt: skip
+    [
+        ("bomb.urdf", '<!DOCTYPE r [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">]><robot name="&b;"/>'),
+        ("file.urdf", '<!DOCTYPE r [<!ENTITY x SYSTEM "file:///etc/passwd">]><robot name="&x;"/>'),
+        ("mesh.xml", '<mujoco><asset><mesh name="m" file="../../secret.stl"/></asset></mujoco>'),
+        ("include.xml", '<mujoco><include file="/etc/passwd"/></mujoco>'),
+        ("deep.xml", "<a>" * 20_000 + "</a>" * 20_000),
+    ],
+)
 def test_row_30_xml_bombs_and_paths(tmp_path: Path, name: str, text: str) -> None:
     """Entities, files outside and endless nesting are refused in one line."""
     (tmp_path / name).write_text(text)

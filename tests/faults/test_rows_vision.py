@@ -19,8 +19,10 @@ def sightings(count: int, seed: int) -> list[Sighting]:
     rng, t = np.random.default_rng(seed), 1e-3 * np.arange(count)[:, None]
     r = np.array([3.0, 0.0, 0.3]) + np.array([-5.5, 0.2, 2.0]) * t - [0.0, 0.0, 4.9] * t * t
     r += 1e-3 * rng.standard_normal(r.shape)
-    return [Sighting(t=float(s), found=True, r_o=x, covariance=1e-6 * np.eye(3))
-            for (s,), x in zip(t, r, strict=True)]  # fmt: skip
+    return [
+        Sighting(t=float(s), found=True, r_o=x, covariance=1e-6 * np.eye(3))
+        for (s,), x in zip(t, r, strict=True)
+    ]
 
 
 def told(order: list[Sighting]) -> tuple[Array, Array]:
@@ -53,8 +55,10 @@ def test_row_01_camera_dropout_for_good_stops_the_arm(place: Range) -> None:
 @pytest.mark.parametrize("delay", [0.005, 0.020])
 def test_row_02_frame_late(place: Range, delay: float) -> None:
     """Late frames with the time of their exposure cost no catch, constant or jittered."""
-    for fault in ({"kind": "latency", "magnitude": delay},
-                  {"kind": "late", "magnitude": delay, "chance": 0.5}):  # fmt: skip
+    for fault in (
+        {"kind": "latency", "magnitude": delay},
+        {"kind": "late", "magnitude": delay, "chance": 0.5},
+    ):
         assert place.throw(fault).status == "caught"
 
 

@@ -113,15 +113,23 @@ def test_a_rig_whose_lenses_bend_gives_straight_cameras_and_the_lenses(tmp_path:
     for k1, count in ((-0.2, 2), (0.0, 0)):
         cameras = tuple(
             RigCamera(
-                name=name, rms_px=0.1, T_world_cam=camera.T_world_cam,
-                lens=Lens(width=128, height=128, numbers=np.array(
-                    [220.0, 220.0, 63.5, 63.5, bend, 0.0, 0.0, 0.0, 0.0])),
+                name=name,
+                rms_px=0.1,
+                T_world_cam=camera.T_world_cam,
+                lens=Lens(
+                    width=128,
+                    height=128,
+                    numbers=np.array([220.0, 220.0, 63.5, 63.5, bend, 0.0, 0.0, 0.0, 0.0]),
+                ),
             )
             for name, camera, bend in zip("ab", fixed_rig().cameras, (k1, 0.0), strict=True)
-        )  # fmt: skip
+        )
         write_rig(tmp_path / "rig.toml", CalibratedRig(frame="robot", cameras=cameras), version="x")
-        raw = {"schema": "mitt.cell/1", "name": "x",
-               "source": {"kind": "images", "rig": "rig.toml"}}  # fmt: skip
+        raw = {
+            "schema": "mitt.cell/1",
+            "name": "x",
+            "source": {"kind": "images", "rig": "rig.toml"},
+        }
         cell = cell_of(raw, place="x", folder=tmp_path)
         lenses = lenses_of(cell)
         assert len(lenses) == count
@@ -131,9 +139,25 @@ def test_a_rig_whose_lenses_bend_gives_straight_cameras_and_the_lenses(tmp_path:
 
 @pytest.mark.parametrize(
     "name",
-    ["../../x", "/etc/x", "a/b", "..", ".", ".hidden", "a\\b", "a\nb", "a\n", "a\0b", "", " a",
-     "[x]", "x" * 61, "a:b", "-a"],
-)  # fmt: skip
+    [
+        "../../x",
+        "/etc/x",
+        "a/b",
+        "..",
+        ".",
+        ".hidden",
+        "a\\b",
+        "a\nb",
+        "a\n",
+        "a\0b",
+        "",
+        " a",
+        "[x]",
+        "x" * 61,
+        "a:b",
+        "-a",
+    ],
+)
 def test_a_name_is_part_of_a_file_s_name(name: str) -> None:
     """So a recording stays in the folder that was named."""
     with pytest.raises(FileError, match="name"):

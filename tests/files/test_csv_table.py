@@ -17,7 +17,8 @@ from mitt.world.throws import read_throws
 POSITION = ("x_m", "y_m", "z_m")
 COLUMNS = ("t_s", *POSITION)
 ABSENT = ("", "nan", "NaN", " ", "NA", "null")
-COUNT, HIDDEN = 60, range(20, 26)
+COUNT = 60
+HIDDEN = range(20, 26)
 
 
 def fall(cells: str | None, *, flight: str = "", hidden: range = HIDDEN) -> str:
@@ -46,8 +47,10 @@ def test_what_was_not_seen_is_the_same_at_every_door(tmp_path: Path, cells: str)
     assert np.array_equal(with_gap[0].t, without[0].t)
     assert np.array_equal(with_gap[0].r, without[0].r)
 
-    gap, none = (read_positions(written(tmp_path / f"{name}.csv", fall(x)))
-                 for name, x in (("c", cells), ("d", None)))  # fmt: skip
+    gap, none = (
+        read_positions(written(tmp_path / f"{name}.csv", fall(x)))
+        for name, x in (("c", cells), ("d", None))
+    )
     tracks = [follow_all(x.samples, x.rows.values(), sigma=1e-3) for x in (gap, none)]
     seen = [k for k in range(COUNT) if k not in HIDDEN]
     for own, other in zip(*(track[:5] for track in tracks), strict=True):
@@ -123,8 +126,12 @@ def test_tables_of_other_programs_are_told_what_to_do(
     with pytest.raises(FileError) as caught:
         read(written(tmp_path / "a.csv", text))
     said = str(caught.value)
-    assert remedy in said or (remedy == "points for decimals" and "name the columns so" in said
-                              and ";" not in text and "\t" not in text)  # fmt: skip
+    assert remedy in said or (
+        remedy == "points for decimals"
+        and "name the columns so" in said
+        and ";" not in text
+        and "\t" not in text
+    )
     assert "\n" not in said
 
 

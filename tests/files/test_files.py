@@ -24,11 +24,16 @@ from mitt.reading import read_json
 LARGE = 10_000
 
 values = st.recursive(
-    st.none() | st.booleans() | st.integers(-(2**53), 2**53) | st.floats(allow_nan=False,
-    allow_infinity=False) | st.text(max_size=20),
-    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=8), inner,
-    max_size=4), max_leaves=12,
-)  # fmt: skip
+    st.none()
+    | st.booleans()
+    | st.integers(-(2**53), 2**53)
+    | st.floats(allow_nan=False, allow_infinity=False)
+    | st.text(max_size=20),
+    lambda inner: (
+        st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=8), inner, max_size=4)
+    ),
+    max_leaves=12,
+)
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -51,10 +56,19 @@ def test_numbers_that_json_does_not_have_are_not_written(tmp_path: Path, bad: fl
 @pytest.mark.parametrize(
     "text",
     [
-        "", "{", "[1,", '{"a": NaN}', "Infinity", "-Infinity", '{"a": 1, "a": 2}', "[" * 100_000,
-        "\ud800".encode("utf-8", "surrogatepass").decode("latin-1") + "{", "{'a': 1}", "1 2",
+        "",
+        "{",
+        "[1,",
+        '{"a": NaN}',
+        "Infinity",
+        "-Infinity",
+        '{"a": 1, "a": 2}',
+        "[" * 100_000,
+        "\ud800".encode("utf-8", "surrogatepass").decode("latin-1") + "{",
+        "{'a': 1}",
+        "1 2",
     ],
-)  # fmt: skip
+)
 def test_what_is_no_json_is_refused_in_one_line(tmp_path: Path, text: str) -> None:
     """Cut short, NaN, repeated keys, endless nesting: a FileError that names the file."""
     path = tmp_path / "x.json"
@@ -126,12 +140,33 @@ def test_a_file_has_the_rights_that_its_user_gives_to_new_files(tmp_path: Path, 
         os.umask(before)
 
 
-HOSTILE = ("../../up", "/etc/passwd", "..", ".", "", "a/b", "a\\b", ".hidden", "nul\0", "line\nend",
-           "x" * 300, "\u202e", "\ud800", "a b", "$(ls)", "~", "C:x", "é")  # fmt: skip
+HOSTILE = (
+    "../../up",
+    "/etc/passwd",
+    "..",
+    ".",
+    "",
+    "a/b",
+    "a\\b",
+    ".hidden",
+    "nul\0",
+    "line\nend",
+    "x" * 300,
+    "\u202e",
+    "\ud800",
+    "a b",
+    "$(ls)",
+    "~",
+    "C:x",
+    "é",
+)
 
 
-@given(names=st.lists(st.sampled_from(HOSTILE) | st.text(max_size=120), min_size=2, max_size=5,
-                      unique=True))  # fmt: skip
+@given(
+    names=st.lists(
+        st.sampled_from(HOSTILE) | st.text(max_size=120), min_size=2, max_size=5, unique=True
+    )
+)
 def test_a_name_from_elsewhere_never_leads_out_of_a_folder(names: list[str]) -> None:
     """Whatever it says it is one visible file, and two names are two files."""
     made = [file_name(name) for name in names]

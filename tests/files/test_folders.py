@@ -22,10 +22,16 @@ from mitt.files.writing import (
 from mitt.trials.result import LEAVES as OF_CATCH
 
 LEAVES = Leaves(
-    command="mitt try", schema="mitt.try/1", manifests=("try.json",),
-    names=(r"try\.json", r"page\.html", r"maps/map-[0-9a-f]{4}\.json",
-           r"parts/part-\d{2}\.parquet"),
-)  # fmt: skip
+    command="mitt try",
+    schema="mitt.try/1",
+    manifests=("try.json",),
+    names=(
+        r"try\.json",
+        r"page\.html",
+        r"maps/map-[0-9a-f]{4}\.json",
+        r"parts/part-\d{2}\.parquet",
+    ),
+)
 MANIFEST = json.dumps({"schema": "mitt.try/1"}, indent=1)
 OURS = {
     "try.json": MANIFEST,
@@ -35,9 +41,20 @@ OURS = {
     "parts/.part-02.parquet.0a1b2c3d": "half",
 }
 #: Names of ours and of others, and contents of ours and of others.
-NAMES = (*OURS, "notes.txt", "maps/mine.json", "maps/map-00fg.json", "parts/part-1.parquet",
-         ".git/config", "parts/.git", "page.html.bak", ".page.html.swp", "flights/mine.csv",
-         "maps/deep/map-00ff.json", "try.json.old")  # fmt: skip
+NAMES = (
+    *OURS,
+    "notes.txt",
+    "maps/mine.json",
+    "maps/map-00fg.json",
+    "parts/part-1.parquet",
+    ".git/config",
+    "parts/.git",
+    "page.html.bak",
+    ".page.html.swp",
+    "flights/mine.csv",
+    "maps/deep/map-00ff.json",
+    "try.json.old",
+)
 FOREIGN = ("mine", "", '{"schema": "other/1"}', "<!doctype html><title>my page</title>")
 
 
@@ -134,8 +151,13 @@ def test_what_another_run_did_not_make_is_in_the_way(tmp_path: Path) -> None:
 
 def test_half_written_files_of_ours_alone_are_swept_away(tmp_path: Path) -> None:
     """By their whole name: no other hidden file, no folder."""
-    mine = (".git/x", "parts/.hidden", "parts/.part-01.parquet.swp", ".page.html.swp",
-            "parts/.notes.parquet.0a1b2c3d")  # fmt: skip
+    mine = (
+        ".git/x",
+        "parts/.hidden",
+        "parts/.part-01.parquet.swp",
+        ".page.html.swp",
+        "parts/.notes.parquet.0a1b2c3d",
+    )
     for name in (*mine, "parts/.part-02.parquet.0a1b2c3d", ".page.html.0a1b2c3d"):
         put(tmp_path, name, "x")
     clear_temporary(tmp_path, LEAVES)

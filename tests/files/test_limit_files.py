@@ -16,9 +16,19 @@ TEXT = 'schema = "mitt.limits/1"\n[limits]\njoints = ["a", "b"]\nspeed = [1.0, 2
 def test_common_arms_have_a_set() -> None:
     """At least these; each names its source, and has speed and torque of all joints."""
     wanted = {
-        "franka-panda", "franka-fr3", "ur3e", "ur5e", "ur10e", "kuka-iiwa7", "kuka-iiwa14",
-        "kinova-gen3", "xarm6", "xarm7", "sawyer", "so-101",
-    }  # fmt: skip
+        "franka-panda",
+        "franka-fr3",
+        "ur3e",
+        "ur5e",
+        "ur10e",
+        "kuka-iiwa7",
+        "kuka-iiwa14",
+        "kinova-gen3",
+        "xarm6",
+        "xarm7",
+        "sawyer",
+        "so-101",
+    }
     assert wanted <= set(shipped("limits"))
     folder = Path(__file__).parents[2] / "src/mitt/data/limits"
     for name in shipped("limits"):

@@ -43,15 +43,21 @@ def test_a_map_comes_back_to_the_bit(saved: Path, learned: Learned, arm: Arm) ->
     again = read_map(saved, arm)
     mine, theirs = learned.map, again.map
     for a, b in (
-        (mine.alpha, theirs.alpha), (mine.H, theirs.H), (mine.region, theirs.region),
-        (mine.basis.centre, theirs.basis.centre), (mine.basis.scale, theirs.basis.scale),
+        (mine.alpha, theirs.alpha),
+        (mine.H, theirs.H),
+        (mine.region, theirs.region),
+        (mine.basis.centre, theirs.basis.centre),
+        (mine.basis.scale, theirs.basis.scale),
         (mine.packed, theirs.packed),
-    ):  # fmt: skip
+    ):
         assert np.array_equal(a, b)
     assert theirs.design == mine.design
     assert (again.steps, again.flights, again.left_out, again.status) == (
-        learned.steps, learned.flights, learned.left_out, learned.status,
-    )  # fmt: skip
+        learned.steps,
+        learned.flights,
+        learned.left_out,
+        learned.status,
+    )
 
 
 def test_a_map_with_a_slope_that_weighs_the_match_comes_back(tmp_path: Path, arm: Arm) -> None:

@@ -15,10 +15,21 @@ from mitt.files.recordings import Recorded
 from mitt.reading import shipped_path
 
 _TOPICS = {
-    "/joint_states", "/joint_commands", "/brakes", "/ball/estimate", "/ball/truth",
-    "/hand/catch_point", "/phase", "/state", "/events", "/mitt/ticks", "/robot_description", "/tf",
-    "/tf_static", "/ball/marker",
-}  # fmt: skip
+    "/joint_states",
+    "/joint_commands",
+    "/brakes",
+    "/ball/estimate",
+    "/ball/truth",
+    "/hand/catch_point",
+    "/phase",
+    "/state",
+    "/events",
+    "/mitt/ticks",
+    "/robot_description",
+    "/tf",
+    "/tf_static",
+    "/ball/marker",
+}
 
 
 @pytest.fixture(scope="module")
@@ -27,17 +38,20 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("files")
     cases = {case.name: case for case in CASES}
     return {
-        name: path for name in ("images", "points")
+        name: path
+        for name in ("images", "points")
         for _, path in recorded(cases[name], folder, throws=1, seed=6)
-    }  # fmt: skip
+    }
 
 
 @pytest.mark.parametrize("name", ["images", "points"])
 def test_rosbags_reads_every_message(files: dict[str, Path], name: str) -> None:
     """From the definitions in the file alone: no type is known to it beforehand."""
     back, found = Recorded(files[name]), dict[str, int]()
-    own = {"images": {"/mitt/frames", "/camera_0/image", "/camera_1/image"},
-           "points": {"/mitt/points"}}[name]  # fmt: skip
+    own = {
+        "images": {"/mitt/frames", "/camera_0/image", "/camera_1/image"},
+        "points": {"/mitt/points"},
+    }[name]
     with AnyReader([files[name]]) as reader:
         for connection, _, raw in reader.messages():
             message: Any = reader.deserialize(raw, connection.msgtype)

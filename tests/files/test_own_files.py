@@ -16,12 +16,37 @@ PACKAGE = Path(mitt.__file__).parent
 SCHEMA = "mitt.search/1"
 #: Calls by which a file or a folder is made, changed, moved or removed.
 CHANGES = {
-    "chmod", "copy2", "copyfile", "copytree", "ftruncate", "hardlink_to", "link", "makedirs",
-    "memfd_create", "mkdir", "mkdtemp", "mkfifo", "mknod", "mkstemp", "NamedTemporaryFile",
-    "removedirs", "rename", "renames", "rmdir", "rmtree", "SpooledTemporaryFile", "symlink",
-    "symlink_to", "TemporaryDirectory", "TemporaryFile", "touch", "truncate", "unlink",
-    "write_bytes", "write_text",
-}  # fmt: skip
+    "chmod",
+    "copy2",
+    "copyfile",
+    "copytree",
+    "ftruncate",
+    "hardlink_to",
+    "link",
+    "makedirs",
+    "memfd_create",
+    "mkdir",
+    "mkdtemp",
+    "mkfifo",
+    "mknod",
+    "mkstemp",
+    "NamedTemporaryFile",
+    "removedirs",
+    "rename",
+    "renames",
+    "rmdir",
+    "rmtree",
+    "SpooledTemporaryFile",
+    "symlink",
+    "symlink_to",
+    "TemporaryDirectory",
+    "TemporaryFile",
+    "touch",
+    "truncate",
+    "unlink",
+    "write_bytes",
+    "write_text",
+}
 #: Functions of ``files/writing.py`` that replace what has the name: who calls them has asked first.
 REPLACES = {"write_atomically", "write_bytes", "write_json", "write_text", "temporary_beside"}
 #: Where else the system is asked, and why nothing of a user can be lost there.
@@ -86,14 +111,19 @@ def _changes(call: ast.Call) -> bool:
     name, of = _called(call), call.func
     module = of.value.id if isinstance(of, ast.Attribute) and isinstance(of.value, ast.Name) else ""
     if name == "open":
-        said = [x.value for x in (*call.args, *(k.value for k in call.keywords))
-                if isinstance(x, ast.Constant)]  # fmt: skip
+        said = [
+            x.value
+            for x in (*call.args, *(k.value for k in call.keywords))
+            if isinstance(x, ast.Constant)
+        ]
         return module == "os" or any(set(str(x)) & set("wax+") and len(str(x)) <= 3 for x in said)
     if name in ("replace", "remove"):  # of texts and lists there are many
         return module in ("os", "shutil") or (
-            name == "replace" and isinstance(of, ast.Attribute) and len(call.args) == 1
+            name == "replace"
+            and isinstance(of, ast.Attribute)
+            and len(call.args) == 1
             and not call.keywords
-        )  # fmt: skip
+        )
     if name in ("move", "copy"):
         return module == "shutil"
     return name in CHANGES and not (name in REPLACES and isinstance(of, ast.Name))

@@ -120,10 +120,15 @@ def _channel(number: int, topic: str) -> bytes:
 
 #: A message for every topic of which something is kept.
 MESSAGES = {
-    of.TICKS: of.ticks(3, 0).tobytes(), of.POINTS: of.points().tobytes(), of.CALLS: text(""),
-    of.TRUTH: of.point_stamped().tobytes(), of.EVENT: text(""), of.PHASE: text("x" * 9),
-    of.STATES: b"", "/unknown": b"",
-}  # fmt: skip
+    of.TICKS: of.ticks(3, 0).tobytes(),
+    of.POINTS: of.points().tobytes(),
+    of.CALLS: text(""),
+    of.TRUTH: of.point_stamped().tobytes(),
+    of.EVENT: text(""),
+    of.PHASE: text("x" * 9),
+    of.STATES: b"",
+    "/unknown": b"",
+}
 
 
 @pytest.mark.parametrize("topic", MESSAGES)

@@ -25,10 +25,16 @@ def _frames(n: int) -> tuple[Frame, ...]:
     """Return a chain of n frames that turn about z, 0.1 m apart, and one that stands at its end."""
     names, still = ("world", *(f"l{i}" for i in range(n)), "tip"), (0.0, 0.0, 0.0)
     return tuple(
-        Frame(name=name, parent=parent, place=(0.1, 0.0, 0.0), turn=(0.0, 0.0, 0.0, 1.0),
-              axis=still if name == "tip" else (0.0, 0.0, 1.0), follows=min(i, n - 1))
+        Frame(
+            name=name,
+            parent=parent,
+            place=(0.1, 0.0, 0.0),
+            turn=(0.0, 0.0, 0.0, 1.0),
+            axis=still if name == "tip" else (0.0, 0.0, 1.0),
+            follows=min(i, n - 1),
+        )
         for i, (parent, name) in enumerate(pairwise(names))
-    )  # fmt: skip
+    )
 
 
 def _recording(k: int, n: int, seed: int) -> Recording:
@@ -42,14 +48,19 @@ def _recording(k: int, n: int, seed: int) -> Recording:
     ticks["out_tracked"] = np.arange(k) >= k // 2
     return Recording(
         heading=Heading(
-            joints=tuple(f"j{i}" for i in range(n)), heads=0, shapes=(), about="{}",
-            description="<robot/>", frames=_frames(n), radius=0.03,
+            joints=tuple(f"j{i}" for i in range(n)),
+            heads=0,
+            shapes=(),
+            about="{}",
+            description="<robot/>",
+            frames=_frames(n),
+            radius=0.03,
             metadata={"seed": str(seed), "trial": '{"index": 0}'},
         ),
         ticks=ticks,
         tracks=(Track(topic=TRUTH, t=t[k // 2 :], r=rng.standard_normal((k - k // 2, 3))),),
         notices=(Notice(topic=EVENT, t=0.0, text="watch"), Notice(topic=EVENT, t=0.5, text="ä\n")),
-    )  # fmt: skip
+    )
 
 
 def _read(path: Path) -> tuple[dict[str, list[tuple[int, Any]]], dict[str, str]]:

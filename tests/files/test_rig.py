@@ -123,10 +123,13 @@ def test_another_frame_moves_cameras_and_heads_alike() -> None:
 
 @pytest.mark.parametrize(
     "text",
-    ["cam0:\n  camera_model: pinhole\n  intrinsics: [461.6, 460.3, 363.0, 248.1]\n",
-     "%YAML:1.0\n---\nM1: !!opencv-matrix\n   rows: 3\n", '{"fx": 1.0}',
-     "<?xml version='1.0'?>\n<opencv_storage/>"],
-)  # fmt: skip
+    [
+        "cam0:\n  camera_model: pinhole\n  intrinsics: [461.6, 460.3, 363.0, 248.1]\n",
+        "%YAML:1.0\n---\nM1: !!opencv-matrix\n   rows: 3\n",
+        '{"fx": 1.0}',
+        "<?xml version='1.0'?>\n<opencv_storage/>",
+    ],
+)
 def test_calibrations_of_other_programs_are_told_what_to_do(tmp_path: Path, text: str) -> None:
     """Kalibr and OpenCV: that they are not read, and how their numbers get into a rig."""
     path = tmp_path / "camchain.yaml"

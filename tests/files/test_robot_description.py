@@ -34,8 +34,9 @@ def any_arm(request: pytest.FixtureRequest, tmp_path: Path) -> Arm:
     if request.param == "telescope":
         text = _TELESCOPE
         for link in ("boom", "rod"):
-            text = text.replace(f'<link name="{link}"/>',
-                                f'<link name="{link}">{_MASS}</inertial></link>')  # fmt: skip
+            text = text.replace(
+                f'<link name="{link}"/>', f'<link name="{link}">{_MASS}</inertial></link>'
+            )
         path = tmp_path / "telescope.urdf"
         path.write_text(text)
         return build_arm(path, tip="tip", joints=("swing", "slide"))

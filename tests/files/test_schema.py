@@ -26,8 +26,9 @@ TEXT = (files("mitt") / "data" / "cells" / "wam-sim.toml").read_text()
 def test_a_wrong_value_is_told_in_our_words(
     tmp_path: Path, key: str, value: str, said: str
 ) -> None:
-    lines = [f"{key} = {value}" if line.startswith(f"{key} = ") else line
-             for line in TEXT.splitlines()]  # fmt: skip
+    lines = [
+        f"{key} = {value}" if line.startswith(f"{key} = ") else line for line in TEXT.splitlines()
+    ]
     (tmp_path / "cell.toml").write_text("\n".join(lines))
     with pytest.raises(FileError) as caught:
         read_cell(tmp_path / "cell.toml")

@@ -109,8 +109,19 @@ def test_the_list_fits_a_screen_and_its_json_is_the_contract(
     assert main(["arms", "--json"]) == 0
     said = json.loads(capsys.readouterr().out)
     assert said["schema"] == "mitt.arms/1"
-    keys = {"name", "title", "limits", "joints", "source", "rate", "throws", "relative_speed_m_s",
-            "force_n", "takes", "command_hz"}  # fmt: skip
+    keys = {
+        "name",
+        "title",
+        "limits",
+        "joints",
+        "source",
+        "rate",
+        "throws",
+        "relative_speed_m_s",
+        "force_n",
+        "takes",
+        "command_hz",
+    }
     assert all(keys <= row.keys() for row in said["arms"])
     assert [row["name"] for row in said["arms"]] == [x.name for x in ARMS]
     assert main(["arms", "--check"]) == 0

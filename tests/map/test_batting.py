@@ -24,7 +24,7 @@ from mitt.map.striking import (
     mass_behind,
     rebound,
     shot,
-)  # fmt: skip
+)
 from mitt.signals import GRAVITY, Array, BallState
 
 #: Of each arm: joints of the file, a pose in which it strikes, free joints, held ones, catch joint.
@@ -116,8 +116,11 @@ def test_at_the_contact_the_paddle_is_at_the_ball_and_strikes(
     assert np.allclose(g.arm.jacobian(rows[0]) @ rows[1], s.v_paddle, atol=1e-8 * _size(f.alpha))
     _, rows = f.motion(np.array([*ball, [0.0, 0.0, -GRAVITY]]))
     assert np.allclose(rows[2], rows[1] / 0.07, atol=1e-6 * _size(f.alpha))
-    _, rows = f.motion(np.array([earlier(ball, before).r_o, earlier(ball, before).dr_o,
-                                 earlier(ball, before).ddr_o]))  # fmt: skip
+    _, rows = f.motion(
+        np.array(
+            [earlier(ball, before).r_o, earlier(ball, before).dr_o, earlier(ball, before).ddr_o]
+        )
+    )
     assert np.allclose(rows[:2], [q, dq], atol=1e-8 * _size(f.alpha))
 
 

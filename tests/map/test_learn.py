@@ -127,10 +127,11 @@ def test_sensitivities_are_differences(learned: Learned, flights: Sequence[Fligh
         # With ``near`` at 0 every limit has its row: rows of the two sides can be compared.
         rows = limit_rows(arm, s, share=1.0, near=0.0)
         ahead, back = (
-            limit_rows(arm, sensitivity(arm, x.motion(f.alpha + h * way), x.phi), share=1.0,
-                       near=0.0).room
+            limit_rows(
+                arm, sensitivity(arm, x.motion(f.alpha + h * way), x.phi), share=1.0, near=0.0
+            ).room
             for h in (STEP, -STEP)
-        )  # fmt: skip
+        )
         slope = -(ahead - back) / (2 * STEP)
         assert np.allclose(rows.rows @ way.ravel(), slope, atol=1e-5 * np.abs(slope).max())
 
@@ -235,9 +236,13 @@ def test_a_lifted_motion_is_that_of_the_map(plain: DirectMap, seed: int) -> None
     assert lifted is not None
     alpha = 0.1 * rng.standard_normal(plain.alpha.shape)
     bent = DirectMap(
-        arm=plain.arm, design=plain.design, basis=plain.basis, alpha=alpha, H=plain.H,
+        arm=plain.arm,
+        design=plain.design,
+        basis=plain.basis,
+        alpha=alpha,
+        H=plain.H,
         region=plain.region,
-    )  # fmt: skip
+    )
     motion = lifted.motion(alpha)
     for row, ball in zip(motion, flight.ball, strict=True):
         assert np.allclose(row, bent.motion(ball)[1][:3], atol=EXACT * (1 + np.abs(row).max()))

@@ -47,10 +47,18 @@ def test_a_catch_angle_that_is_stated_goes_with_no_other_joint(arm: Arm) -> None
 
 @pytest.mark.parametrize(
     ("field", "value"),
-    [("slope", (1.0,)), ("slope", (np.nan, 0.0)), ("slope", "ab"), ("slope", (1e308, 1e308)),
-     ("slope", (1e3, 0.0)), ("match_weight", -1.0), ("match_weight", np.inf),
-     ("match_weight", "much"), ("q_catch", 9.0)],
-)  # fmt: skip
+    [
+        ("slope", (1.0,)),
+        ("slope", (np.nan, 0.0)),
+        ("slope", "ab"),
+        ("slope", (1e308, 1e308)),
+        ("slope", (1e3, 0.0)),
+        ("match_weight", -1.0),
+        ("match_weight", np.inf),
+        ("match_weight", "much"),
+        ("q_catch", 9.0),
+    ],
+)
 def test_a_slope_or_a_weight_that_cannot_be_is_named(arm: Arm, field: str, value: object) -> None:
     """In one line, when the design is made or when an arm is to have it."""
     with pytest.raises(MittError, match=field):
@@ -96,8 +104,13 @@ _PANDA = ["panda_joint1", "panda_joint2", "panda_joint4"]
 
 def panda(**given: object) -> Arm:
     """Return a Panda of joints 1, 2 and 4."""
-    return build_arm(_ROBOTS / "panda_description/urdf/panda.urdf", tip="panda_hand_tcp",
-                    joints=_PANDA, hand=HandModel(), **given)  # type: ignore[arg-type] # fmt: skip
+    return build_arm(
+        _ROBOTS / "panda_description/urdf/panda.urdf",
+        tip="panda_hand_tcp",
+        joints=_PANDA,
+        hand=HandModel(),
+        **given,  # type: ignore[arg-type]
+    )
 
 
 @pytest.mark.parametrize("limits", ["paper", "wam-48v", "wam-80v"])

@@ -22,7 +22,8 @@ from mitt.map.tangent import invert_newton, scratch_of, to_go
 from mitt.signals import PASSED, Array, BallState, MapStatus
 
 STEP = 1e-5
-EXACT, DIFFERENCE = 1e-9, 2e-6
+EXACT = 1e-9
+DIFFERENCE = 2e-6
 PANDA = "cmeel.prefix/share/example-robot-data/robots/panda_description/urdf/panda.urdf"
 
 seeds = st.integers(0, 2**31)
@@ -246,7 +247,8 @@ def test_what_needs_a_place_in_the_domain_refuses_any_other(plain: DirectMap) ->
 
 G = np.array([0.0, 0.0, -9.81])
 #: Step of the dense forecast [s], and what its chord is off [s].
-FINE, CHORD = 1e-3, 1e-4
+FINE = 1e-3
+CHORD = 1e-4
 #: Share by which the ball's present motion may mislead within NEAR of the catch.
 MISLEADS = 0.35
 
@@ -273,12 +275,19 @@ def test_the_root_is_the_next_one(s: float, ds: float, dds: float) -> None:
 @pytest.mark.parametrize(
     ("of", "time"),
     [
-        ((1.0, -1.0, 2.0), np.inf), ((1.0, 0.0, -2.0), 1.0), ((1.0, -0.0, -2.0), 1.0),
-        ((-1.0, 0.0, 2.0), 1.0), ((1.0, 1.0, 0.0), np.inf), ((1.0, -2.0, 0.0), 0.5),
-        ((1.0, 0.0, 0.0), np.inf), ((0.0, 0.0, 0.0), 0.0), ((1.0, 1.0, -4.0), 1.0),
-        ((np.nan, 1.0, 1.0), np.inf), ((1e200, -1e200, 1e200), np.inf),
+        ((1.0, -1.0, 2.0), np.inf),
+        ((1.0, 0.0, -2.0), 1.0),
+        ((1.0, -0.0, -2.0), 1.0),
+        ((-1.0, 0.0, 2.0), 1.0),
+        ((1.0, 1.0, 0.0), np.inf),
+        ((1.0, -2.0, 0.0), 0.5),
+        ((1.0, 0.0, 0.0), np.inf),
+        ((0.0, 0.0, 0.0), 0.0),
+        ((1.0, 1.0, -4.0), 1.0),
+        ((np.nan, 1.0, 1.0), np.inf),
+        ((1e200, -1e200, 1e200), np.inf),
     ],
-)  # fmt: skip
+)
 def test_roots_that_are_known(of: tuple[float, float, float], time: float) -> None:
     """Rising, falling, turning, at rest, at the catch, and what is no number."""
     assert root_time(*of) == pytest.approx(time)
@@ -350,8 +359,10 @@ def test_the_time_that_a_closing_takes_is_told_whatever_comes(learned: Learned) 
 
 def along(ball: BallState, times: Array) -> list[BallState]:
     """Return a ball as it is at later times."""
-    return [BallState(t=float(t), r_o=row[0], dr_o=row[1])
-            for t, row in zip(times, flown(ball, times), strict=True)]  # fmt: skip
+    return [
+        BallState(t=float(t), r_o=row[0], dr_o=row[1])
+        for t, row in zip(times, flown(ball, times), strict=True)
+    ]
 
 
 @settings(max_examples=50)

@@ -55,8 +55,10 @@ def test_at_the_end_position_velocity_and_acceleration_match(
         assert np.allclose(f.arm.position(q), target[0], atol=1e-9)
         assert np.allclose(f.arm.jacobian(q) @ dq, target[1], atol=1e-8)
         h = 1e-5
-        ahead, behind = (f.arm.jacobian(q + x * h * dq + 0.5 * h * h * ddq) @ (dq + x * h * ddq)
-                         for x in (1.0, -1.0))  # fmt: skip
+        ahead, behind = (
+            f.arm.jacobian(q + x * h * dq + 0.5 * h * h * ddq) @ (dq + x * h * ddq)
+            for x in (1.0, -1.0)
+        )
         assert np.allclose((ahead - behind) / (2.0 * h), target[2], atol=1e-6 * (1 + dq @ dq))
 
 

@@ -49,9 +49,10 @@ def test_a_ball_that_falls_short_is_within_the_limits_of_another(arm: Arm) -> No
     """It never comes to the surface of the learned map; one of the family reaches it."""
     f = learn(arm).map
     ball = nominal_ball(arm)
-    lower = (BallState(t=0.0, r_o=ball.r_o, dr_o=ball.dr_o - [0.0, 0.0, down])
-             for down in np.arange(1.0, 4.0, 0.05))  # fmt: skip
+    lower = (
+        BallState(t=0.0, r_o=ball.r_o, dr_o=ball.dr_o - [0.0, 0.0, down])
+        for down in np.arange(1.0, 4.0, 0.05)
+    )
     short = next(x for x in lower if not np.isfinite(foresee(f, x).after))
-    said = [judge(g, short, arm.q_ready, tolerance=Tolerance()).outcome
-            for g in family_of(f, ball)]  # fmt: skip
+    said = [judge(g, short, arm.q_ready, tolerance=Tolerance()).outcome for g in family_of(f, ball)]
     assert Outcome.FEASIBLE in said

@@ -16,9 +16,13 @@ from mitt.map.tangent import catch_angle, expand, follow, scratch_of
 from mitt.signals import Array
 
 #: Step of the differences in time [s]; agreement of position [m] and of velocity [m/s].
-STEP, PLACE, RATE = 1e-5, 1e-10, 1e-7
+STEP = 1e-5
+PLACE = 1e-10
+RATE = 1e-7
 #: How fast q_alpha [rad/s], slope and alpha [rad/s] change.
-TURNS, TILTS, BENDS = 3.0, 0.3, 5.0
+TURNS = 3.0
+TILTS = 0.3
+BENDS = 5.0
 
 
 class Moving:
@@ -43,10 +47,12 @@ class Moving:
     def at(self, t: float) -> DirectMap:
         """Return the map as it is at a time [s]."""
         design = replace(
-            self.base.design, q_catch=self.base.design.q_catch + self.turn * t,
+            self.base.design,
+            q_catch=self.base.design.q_catch + self.turn * t,
             kappa=self.kappa * (1.0 + t) if self.kappa > 1.0 else 1.0,
-            inward=self.inward * (1.0 + t), slope=tuple(self.slope[0] + t * self.slope[1]),
-        )  # fmt: skip
+            inward=self.inward * (1.0 + t),
+            slope=tuple(self.slope[0] + t * self.slope[1]),
+        )
         f, catch = unlearned(self.base.arm, design), design.free.index(design.catch_joint)
         centre = self.base.basis.centre.copy()
         centre[catch] = design.q_catch
@@ -70,8 +76,12 @@ def some_arm(request: pytest.FixtureRequest) -> Arm:
 
 
 @settings(max_examples=12)
-@given(seed=st.integers(0, 2**31), kappa=st.sampled_from([1.0, 1.3]), inward=st.floats(-1.0, 1.0),
-       matched=st.booleans())  # fmt: skip
+@given(
+    seed=st.integers(0, 2**31),
+    kappa=st.sampled_from([1.0, 1.3]),
+    inward=st.floats(-1.0, 1.0),
+    matched=st.booleans(),
+)
 def test_the_catch_holds_while_the_map_changes(
     some_arm: Arm, seed: int, kappa: float, inward: float, matched: bool
 ) -> None:

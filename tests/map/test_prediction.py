@@ -17,7 +17,9 @@ from mitt.signals import Array, BallState, MapStatus
 
 G = np.array([0.0, 0.0, -9.81])
 #: Step of the fine integration [s], agreement of the time of the catch [s] and of the flight [m].
-FINE, TIME, PLACE = 1e-3, 1e-5, 1e-7
+FINE = 1e-3
+TIME = 1e-5
+PLACE = 1e-7
 
 seeds = st.integers(0, 2**31)
 

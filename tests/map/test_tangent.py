@@ -31,7 +31,8 @@ from mitt.signals import Array
 
 PANDA = "cmeel.prefix/share/example-robot-data/robots/panda_description/urdf/panda.urdf"
 #: Step of central differences [rad] and their agreement.
-STEP, DIFFERENCE = 1e-5, 2e-7
+STEP = 1e-5
+DIFFERENCE = 2e-7
 seeds = st.integers(0, 2**31)
 
 
@@ -48,18 +49,30 @@ def panda() -> Arm:
 @pytest.mark.parametrize("place", [1, 2])
 @given(seed=seeds, kappa=st.floats(1.0, 3.0), inward=st.floats(-3.0, 3.0))
 def test_the_derivatives_of_l_c_are_differences(
-    panda: Arm, place: int, free: tuple[int, int, int],
-    coupling: tuple[tuple[float, float, float], ...], slope: tuple[float, float], seed: int,
-    kappa: float, inward: float,
-) -> None:  # fmt: skip
+    panda: Arm,
+    place: int,
+    free: tuple[int, int, int],
+    coupling: tuple[tuple[float, float, float], ...],
+    slope: tuple[float, float],
+    seed: int,
+    kappa: float,
+    inward: float,
+) -> None:
     """J_c is dl_c/dp and the curvature d(J_c dp)/dt, joints before and behind i included.
 
     The fourth joint stays where it is, or follows the free ones; q_alpha stays, or goes with them.
     """
     rng, i = np.random.default_rng(seed), free[place]
     q_catch = float(np.mean([panda.q_min[i], panda.q_max[i]]))
-    design = MapDesign(catch_joint=i, q_catch=q_catch, kappa=kappa, inward=inward, free=free,
-                       coupling=coupling, slope=slope)  # fmt: skip
+    design = MapDesign(
+        catch_joint=i,
+        q_catch=q_catch,
+        kappa=kappa,
+        inward=inward,
+        free=free,
+        coupling=coupling,
+        slope=slope,
+    )
     g, w, dp = tangent_of(panda, design), scratch_of(4), rng.uniform(-2.0, 2.0, 3)
     q, dq = rng.uniform(-1.0, 1.0, 4), g.A @ dp
 
@@ -101,8 +114,9 @@ def test_at_the_catch_a_map_with_joints_that_follow_meets_position_and_velocity(
 ) -> None:
     """q_d moves the hand with the ball whatever alpha is; the further joint takes its part."""
     rng = np.random.default_rng(seed)
-    design = MapDesign(catch_joint=2, q_catch=-1.4, free=(0, 1, 2), coupling=((0.2, -0.3, 0.8),),
-                       slope=slope)  # fmt: skip
+    design = MapDesign(
+        catch_joint=2, q_catch=-1.4, free=(0, 1, 2), coupling=((0.2, -0.3, 0.8),), slope=slope
+    )
     f = unlearned(panda, design)
     f = f.with_alpha(rng.normal(size=f.alpha.shape))
     q_o = panda.q_ready + rng.uniform(-0.2, 0.2, 4)
@@ -165,9 +179,12 @@ def by_formula(plane: Array, q1: float, q2: float, s: float) -> Array:
 
 
 @given(
-    q1=st.floats(-2.0, 2.0), q2=st.floats(-1.0, 1.5), s=st.floats(-6.0, 1.0),
-    q_catch=st.floats(0.5, 2.2), kappa=st.floats(1.0, 4.0),
-)  # fmt: skip
+    q1=st.floats(-2.0, 2.0),
+    q2=st.floats(-1.0, 1.5),
+    s=st.floats(-6.0, 1.0),
+    q_catch=st.floats(0.5, 2.2),
+    kappa=st.floats(1.0, 4.0),
+)
 def test_the_seven_figures_say_where_l_c_is(
     arm: Arm, q1: float, q2: float, s: float, q_catch: float, kappa: float
 ) -> None:

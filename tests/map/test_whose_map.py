@@ -100,9 +100,11 @@ def test_other_limits_of_the_same_arm_are_those_that_judge(
     """A catcher's verdict is that of the map bound to its arm; what cannot be bound is refused."""
     other, (*maps, rival) = LIMITS[kind](arm), generators(learned)
     ball = BallState(
-        t=0.0, r_o=np.array([2.7, 0.1, 0.55]), dr_o=np.array([-5.6, -0.1, 1.4]),
+        t=0.0,
+        r_o=np.array([2.7, 0.1, 0.55]),
+        dr_o=np.array([-5.6, -0.1, 1.4]),
         covariance=1e-8 * np.eye(6),
-    )  # fmt: skip
+    )
     for generator in maps:
         used = for_arm(other, generator)[0]
         bound = [f.arm for f in (used.as_map(),) if f is not None]

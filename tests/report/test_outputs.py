@@ -53,11 +53,20 @@ def finished(thrown: FinishedRun, tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 def trial(index: int, status: str) -> Trial:
     """Return a trial with a status."""
     return Trial(
-        index=index, status=status, t_catch_s=None, position_error_mm=None,
-        velocity_error_m_s=None, peak_torque_ratio=[0.0], peak_speed_ratio=[0.0],
-        limit_violations=0, demand_cost=0.0, peak_contact_force_n=None, binding_limit=None,
-        saturated_ticks=0, range_excess_rad=0.0,
-    )  # fmt: skip
+        index=index,
+        status=status,
+        t_catch_s=None,
+        position_error_mm=None,
+        velocity_error_m_s=None,
+        peak_torque_ratio=[0.0],
+        peak_speed_ratio=[0.0],
+        limit_violations=0,
+        demand_cost=0.0,
+        peak_contact_force_n=None,
+        binding_limit=None,
+        saturated_ticks=0,
+        range_excess_rad=0.0,
+    )
 
 
 def summary(statuses: Sequence[str]) -> dict[str, object]:

@@ -109,6 +109,7 @@ def test_the_ball_is_drawn_where_the_plant_has_it(arm: Arm) -> None:
     corners, colours = placed(model, bodies, data.qpos, np.zeros((0, 3)))
     start = sum(len(f) for f, _ in bodies[:ball])
     mine = corners[start : start + len(bodies[ball][0])].reshape(-1, 3)
-    np.testing.assert_allclose(0.5 * (mine.min(axis=0) + mine.max(axis=0)), data.xpos[ball],
-                               atol=1e-3)  # fmt: skip
+    np.testing.assert_allclose(
+        0.5 * (mine.min(axis=0) + mine.max(axis=0)), data.xpos[ball], atol=1e-3
+    )
     assert corners.shape == (len(colours), 3, 3)

@@ -43,10 +43,12 @@ _FACETS = 0.07
         (capsule(0.05, 0.4), np.pi * 0.05**2 * 0.4 + 4.0 / 3.0 * np.pi * 0.05**3),
         (sphere(0.04), 4.0 / 3.0 * np.pi * 0.04**3),
         (cylinder(0.04, 0.02), np.pi * 0.04**2 * 0.02),
-        (rod(np.array([0.1, 0.2, 0.3]), np.array([0.1, 0.6, 0.3]), 0.05),
-         np.pi * 0.05**2 * 0.4 + 4.0 / 3.0 * np.pi * 0.05**3),
+        (
+            rod(np.array([0.1, 0.2, 0.3]), np.array([0.1, 0.6, 0.3]), 0.05),
+            np.pi * 0.05**2 * 0.4 + 4.0 / 3.0 * np.pi * 0.05**3,
+        ),
     ],
-)  # fmt: skip
+)
 def test_meshes_enclose_the_volume_of_their_shapes(mesh: Trimesh, volume: float) -> None:
     """Closed, facing outwards, and no larger than the round shape that they stand for."""
     assert (1.0 - _FACETS) * volume < mesh.volume < volume

@@ -99,9 +99,14 @@ def test_the_same_data_give_the_same_text_and_are_left_alone(
 def test_every_axis_names_its_unit(plots: list[Plot]) -> None:
     """Each figure with quantities on its axes writes units in brackets."""
     wanted = {
-        "fig7": "[1]", "fig8": "[m]", "fig9": "[s]", "fig10": "[rad]", "fig11": "[N m]",
-        "errors": "[mm]", "releases": "[m]",
-    }  # fmt: skip
+        "fig7": "[1]",
+        "fig8": "[m]",
+        "fig9": "[s]",
+        "fig10": "[rad]",
+        "fig11": "[N m]",
+        "errors": "[mm]",
+        "releases": "[m]",
+    }
     found = {p.name: p.svg for p in plots}
     for name, unit in wanted.items():
         assert unit in found[name], name
@@ -141,8 +146,9 @@ def test_fig_10_draws_the_arm_where_its_encoders_were(arm: Arm, direct: LoggedTr
     q = log.encoders[shown, 0, 0]
     times = np.interp(x, [x.min(), x.max()], [0.0, log.t[shown][-1]])
     angles = q.min() + (y.max() - y) / np.ptp(y) * np.ptp(q)
-    np.testing.assert_allclose(angles, np.interp(times, log.t, log.encoders[:, 0, 0]),
-                               atol=_ON_PAGE * np.ptp(q))  # fmt: skip
+    np.testing.assert_allclose(
+        angles, np.interp(times, log.t, log.encoders[:, 0, 0]), atol=_ON_PAGE * np.ptp(q)
+    )
 
 
 def test_feedback_share_is_that_of_the_formula(direct: LoggedTrial) -> None:
@@ -175,8 +181,9 @@ def test_pictures_come_every_33_ms_and_one_shows_the_catch(
 
 def test_throws_without_contact_can_be_drawn(direct: LoggedTrial) -> None:
     """A run in which nothing was touched still has its figures."""
-    missed = asdict(replace(direct.trial, status="missed", position_error_mm=None,
-                            velocity_error_m_s=None))  # fmt: skip
+    missed = asdict(
+        replace(direct.trial, status="missed", position_error_mm=None, velocity_error_m_s=None)
+    )
     assert "no ball was touched" in contact_errors([missed]).svg
     assert "missed (1)" in releases([missed], np.array([[3.0, 0.0, 0.0]])).svg
 

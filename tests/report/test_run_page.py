@@ -23,9 +23,13 @@ _VOID = {"meta", "img", "link", "br", "hr", "input"}
 _LOADING = ("src", "href", "srcset", "data", "poster", "action")
 _HOSTILE = "<script>alert('x')</script>\"&'"
 _HEAD: dict[str, object] = {
-    "version": "0.1.0", "arm": "wam", "limits": "paper", "generator": "direct",
-    "vision": "points", "seed": 7,
-}  # fmt: skip
+    "version": "0.1.0",
+    "arm": "wam",
+    "limits": "paper",
+    "generator": "direct",
+    "vision": "points",
+    "seed": 7,
+}
 
 
 class _Reader(HTMLParser):
@@ -76,14 +80,31 @@ def _read(page: str) -> _Reader:
 
 def _result(direct: LoggedTrial, **head: object) -> dict[str, Any]:
     """Return a result of three throws: caught, dropped, missed."""
-    caught = replace(direct.trial, status="caught", position_error_mm=3.25,
-                     velocity_error_m_s=0.875, peak_contact_force_n=41.0,
-                     limit_violations=0)  # fmt: skip
-    dropped = replace(caught, index=1, status="dropped", binding_limit="torque:j2",
-                      position_error_mm=9.5, limit_violations=17)  # fmt: skip
-    missed = replace(caught, index=2, status="missed", binding_limit="domain",
-                     position_error_mm=None, velocity_error_m_s=None,
-                     peak_contact_force_n=None)  # fmt: skip
+    caught = replace(
+        direct.trial,
+        status="caught",
+        position_error_mm=3.25,
+        velocity_error_m_s=0.875,
+        peak_contact_force_n=41.0,
+        limit_violations=0,
+    )
+    dropped = replace(
+        caught,
+        index=1,
+        status="dropped",
+        binding_limit="torque:j2",
+        position_error_mm=9.5,
+        limit_violations=17,
+    )
+    missed = replace(
+        caught,
+        index=2,
+        status="missed",
+        binding_limit="domain",
+        position_error_mm=None,
+        velocity_error_m_s=None,
+        peak_contact_force_n=None,
+    )
     return result([caught, dropped, missed], Stopwatch(), {**_HEAD, **head})
 
 
@@ -120,8 +141,21 @@ def test_the_page_is_well_formed(page: str) -> None:
 
 def test_the_page_holds_every_figure(page: str) -> None:
     """Figs. 7 to 12 of the paper, ours, the replay and Table 1 are all there."""
-    wanted = {"fig7", "fig8", "fig9", "fig10", "fig11", "fig12", "errors", "releases",
-              "replay-3d", "table-1", "failures", "trials", "summary"}  # fmt: skip
+    wanted = {
+        "fig7",
+        "fig8",
+        "fig9",
+        "fig10",
+        "fig11",
+        "fig12",
+        "errors",
+        "releases",
+        "replay-3d",
+        "table-1",
+        "failures",
+        "trials",
+        "summary",
+    }
     assert wanted <= set(_read(page).ids)
 
 

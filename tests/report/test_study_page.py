@@ -32,8 +32,17 @@ def folder(tmp_path_factory: pytest.TempPathFactory, learned: Learned) -> Folder
 
 def test_the_page_has_all_its_sections_and_loads_nothing(folder: Folder) -> None:
     page = (folder.path / "report.html").read_text()
-    for name in ("summary", "sweeps", "conditions", "paired", "even", "reach", "effort", "worst",
-                 "rows"):  # fmt: skip
+    for name in (
+        "summary",
+        "sweeps",
+        "conditions",
+        "paired",
+        "even",
+        "reach",
+        "effort",
+        "worst",
+        "rows",
+    ):
         assert f'<section id="{name}">' in page
     assert not re.search(r'(?:src|href)="(?:https?:)?//', page)
     assert "nan" not in re.sub(r"<style>.*?</style>", "", page, flags=re.DOTALL).lower().split()
@@ -63,24 +72,45 @@ def test_the_page_is_the_same_when_it_is_made_again(folder: Folder) -> None:
 
 def _row(generator: str, value: float, rate: float) -> dict[str, object]:
     """Return what the tables read of a row."""
-    return {"generator": generator, "condition": f"x {value:g}", "disturbance": "x",
-            "value": value, "unit": "ms", "catch_rate": rate}  # fmt: skip
+    return {
+        "generator": generator,
+        "condition": f"x {value:g}",
+        "disturbance": "x",
+        "value": value,
+        "unit": "ms",
+        "catch_rate": rate,
+    }
 
 
 def test_break_even_is_where_the_line_between_two_values_crosses() -> None:
-    rows = [_row("direct", 0.0, 1.0), _row("direct", 10.0, 0.0),
-            _row("ik", 0.0, 0.8), _row("ik", 10.0, 0.2)]  # fmt: skip
+    rows = [
+        _row("direct", 0.0, 1.0),
+        _row("direct", 10.0, 0.0),
+        _row("ik", 0.0, 0.8),
+        _row("ik", 10.0, 0.2),
+    ]
     table = break_even(rows)
     assert str(table).count("'5 ms'") == 3  # half of each, and level with each other
-    level = [_row("direct", 0.0, 1.0), _row("direct", 10.0, 0.9),
-             _row("ik", 0.0, 0.8), _row("ik", 10.0, 0.7)]  # fmt: skip
+    level = [
+        _row("direct", 0.0, 1.0),
+        _row("direct", 10.0, 0.9),
+        _row("ik", 0.0, 0.8),
+        _row("ik", 10.0, 0.7),
+    ]
     assert "never: direct ahead" in str(break_even(level))
     assert list(sweeps_of(rows)) == ["x"]
 
 
 def test_paired_tests_name_the_sure_differences(study: Study) -> None:
-    pair = {"pairs": 100, "only_direct": 30, "only_this": 2, "p": 1e-6, "p_holm": 2e-6,
-            "difference": -0.28, "difference_ci95": [-0.38, -0.17]}  # fmt: skip
+    pair = {
+        "pairs": 100,
+        "only_direct": 30,
+        "only_this": 2,
+        "p": 1e-6,
+        "p_holm": 2e-6,
+        "difference": -0.28,
+        "difference_ci95": [-0.38, -0.17],
+    }
     rows = [{"condition": "clean", "generator": "unoptimised", "against_direct": pair}]
     assert "-28 (-38 to -17), 30 : 2, p 0.0001" in str(paired_tests(study, rows))
 

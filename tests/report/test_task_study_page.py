@@ -59,15 +59,28 @@ Trials = Sequence[dict[str, Any]]
 
 def _hit(miss: float, **more: Any) -> dict[str, Any]:  # noqa: ANN401 (a field of a trial)
     """Return a trial of batting that missed the target by so much [m]."""
-    return {"status": "hit", "miss_m": miss, "off_middle_mm": 4.0, "peak_contact_force_n": 30.0,
-            "peak_acceleration": [10.0, 20.0], "limit_violations": 0} | more  # fmt: skip
+    return {
+        "status": "hit",
+        "miss_m": miss,
+        "off_middle_mm": 4.0,
+        "peak_contact_force_n": 30.0,
+        "peak_acceleration": [10.0, 20.0],
+        "limit_violations": 0,
+    } | more
 
 
 def _met(error: float, **more: Any) -> dict[str, Any]:  # noqa: ANN401 (a field of a trial)
     """Return a meeting that was off by so much [mm]."""
-    return {"status": "met", "in_sync_s": 0.2, "position_error_mm": error, "placed": True,
-            "velocity_error_m_s": 0.012, "peak_acceleration": [3.0, 8.0], "limit_violations": 0,
-            "peak_contact_force_n": 7.0} | more  # fmt: skip
+    return {
+        "status": "met",
+        "in_sync_s": 0.2,
+        "position_error_mm": error,
+        "placed": True,
+        "velocity_error_m_s": 0.012,
+        "peak_acceleration": [3.0, 8.0],
+        "limit_violations": 0,
+        "peak_contact_force_n": 7.0,
+    } | more
 
 
 LOST: dict[str, Any] = {"status": "missed", "peak_acceleration": [1.0, 2.0], "limit_violations": 0}
@@ -75,8 +88,12 @@ LOST: dict[str, Any] = {"status": "missed", "peak_acceleration": [1.0, 2.0], "li
 
 def _refused(why: str) -> dict[str, Any]:
     """Return a trial that was refused by a limit."""
-    return {"status": "unreachable", "binding_limit": why, "peak_acceleration": [],
-            "limit_violations": 0}  # fmt: skip
+    return {
+        "status": "unreachable",
+        "binding_limit": why,
+        "peak_acceleration": [],
+        "limit_violations": 0,
+    }
 
 
 def _summed(
@@ -115,10 +132,12 @@ def _tables(page: str) -> dict[str, list[list[str]]]:
     """Return the tables of a page by their headings: rows of cells."""
     tables = re.findall(r"<h3>(.*?)</h3>\s*(.*?)</table>", page, re.DOTALL)
     return {
-        name: [re.findall(r"<td[^>]*>(.*?)</td>", row, re.DOTALL)
-               for row in re.findall(r"<tr>(.*?)</tr>", text, re.DOTALL)[1:]]
+        name: [
+            re.findall(r"<td[^>]*>(.*?)</td>", row, re.DOTALL)
+            for row in re.findall(r"<tr>(.*?)</tr>", text, re.DOTALL)[1:]
+        ]
         for name, text in tables
-    }  # fmt: skip
+    }
 
 
 def test_a_table_counts_trials_and_gives_medians_of_those_that_have_a_figure(
@@ -130,10 +149,20 @@ def test_a_table_counts_trials_and_gives_medians_of_those_that_have_a_figure(
     rows = _summed(study, {("usual", "direct"): usual, ("usual", "ik"): [LOST] * 4}, tmp_path)
     page = pages.task_study_page(study, rows)
     assert _tables(page)["usual"] == [
-        ["direct", "3 of 4", "30.1\u201395.4", "2.0 (2.8)", "4.0 (4.0)", "20 (20)", "30 (30)",
-         "1", "torque", "1"],
+        [
+            "direct",
+            "3 of 4",
+            "30.1\u201395.4",
+            "2.0 (2.8)",
+            "4.0 (4.0)",
+            "20 (20)",
+            "30 (30)",
+            "1",
+            "torque",
+            "1",
+        ],
         ["ik", "0 of 4", "0.0\u201349.0", *["\u2013"] * 2, "2 (2)", "\u2013", "0", "\u2013", "0"],
-    ]  # fmt: skip
+    ]
     assert "small: 8 trials" in page
     assert "14 of 16 cells are not complete" in page
     assert len(drawn) == 1
@@ -149,10 +178,13 @@ def test_a_map_shows_of_each_cell_what_became_of_its_balls(
         (-1, 0.0, 5.0): ([_hit(0.02)] * 8, "2.0", ""),
         (-1, 0.0, 6.0): ([_hit(0.03), _hit(0.05)] * 4, "4.0", ""),
         (0, -0.5, 5.0): ([_hit(0.12)] * 6 + [LOST] * 2, "12", "25 lost"),
-        (1, 0.5, 6.0): ([_hit(0.4)] * 2 + [_refused("torque")] * 4 + [LOST] * 2, "40",
-                        "50 ref., 25 lost"),
+        (1, 0.5, 6.0): (
+            [_hit(0.4)] * 2 + [_refused("torque")] * 4 + [LOST] * 2,
+            "40",
+            "50 ref., 25 lost",
+        ),
         (2, -0.5, 5.0): ([_refused("speed")] * 8, "\u2013", "100 ref."),
-    }  # fmt: skip
+    }
     trials = {}
     for c in cells:
         assert c.moved is not None
@@ -179,8 +211,9 @@ def test_a_map_shows_of_each_cell_what_became_of_its_balls(
             if axis in (k, -1)
         }
         assert _said(axes) == wanted
-    shades = [_shade(panels[k], at) for k, at in ((0, (1, 0)), (0, (1, 1)), (0, (0, 0)),
-                                                 (1, (2, 1)))]  # fmt: skip
+    shades = [
+        _shade(panels[k], at) for k, at in ((0, (1, 0)), (0, (1, 1)), (0, (0, 0)), (1, (2, 1)))
+    ]
     assert np.all(np.diff([sum(x) for x in shades]) < 0.0)
     assert _shade(panels[2], (0, 0)) == to_rgb(BAND)
 
@@ -196,8 +229,11 @@ def _said(axes: Axes) -> dict[tuple[int, int], list[str]]:
 
 def _shade(axes: Axes, at: tuple[int, int]) -> tuple[float, ...]:
     """Return the colour of a cell."""
-    (cell,) = (x for x in axes.patches if isinstance(x, Rectangle)
-               and x.get_xy() == (at[0] - 0.5, at[1] - 0.5))  # fmt: skip
+    (cell,) = (
+        x
+        for x in axes.patches
+        if isinstance(x, Rectangle) and x.get_xy() == (at[0] - 0.5, at[1] - 0.5)
+    )
     return to_rgb(cell.get_facecolor())
 
 
@@ -219,9 +255,18 @@ def test_errors_stand_at_the_rates_of_those_that_plan(tmp_path: Path, drawn: lis
     tables = _tables(page)
     assert [row[0] for row in tables["belt"]] == ["direct", "mpc 50 Hz", "mpc 200 Hz", "line"]
     assert [row[0] for row in tables["hand"]] == ["direct", "mpc 50 Hz", "mpc 200 Hz"]
-    assert tables["belt"][0][1:] == ["3 of 4", "30.1\u201395.4", "2.0 (7.6)", "0.012 (0.012)",
-                                     "8 (8)", "7 (7)", "0.200 (0.200)", "1", "area",
-                                     "0"]  # fmt: skip
+    assert tables["belt"][0][1:] == [
+        "3 of 4",
+        "30.1\u201395.4",
+        "2.0 (7.6)",
+        "0.012 (0.012)",
+        "8 (8)",
+        "7 (7)",
+        "0.200 (0.200)",
+        "1",
+        "area",
+        "0",
+    ]
     assert tables["hand"][0][-4:] == ["0.100 (0.100)", "0", "\u2013", "4"]
     assert tables["hand"][1][-3:] == ["4", "torque", "0"]
     belt, hand, unused = drawn[0].axes
@@ -235,8 +280,11 @@ def test_errors_stand_at_the_rates_of_those_that_plan(tmp_path: Path, drawn: lis
 
 def _across(axes: Axes) -> dict[str, float]:
     """Return the heights of lines across a panel, by name."""
-    return {str(x.get_label()): float(np.asarray(x.get_ydata())[0]) for x in axes.lines
-            if list(np.asarray(x.get_xdata())) == [0, 1]}  # fmt: skip
+    return {
+        str(x.get_label()): float(np.asarray(x.get_ydata())[0])
+        for x in axes.lines
+        if list(np.asarray(x.get_xdata())) == [0, 1]
+    }
 
 
 def _by_rate(axes: Axes) -> dict[str, list[tuple[float, ...]]]:

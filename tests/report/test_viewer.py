@@ -51,8 +51,17 @@ def test_the_ellipsoid_is_the_covariance(seed: int) -> None:
 def test_the_way_is_the_flight_to_the_floor() -> None:
     """Each point is where the flight model puts the ball; the last one is above the floor."""
     r, dr = np.array([3.0, 0.1, 0.4]), np.array([-6.0, 0.0, 2.5])
-    ball = BallState(t=0.0, tracked=True, r_o=r, dr_o=dr, ddr_o=np.zeros(3), drag=0.05,
-                     covariance=np.zeros((6, 6)), t_seen=0.0, t_first=0.0)  # fmt: skip
+    ball = BallState(
+        t=0.0,
+        tracked=True,
+        r_o=r,
+        dr_o=dr,
+        ddr_o=np.zeros(3),
+        drag=0.05,
+        covariance=np.zeros((6, 6)),
+        t_seen=0.0,
+        t_first=0.0,
+    )
     found = way(r, dr, 0.05, -1.0)
     for k in (1, 10, len(found) - 1):
         np.testing.assert_allclose(found[k], forecast(ball, 0.01 * k).r_o, atol=1e-6)

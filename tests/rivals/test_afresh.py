@@ -33,7 +33,8 @@ from mitt.verdict.feasibility import Verdict
 from mitt.world.scene import named_scene
 
 #: Ticks for which a ball is watched, and followed.
-WATCHED, FOLLOWED = 3, 5
+WATCHED = 3
+FOLLOWED = 5
 Flight = Callable[[float], BallState]
 
 
@@ -102,9 +103,14 @@ def flying(r: Array, dr: Array) -> Flight:
     """Return estimates of a ball that flies, known exactly."""
     g = np.array([0.0, 0.0, -GRAVITY])
     return lambda t: BallState(
-        t=t, r_o=r + t * dr + 0.5 * t * t * g, dr_o=dr + t * g, ddr_o=g,
-        covariance=1e-8 * np.eye(6), t_seen=t, t_first=0.0,
-    )  # fmt: skip
+        t=t,
+        r_o=r + t * dr + 0.5 * t * t * g,
+        dr_o=dr + t * g,
+        ddr_o=g,
+        covariance=1e-8 * np.eye(6),
+        t_seen=t,
+        t_first=0.0,
+    )
 
 
 GOOD = flying(np.array([2.6, 0.05, 0.5]), np.array([-5.2, -0.05, 1.3]))
@@ -180,7 +186,14 @@ def test_what_meets(name: str) -> None:
 
     def part(speed: float) -> Flight:
         dr = np.array([0.0, speed, 0.0])
-        return lambda t: BallState(t=t, r_o=start + t * dr, dr_o=dr, ddr_o=np.zeros(3), led=True,
-                                   covariance=1e-8 * np.eye(6), t_seen=t)  # fmt: skip
+        return lambda t: BallState(
+            t=t,
+            r_o=start + t * dr,
+            dr_o=dr,
+            ddr_o=np.zeros(3),
+            led=True,
+            covariance=1e-8 * np.eye(6),
+            t_seen=t,
+        )
 
     holds(make_meeter(name, meeting, rate=50.0), part(0.15), part(0.1), arm)

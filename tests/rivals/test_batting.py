@@ -19,7 +19,8 @@ from mitt.world.scene import named_scene
 
 TARGET = np.array([3.0, 0.0, 0.3])
 #: How far joints may be from what the contact asks for [rad, rad/s].
-NEAR, SLOW = 2e-3, 0.05
+NEAR = 2e-3
+SLOW = 0.05
 RIVALS = [name for name in BATTERS if name != "direct"]
 
 
@@ -42,9 +43,15 @@ def _ball(t: float, met: np.ndarray, left: float) -> BallState:
     ddr = np.empty(3)
     acceleration(dr, 0.04, ddr)
     return BallState(
-        t=t, r_o=r, dr_o=dr, ddr_o=ddr, covariance=1e-9 * np.eye(6),
-        drag=0.04, t_seen=t, t_first=-0.1,
-    )  # fmt: skip
+        t=t,
+        r_o=r,
+        dr_o=dr,
+        ddr_o=ddr,
+        covariance=1e-9 * np.eye(6),
+        drag=0.04,
+        t_seen=t,
+        t_first=-0.1,
+    )
 
 
 @pytest.mark.parametrize("name", RIVALS)

@@ -24,9 +24,11 @@ from mitt.world.throws import Throw, fly
 pytest.importorskip("casadi")
 
 #: Agreement of expressions and Pinocchio; of the plan's end and the ball [m, m/s].
-EXACT, MET = 1e-10, 1e-3
+EXACT = 1e-10
+MET = 1e-3
 #: Drag of the thrown ball [1/m], and when the plan starts [s].
-DRAG, START = 0.04, 0.08
+DRAG = 0.04
+START = 0.08
 
 
 @pytest.fixture(name="model", scope="module")

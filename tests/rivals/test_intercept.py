@@ -45,7 +45,8 @@ from mitt.verdict.feasibility import Outcome
 
 seeds = st.integers(0, 2**31)
 #: Residuals of positions [m] and of central differences.
-EXACT, CLOSE = 1e-8, 1e-4
+EXACT = 1e-8
+CLOSE = 1e-4
 
 
 def _angles(seed: int) -> Array:

@@ -19,7 +19,8 @@ from mitt.world.scene import scene_of
 
 ALONG = np.array([0.0, 1.0, 0.0])
 #: At the end of the way: what is left [m, m/s].
-NEAR, SLOW = 1e-3, 1e-2
+NEAR = 1e-3
+SLOW = 1e-2
 
 
 @pytest.fixture(scope="module")

@@ -18,7 +18,8 @@ from mitt.signals import Array, BallState
 
 seeds = st.integers(0, 2**31)
 #: Boundary conditions met by polynomials, and by solvers.
-EXACT, SOLVED = 1e-8, 1e-4
+EXACT = 1e-8
+SOLVED = 1e-4
 #: When the plans start [s].
 START = 0.1
 

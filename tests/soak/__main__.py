@@ -21,10 +21,19 @@ _HARMFUL = Path("runs/soak")
 def main() -> int:
     """Run all parts."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
-    for name, default in (("commands", 20_000_000), ("ticks", 5_000), ("files", 300),
-                          ("calls", 20_000), ("processes", 6), ("kills", 3),
-                          ("run_kills", 2), ("swings", 70), ("run_signals", 4), ("study_kills", 2),
-                          ("seed", 1)):  # fmt: skip
+    for name, default in (
+        ("commands", 20_000_000),
+        ("ticks", 5_000),
+        ("files", 300),
+        ("calls", 20_000),
+        ("processes", 6),
+        ("kills", 3),
+        ("run_kills", 2),
+        ("swings", 70),
+        ("run_signals", 4),
+        ("study_kills", 2),
+        ("seed", 1),
+    ):
         parser.add_argument(f"--{name.replace('_', '-')}", type=int, default=default, metavar="N")
     options = parser.parse_args()
     faulthandler.enable()  # a crash of the interpreter says where
@@ -75,8 +84,18 @@ def main() -> int:
         "study_faults": int(again.pop("faults")),
     }
     print(json.dumps(result))  # noqa: T201
-    bad = ("violations", "non_finite", "tick_faults", "call_faults", "file_faults", "unreadable",
-           "swing_command_faults", "swing_arm_faults", "run_faults", "study_faults")  # fmt: skip
+    bad = (
+        "violations",
+        "non_finite",
+        "tick_faults",
+        "call_faults",
+        "file_faults",
+        "unreadable",
+        "swing_command_faults",
+        "swing_arm_faults",
+        "run_faults",
+        "study_faults",
+    )
     return int(any(result[key] for key in bad))
 
 

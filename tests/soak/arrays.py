@@ -121,11 +121,16 @@ _REFUSED: Final = object()
 """Stands for the result of a call that was refused."""
 
 _IGNORED: Final = {
-    "unoptimised.adapt": ("ball", "q", "dq"), "unoptimised.unsettled": ("ball", "q"),
-    "unoptimised.returns": ("ball",), "unoptimised.waiting": ("ball",),
-    "direct.unsettled": ("q",), "refining.unsettled": ("q",), "family.unsettled": ("q",),
-    "rival.unsettled": ("q",), "forecast": (),
-}  # fmt: skip
+    "unoptimised.adapt": ("ball", "q", "dq"),
+    "unoptimised.unsettled": ("ball", "q"),
+    "unoptimised.returns": ("ball",),
+    "unoptimised.waiting": ("ball",),
+    "direct.unsettled": ("q",),
+    "refining.unsettled": ("q",),
+    "family.unsettled": ("q",),
+    "rival.unsettled": ("q",),
+    "forecast": (),
+}
 """Parameters that a function has because others of its kind do, and does not look at."""
 
 
@@ -147,9 +152,13 @@ def _fits(name: str, wanted: str, value: Value) -> bool:
 
 
 def _call(
-    name: str, call: Callable[..., Value], given: dict[str, Value], count: Count, *,
+    name: str,
+    call: Callable[..., Value],
+    given: dict[str, Value],
+    count: Count,
+    *,
     must: bool = False,
-) -> Value:  # fmt: skip
+) -> Value:
     """Make a call; note what ends neither in a result nor in an error of one line."""
     count.calls += 1
     wanted = name[name.rindex("(") + 1 : -1]
@@ -201,8 +210,9 @@ def _jobs(examples: Examples) -> list[_Job]:
         for name, taken in methods(thing):
             right = {
                 p.name: examples.example(kind, name, p.name)
-                for p in taken if p.default is inspect.Parameter.empty
-            }  # fmt: skip
+                for p in taken
+                if p.default is inspect.Parameter.empty
+            }
             jobs.append((f"{place}.{name}", thing, name, right))
     return jobs
 

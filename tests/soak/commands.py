@@ -13,10 +13,13 @@ from mitt.kernels import kernel
 from mitt.signals import TICK, Array
 
 #: Excess beyond a limit that is rounding, and how far inside a wish must be to pass untouched.
-ROUNDING, INSIDE = 1e-9, 1e-9
+ROUNDING = 1e-9
+INSIDE = 1e-9
 #: Ticks for which one adversary drives one joint, and one with a jerk limit. Of so many commands
 #: one is to such a joint: its way to standstill is walked each time.
-EPISODE, SMOOTH_EPISODE, SMOOTH_SHARE = 500, 3000, 50
+EPISODE = 500
+SMOOTH_EPISODE = 3000
+SMOOTH_SHARE = 50
 
 #: What an adversary does.
 STEADY, WANDER, JUMP, BANG, HUGE, BROKEN, EDGE, TINY = range(8)

@@ -35,9 +35,17 @@ _R, _DR, _DDR = (np.array(x) for x in ((2.5, 0.125, 0.5), (-5.5, 0.0, 2.0), (0.2
 def ball_of(**changed: Value) -> "mitt.BallState":
     """Return an estimate of a ball in flight."""
     values: dict[str, Value] = {
-        "t": 0.25, "tracked": True, "r_o": _R, "dr_o": _DR, "ddr_o": _DDR, "drag": 0.03125,
-        "covariance": 2.0**-16 * np.eye(6), "t_seen": 0.25, "t_first": 0.125, "led": False,
-    }  # fmt: skip
+        "t": 0.25,
+        "tracked": True,
+        "r_o": _R,
+        "dr_o": _DR,
+        "ddr_o": _DDR,
+        "drag": 0.03125,
+        "covariance": 2.0**-16 * np.eye(6),
+        "t_seen": 0.25,
+        "t_first": 0.125,
+        "led": False,
+    }
     return mitt.BallState(**(values | changed))
 
 
@@ -53,18 +61,42 @@ class Examples:
         n, links = arm.n, len(arm.model.links)
         q, grey = np.round(64.0 * arm.q_ready) / 64.0, np.zeros((128, 128), np.uint8)
         self.values: dict[str, Value] = {
-            "q": q, "dq": 0.0 * q, "ddq": 0.0 * q, "q_o": q, "x": q, "tau": np.ones(links),
-            "tau_drive": np.ones(links), "dq_drive": np.zeros(links), "share": np.ones(links),
-            "motion": np.array([[q, 0.0 * q, 0.0 * q]]), "r_o": _R, "t": 0.25, "mass": 0.125,
-            "path": np.array([[_R, _DR, _DDR]]), "alpha": f.alpha.copy(), "angle": 0.5,
-            "at": np.array([0.0, 0.0, 0.125]), "inertia": np.zeros((3, 3)), "seed": 3,
-            "ball": ball_of(), "state": ball_of(), "senses": self._senses(q),
+            "q": q,
+            "dq": 0.0 * q,
+            "ddq": 0.0 * q,
+            "q_o": q,
+            "x": q,
+            "tau": np.ones(links),
+            "tau_drive": np.ones(links),
+            "dq_drive": np.zeros(links),
+            "share": np.ones(links),
+            "motion": np.array([[q, 0.0 * q, 0.0 * q]]),
+            "r_o": _R,
+            "t": 0.25,
+            "mass": 0.125,
+            "path": np.array([[_R, _DR, _DDR]]),
+            "alpha": f.alpha.copy(),
+            "angle": 0.5,
+            "at": np.array([0.0, 0.0, 0.125]),
+            "inertia": np.zeros((3, 3)),
+            "seed": 3,
+            "ball": ball_of(),
+            "state": ball_of(),
+            "senses": self._senses(q),
             "sighting": Sighting(t=0.25, found=True, r_o=_R, covariance=2.0**-20 * np.eye(3)),
-            "frames": (), "least": 0.0, "other": f,
+            "frames": (),
+            "least": 0.0,
+            "other": f,
             "views": [tuple(Frame(t=0.0, camera=k, number=0, pixels=grey) for k in range(2))],
-            "arm": arm, "generator": Direct(f), "todo": 0, "since": 0.0,
-            "gap": 2.0**-10, "known": True, "alone": False, "torques": 0.0 * q,
-        }  # fmt: skip
+            "arm": arm,
+            "generator": Direct(f),
+            "todo": 0,
+            "since": 0.0,
+            "gap": 2.0**-10,
+            "known": True,
+            "alone": False,
+            "torques": 0.0 * q,
+        }
         self.special: dict[str, dict[str, Value]] = {
             "DirectMap.virtual": {"ball": np.array([_R, _DR, _DDR])},
             "DirectMap.motion": {"ball": np.array([_R, _DR, _DDR])},
@@ -88,12 +120,20 @@ class Examples:
         direct = Direct(f)
         settings = CatcherSettings()
         return {
-            "arm": arm, "arm.model": arm.model, "arm.limits": arm.limits, "map": f,
-            "map.basis": f.basis, "direct": direct, "refining": refining(f),
-            "family": Family((direct,)), "unoptimised": Unoptimised(f),
-            "rival": make_quintic(f), "filter": BallFilter(), "eyes": eyes,
+            "arm": arm,
+            "arm.model": arm.model,
+            "arm.limits": arm.limits,
+            "map": f,
+            "map.basis": f.basis,
+            "direct": direct,
+            "refining": refining(f),
+            "family": Family((direct,)),
+            "unoptimised": Unoptimised(f),
+            "rival": make_quintic(f),
+            "filter": BallFilter(),
+            "eyes": eyes,
             "catcher": Catcher(arm, direct, eyes, settings=settings),
-        }  # fmt: skip
+        }
 
     def example(self, kind: str, method: str, name: str) -> Value:
         """Return a right value for a parameter of a class's method; KeyError without one."""
@@ -104,8 +144,10 @@ class Examples:
         """Return what makes a value, and right arguments for it."""
         f, q, ball = self.f, self.values["q"], ball_of()
         pixels, eye = np.zeros((128, 128), np.uint8), np.eye(3)
-        design = {name: getattr(f.design, name) for name in ("catch_joint", "q_catch", "kappa",
-                  "inward", "order", "free")}  # fmt: skip
+        design = {
+            name: getattr(f.design, name)
+            for name in ("catch_joint", "q_catch", "kappa", "inward", "order", "free")
+        }
         return {
             "BallState": (mitt.BallState, {x.name: getattr(ball, x.name) for x in fields(ball)}),
             "ArmState": (ArmState, {"t": 0.25, "q": q, "dq": 0.0 * q}),
@@ -115,11 +157,19 @@ class Examples:
             "Throw": (Throw, {"r": _R, "dr": _DR}),
             "MapDesign": (mitt.MapDesign, design),
             "DirectMap": (DirectMap, {x.name: getattr(f, x.name) for x in fields(f)}),
-            "Flight": (Flight, {"t": np.zeros(1), "ball": np.array([[_R, _DR, _DDR]]),
-                                "seen": np.array([_R, _DR, _DDR])}),
-            "forecast": (forecast, {"state": ball, "t": 0.375, "accel_density": 0.5,
-                                    "drag_sigma": 0.0}),
-        }  # fmt: skip
+            "Flight": (
+                Flight,
+                {
+                    "t": np.zeros(1),
+                    "ball": np.array([[_R, _DR, _DDR]]),
+                    "seen": np.array([_R, _DR, _DDR]),
+                },
+            ),
+            "forecast": (
+                forecast,
+                {"state": ball, "t": 0.375, "accel_density": 0.5, "drag_sigma": 0.0},
+            ),
+        }
 
     def refusals(self) -> dict[str, tuple[Callable[..., Value], dict[str, Value]]]:
         """Return functions that take long with right values: wrong ones are refused before."""
@@ -128,10 +178,12 @@ class Examples:
         parts = {"arm": arm, "generator": Direct(f), "eyes": eyes, "settings": settings}
         return {
             "learn": (mitt.learn, {"arm": arm, "design": f.design, "seed": 1}),
-            "simulate": (mitt.simulate, {"f": f, "throws": 1, "seed": 0, "scene": Scene(),
-                                         "pixels": False}),
+            "simulate": (
+                mitt.simulate,
+                {"f": f, "throws": 1, "seed": 0, "scene": Scene(), "pixels": False},
+            ),
             "build_arm": (build_arm, {"name_or_path": "wam"}),
             "Catcher": (Catcher, parts),
             "Arm": (Arm, {"model": arm.model, "limits": arm.limits}),
             "World": (World, {"scene": Scene(), "arm": arm.model}),
-        }  # fmt: skip
+        }

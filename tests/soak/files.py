@@ -22,7 +22,8 @@ from soak.samples import Sample
 
 #: Longest that a command may take of the processor, which other work may slow down [s], and most
 #: memory that it may add [byte].
-MOST_TIME, MOST_MEMORY = 5.0, 1_000_000_000
+MOST_TIME = 5.0
+MOST_MEMORY = 1_000_000_000
 #: Memory of a process that reads one file [byte]; MuJoCo and Numba reserve far more than they use.
 _ADDRESS_SPACE = 16_000_000_000
 

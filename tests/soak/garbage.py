@@ -19,13 +19,26 @@ ABSURD = (np.nan, np.inf, -np.inf, 1e300, -1e300, 1e18, -1e9, 5e-324)
 #: Longest that a fault lasts [ticks].
 _LONGEST = 60
 #: Images that are drawn once and shown again.
-_NOISES, _SIDE = 32, 128
+_NOISES = 32
+_SIDE = 128
 
 CLOCKS = ("stands", "back", "skips", "stalls", "hour", "absurd")
 ENCODERS = ("absurd", "all", "speed", "jump", "sign", "stuck", "noise")
 POINTS = ("none", "absurd", "far", "covariance", "flat", "lopsided", "stamp", "crowd", "not found")
-IMAGES = ("none", "one", "noise", "white", "black", "size", "stamp", "again", "swapped", "view",
-          "blobs", "heads")  # fmt: skip
+IMAGES = (
+    "none",
+    "one",
+    "noise",
+    "white",
+    "black",
+    "size",
+    "stamp",
+    "again",
+    "swapped",
+    "view",
+    "blobs",
+    "heads",
+)
 
 
 @final
@@ -106,8 +119,10 @@ def points(fault: str, t: float, r_o: Array, rng: np.random.Generator) -> tuple[
     if fault == "not found":
         return (replace(good, found=False),)
     if fault == "crowd":
-        return tuple(replace(good, t=t + 1e-3 * rng.standard_normal(),
-                             r_o=5.0 * rng.standard_normal(3)) for _ in range(4))  # fmt: skip
+        return tuple(
+            replace(good, t=t + 1e-3 * rng.standard_normal(), r_o=5.0 * rng.standard_normal(3))
+            for _ in range(4)
+        )
     if fault == "stamp":
         wrong = (absurd(rng), t - rng.random(), t + rng.random())
         return (replace(good, t=wrong[rng.integers(3)]),)

@@ -23,7 +23,9 @@ from mitt.map.mapping import unlearned
 from mitt.reading import read_json
 
 #: What is saved: a result, a page, a map.
-RESULT, PAGE, MAP = "result.json", "page.html", "map.json"
+RESULT = "result.json"
+PAGE = "page.html"
+MAP = "map.json"
 #: Longest that a victim lives after its first saves [s].
 _LIFE = 0.12
 _SIZE = 20_000

@@ -31,8 +31,14 @@ def chunk_of(data: bytes) -> bytes:
     """Return a chunk record that packs some records, with its checksum."""
     z = zstandard.ZstdCompressor(level=3).compress(data)
     record = RecordBuilder()
-    Chunk(data=z, compression="zstd", message_start_time=0, message_end_time=0,
-          uncompressed_crc=zlib.crc32(data), uncompressed_size=len(data)).write(record)  # fmt: skip
+    Chunk(
+        data=z,
+        compression="zstd",
+        message_start_time=0,
+        message_end_time=0,
+        uncompressed_crc=zlib.crc32(data),
+        uncompressed_size=len(data),
+    ).write(record)
     return bytes(record.end())
 
 

@@ -22,7 +22,8 @@ from soak.packing import packed, unpacked
 from soak.samples import CATCHING, Sample, no_learning
 
 #: Frames of the film; rounds of which one reads what takes long.
-_FRAMES, _RARELY = 12, 10
+_FRAMES = 12
+_RARELY = 10
 #: Ticks of the recording.
 _TICKS = 50
 
@@ -49,8 +50,16 @@ def _rig(folder: Path) -> Sample:
     path = folder / "rig.toml"
     for name in ("a.mkv", "b.mkv"):
         (folder / name).write_bytes(b"")
-    words = ("see", str(folder / "a.mkv"), str(folder / "b.mkv"), "--rig", str(path), "--check",
-             "--out", str(folder / "see.csv"))  # fmt: skip
+    words = (
+        "see",
+        str(folder / "a.mkv"),
+        str(folder / "b.mkv"),
+        "--rig",
+        str(path),
+        "--check",
+        "--out",
+        str(folder / "see.csv"),
+    )
     return Sample(name="rig", path=path, valid=_placed(folder).read_bytes(), command=words)
 
 
@@ -80,8 +89,17 @@ def _image(folder: Path) -> Sample:
         for k, pixels in enumerate(images):
             cv2.imwrite(str(folder / name / f"{k}.png"), pixels)
     path = folder / "left" / "7.png"
-    words = _written(folder, "see", folder / "left", folder / "right", "--fps", "1000", "--rig",
-                     _placed(folder), "--no-video")  # fmt: skip
+    words = _written(
+        folder,
+        "see",
+        folder / "left",
+        folder / "right",
+        "--fps",
+        "1000",
+        "--rig",
+        _placed(folder),
+        "--no-video",
+    )
     return Sample(name="image", path=path, valid=path.read_bytes(), command=words)
 
 
@@ -110,8 +128,17 @@ def _heads(folder: Path) -> Sample:
     path, right = folder / "left_head.csv", folder / "right_head.csv"
     valid = "\n".join(("image,pan_rad,tilt_rad", *rows)).encode()
     right.write_bytes(valid)
-    words = _written(folder, "calibrate", "--rig", _placed(folder), "--left-head", path,
-                     "--right-head", right, name="heads.toml")  # fmt: skip
+    words = _written(
+        folder,
+        "calibrate",
+        "--rig",
+        _placed(folder),
+        "--left-head",
+        path,
+        "--right-head",
+        right,
+        name="heads.toml",
+    )
     return Sample(name="heads", path=path, valid=valid, command=words)
 
 
@@ -122,8 +149,19 @@ def _moving(folder: Path) -> tuple[Path, Path, tuple[str, ...]]:
     log, points = folder / "arm_log.csv", folder / "seen.csv"
     log.write_bytes(_csv("t_s,x_m,y_m,z_m", r))
     points.write_bytes(_csv("t_s,x_m,y_m,z_m", r[40:100] - (0.02, 0.0, 0.0, 0.0)))
-    words = _written(folder, "calibrate", "--rig", _placed(folder), "--arm-log", log, "--points",
-                     points, "--search", "0.2", name="clock.toml")  # fmt: skip
+    words = _written(
+        folder,
+        "calibrate",
+        "--rig",
+        _placed(folder),
+        "--arm-log",
+        log,
+        "--points",
+        points,
+        "--search",
+        "0.2",
+        name="clock.toml",
+    )
     return log, points, words
 
 
@@ -179,8 +217,13 @@ def _recording(folder: Path) -> Sample:
     tracks = tuple(replace(x, t=x.t[:_TICKS], r=x.r[:_TICKS]) for x in whole.tracks)
     write_recording(path, replace(whole, ticks=whole.ticks[:_TICKS], points=points, tracks=tracks))
     valid = unpacked(path.read_bytes())
-    return Sample(name="recording", path=path, valid=valid, mend=packed,
-                  command=("replay", str(path), "--check"))  # fmt: skip
+    return Sample(
+        name="recording",
+        path=path,
+        valid=valid,
+        mend=packed,
+        command=("replay", str(path), "--check"),
+    )
 
 
 #: One for every reader.

@@ -22,7 +22,8 @@ from mitt.trials.source import Source
 from mitt.world.throws import Throw
 
 #: Longest throw, and how long it is gone on with once it is over [s].
-LONGEST, AFTER = 1.8, 0.15
+LONGEST = 1.8
+AFTER = 0.15
 #: How far a joint that rests may creep [rad].
 CREEPS = 0.005
 #: Pause in the middle of a motion [ticks].
@@ -91,8 +92,12 @@ def exact(
         while t < until:
             seen = min(t, at) if kind == "freezes" else t
             r_o = ball.r + seen * ball.dr + 0.5 * seen * seen * FALL
-            point = Sighting(t=t, found=True, r_o=r_o + SIGMA * rng.standard_normal(3),
-                             covariance=SIGMA**2 * np.eye(3))  # fmt: skip
+            point = Sighting(
+                t=t,
+                found=True,
+                r_o=r_o + SIGMA * rng.standard_normal(3),
+                covariance=SIGMA**2 * np.eye(3),
+            )
             reading = ArmState(t=t, q=plant.state[0].copy(), dq=plant.state[1].copy())
             command = catcher.step(Senses(t=t, arm=reading, points=(point,)))
             done.append(catcher.done)

@@ -111,8 +111,10 @@ def _flights() -> bytes:
     for flight in (1, 2):
         for k in range(40):
             t = 0.012 * k
-            rows.append(f"{flight},{t:.4f},{3.0 - 5.0 * t:.4f},{0.1 * t:.4f},"
-                        f"{0.3 + 3.0 * t - 4.9 * t * t:.4f}")  # fmt: skip
+            rows.append(
+                f"{flight},{t:.4f},{3.0 - 5.0 * t:.4f},{0.1 * t:.4f},"
+                f"{0.3 + 3.0 * t - 4.9 * t * t:.4f}"
+            )
     return "\n".join(rows).encode()
 
 
@@ -149,8 +151,12 @@ def _catch(option: str, name: str, valid: bytes) -> Callable[[Path], Sample]:
 
     def sample(folder: Path) -> Sample:
         path = folder / name
-        return Sample(name=option[2:], path=path, valid=valid,
-                      command=_check(path, "catch", option, str(path)))  # fmt: skip
+        return Sample(
+            name=option[2:],
+            path=path,
+            valid=valid,
+            command=_check(path, "catch", option, str(path)),
+        )
 
     return sample
 
@@ -160,8 +166,12 @@ def _arm(name: str, valid: bytes) -> Callable[[Path], Sample]:
 
     def sample(folder: Path) -> Sample:
         path = folder / name
-        return Sample(name=name, path=path, valid=valid,
-                      command=_check(path, "catch", "--arm", str(path), *_ARM))  # fmt: skip
+        return Sample(
+            name=name,
+            path=path,
+            valid=valid,
+            command=_check(path, "catch", "--arm", str(path), *_ARM),
+        )
 
     return sample
 

@@ -53,8 +53,10 @@ def soak(kills: int, *, seed: int, folder: Path, longest: float = 20.0) -> dict[
                 part.unlink()
     subprocess.run(words(study, killed), check=True)
     rows = [keys(folder / "trials.parquet") for folder in (peace, killed)]
-    same = all((peace / n).read_bytes() == (killed / n).read_bytes()
-               for n in ("summary.json", "trials.parquet"))  # fmt: skip
+    same = all(
+        (peace / n).read_bytes() == (killed / n).read_bytes()
+        for n in ("summary.json", "trials.parquet")
+    )
     lost, doubled = set(rows[0]) - set(rows[1]), len(rows[1]) - len(set(rows[1]))
     return {
         "kills": kills,

@@ -48,11 +48,14 @@ Maps: TypeAlias = dict[tuple[str, str | None], tuple[Arm, DirectMap]]
 """Arms and their maps, by name and limit set."""
 
 #: Longest episode [ticks], and share of the episodes in which nothing is called.
-_EPISODE, _QUIET = 1200, 0.4
+_EPISODE = 1200
+_QUIET = 0.4
 #: Chance of each call in a tick: stop, recover, move, let go, another catcher, another ball.
 _CALLS = (0.001, 0.02, 0.003, 0.004, 0.004, 0.002)
 #: Share of the balls that stand still in the air, and of those that vanish; when [s].
-_FROZEN, _GONE, _WHEN = 0.25, 0.15, (0.2, 0.6)
+_FROZEN = 0.25
+_GONE = 0.15
+_WHEN = (0.2, 0.6)
 #: What is rounding [m, rad].
 _ROUNDING = 1e-6
 #: What is nearer than this to the catch point of the hand was met [m].
@@ -192,9 +195,12 @@ class Episode:
 
 
 def soak(
-    throws: int, *, seed: int, maps: Maps,
+    throws: int,
+    *,
+    seed: int,
+    maps: Maps,
     chosen: tuple[tuple[str, str | None, float], ...] = ROUND,
-) -> Iterator[Swing]:  # fmt: skip
+) -> Iterator[Swing]:
     """Throw so many balls to the chosen arms in turn, every other time in the lab.
 
     Args:
@@ -231,10 +237,16 @@ def soak(
             phase = made.trial.status
             met = phase == "caught"
         yield Swing(
-            ":".join(str(x) for x in chosen[which]), plant, k, phase, met,
-            nearest(arm, shapes, commands), nearest(arm, shapes, places),
-            left(arm, commands, STOP_GAP), left(arm, places, 0.0),
-        )  # fmt: skip
+            ":".join(str(x) for x in chosen[which]),
+            plant,
+            k,
+            phase,
+            met,
+            nearest(arm, shapes, commands),
+            nearest(arm, shapes, places),
+            left(arm, commands, STOP_GAP),
+            left(arm, places, 0.0),
+        )
 
 
 def table(swings: list[Swing]) -> list[str]:

@@ -31,9 +31,11 @@ from soak.garbage import Cameras, Channel
 from soak.judge import Judge
 
 #: Ticks of an episode, and the share of it that is free of faults in a calm one.
-_EPISODE, _CALM = 900, 0.4
+_EPISODE = 900
+_CALM = 0.4
 #: Flights that are flown once, and faults kept for the report.
-_FLIGHTS, _KEPT = 24, 20
+_FLIGHTS = 24
+_KEPT = 20
 #: Share of the episodes with the exact plant.
 _EXACT = 0.3
 #: Rows and columns of an image [px].
@@ -133,8 +135,10 @@ def setting(f: DirectMap, seed: int) -> Setting:
     """Return arms and flights for a map of the WAM."""
     arm, rng = f.arm, np.random.default_rng(seed)
     throws = [default_throw(rng, aim_of(arm)) for _ in range(_FLIGHTS)]
-    flights = [np.array([fly(x.r, x.dr, drag=0.04, duration=k * TICK)[0] for k in range(_EPISODE)])
-               for x in throws]  # fmt: skip
+    flights = [
+        np.array([fly(x.r, x.dr, drag=0.04, duration=k * TICK)[0] for k in range(_EPISODE)])
+        for x in throws
+    ]
     weaker = build_arm("wam", limits="wam-48v", hand=arm.model.hand)
     return Setting((arm, arm, weaker), f, flights)
 
@@ -163,8 +167,11 @@ class _Episode:
         self._cameras = Cameras(rig, rng) if rng.random() < 0.5 else None
         settings = CatcherSettings()
         generators: tuple[Generator, ...] = (
-            Direct(place.map), Direct(place.map), Unoptimised(place.map), Wild(place.map, rng)
-        )  # fmt: skip
+            Direct(place.map),
+            Direct(place.map),
+            Unoptimised(place.map),
+            Wild(place.map, rng),
+        )
         generator = generators[rng.integers(len(generators))]
         self._catcher = Catcher(self._arm, generator, Eyes(rig), settings=settings)
         self._judge = Judge(self._arm, settings)

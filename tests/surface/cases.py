@@ -35,15 +35,33 @@ from surface import names
 
 URDF = names.ROOT / "examples" / "own_arm.urdf"
 #: Joints of a UR5e, which meets parts.
-UR5E = ["shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint", "wrist_1_joint",
-        "wrist_2_joint", "wrist_3_joint"]  # fmt: skip
+UR5E = [
+    "shoulder_pan_joint",
+    "shoulder_lift_joint",
+    "elbow_joint",
+    "wrist_1_joint",
+    "wrist_2_joint",
+    "wrist_3_joint",
+]
 
 #: Settings of which an infinite number says that there is no bound.
-_ENDLESS = frozenset(("sigma_ready", "adapt_q", "adapt_dq", "tolerance", "max_tracking_error",
-                      "max_speed_share"))  # fmt: skip
+_ENDLESS = frozenset(
+    ("sigma_ready", "adapt_q", "adapt_dq", "tolerance", "max_tracking_error", "max_speed_share")
+)
 #: What mitt hands out and nobody makes; what is public of them is what they say.
-RESULTS = frozenset(("Learned", "Step", "Verdict", "Tick", "Trial", "Brake", "Command",
-                     "JointReference", "gym.Environment"))  # fmt: skip
+RESULTS = frozenset(
+    (
+        "Learned",
+        "Step",
+        "Verdict",
+        "Tick",
+        "Trial",
+        "Brake",
+        "Command",
+        "JointReference",
+        "gym.Environment",
+    )
+)
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -76,9 +94,10 @@ class Case:
         if key not in self.measured | self.endless:
             return False
         numbers = isinstance(value, float) or (
-            isinstance(value, np.ndarray) and value.dtype.kind == "f"
+            isinstance(value, np.ndarray)
+            and value.dtype.kind == "f"
             and value.shape == np.shape(self.right[key])
-        )  # fmt: skip
+        )
         return numbers and (key in self.measured or not np.isnan(np.asarray(value)).any())
 
 
@@ -98,8 +117,10 @@ class Cases:
         self.arm = arm = mitt.load_arm("wam", limits="paper")
         f = unlearned(arm, mitt.MapDesign())
         self.f = f = replace(f, region=np.array([arm.q_ready - 0.5, arm.q_ready + 0.5]))
-        self.other = unlearned(mitt.load_arm("wam", joints=["j1", "j2", "j3", "j4"]),
-                               mitt.MapDesign(catch_joint=3, free=(0, 1, 3)))  # fmt: skip
+        self.other = unlearned(
+            mitt.load_arm("wam", joints=["j1", "j2", "j3", "j4"]),
+            mitt.MapDesign(catch_joint=3, free=(0, 1, 3)),
+        )
         self.direct, self.eyes = Direct(f), Eyes(fixed_rig())
         self.settings = CatcherSettings()
         self.catcher = Catcher(arm, self.direct, self.eyes, settings=self.settings)
@@ -113,35 +134,71 @@ class Cases:
         self.frames = tuple(Frame(t=0.0, camera=k, number=0, pixels=grey) for k in range(2))
         rows = np.array([[self.ball.r_o, self.ball.dr_o, self.ball.ddr_o]])
         self.flight = Flight(t=np.zeros(1), ball=rows, seen=rows[0])
-        self.about = About(arm=arm, generator="direct", maps=(f,), settings=self.settings,
-                           rig=fixed_rig(), eyes=EyesConfig())  # fmt: skip
-        self.all = (self._arms() | self._maps() | self._flows() | self._settings()
-                    | self._catching() | self._worlds() | self._readers())  # fmt: skip
+        self.about = About(
+            arm=arm,
+            generator="direct",
+            maps=(f,),
+            settings=self.settings,
+            rig=fixed_rig(),
+            eyes=EyesConfig(),
+        )
+        self.all = (
+            self._arms()
+            | self._maps()
+            | self._flows()
+            | self._settings()
+            | self._catching()
+            | self._worlds()
+            | self._readers()
+        )
 
     def _arms(self) -> dict[str, Case]:
         """Return the cases of arms."""
         arm, q, x = self.arm, self.q, np.ones(len(self.arm.model.links))
-        loads = {"name_or_path": URDF, "tip": "palm", "joints": ["yaw", "pitch", "elbow"],
-                 "held": {"lift": 0.0}, "ready": [0.0, 0.1, 0.2], "limits": "model",
-                 "hand": "three-finger", "hand_turn": 0.5, "hand_mount": "plate",
-                 "encoder_step": 1e-4}  # fmt: skip
+        loads = {
+            "name_or_path": URDF,
+            "tip": "palm",
+            "joints": ["yaw", "pitch", "elbow"],
+            "held": {"lift": 0.0},
+            "ready": [0.0, 0.1, 0.2],
+            "limits": "model",
+            "hand": "three-finger",
+            "hand_turn": 0.5,
+            "hand_mount": "plate",
+            "encoder_step": 1e-4,
+        }
         one = {"q": q}
         three = {"q": q, "dq": 0.0 * q, "ddq": 0.0 * q}
         motion = np.array([self.still])
         methods = {
-            "active": {"x": x}, "all_joints": {"x": q}, "by_joint": {"share": x},
-            "holding": {"mass": 0.125}, "inverse_dynamics": three, "jacobian": one,
-            "mass_matrix": one, "orientation": one, "position": one, "torque": three,
-            "torque_derivatives": three, "torques": {"motion": motion},
-            "torques_and_slopes": {"motion": motion}, "hand_along": {"motion": motion},
-        }  # fmt: skip
-        return self._methods("Arm", arm, methods) | {
-            "load_arm": Case(mitt.load_arm, loads),
-            "Arm": Case(type(arm), {"model": arm.model, "limits": arm.limits}),
-            "plan_brake": Case(plan_brake, {"arm": arm, "t": 0.25, "motion": self.still}),
-        } | self._methods("Brake", plan_brake(arm, 0.25, self.still),
-                  {"at": {"t": 0.5}, "over": {"t": 0.5},
-                   "table": {"tick": 0.001}})  # fmt: skip
+            "active": {"x": x},
+            "all_joints": {"x": q},
+            "by_joint": {"share": x},
+            "holding": {"mass": 0.125},
+            "inverse_dynamics": three,
+            "jacobian": one,
+            "mass_matrix": one,
+            "orientation": one,
+            "position": one,
+            "torque": three,
+            "torque_derivatives": three,
+            "torques": {"motion": motion},
+            "torques_and_slopes": {"motion": motion},
+            "hand_along": {"motion": motion},
+        }
+        return (
+            self._methods("Arm", arm, methods)
+            | {
+                "load_arm": Case(mitt.load_arm, loads),
+                "Arm": Case(type(arm), {"model": arm.model, "limits": arm.limits}),
+                "plan_brake": Case(plan_brake, {"arm": arm, "t": 0.25, "motion": self.still}),
+            }
+            | self._methods(
+                "Brake",
+                plan_brake(arm, 0.25, self.still),
+                {"at": {"t": 0.5}, "over": {"t": 0.5}, "table": {"tick": 0.001}},
+            )
+        )
 
     def _maps(self) -> dict[str, Case]:
         """Return the cases of maps and of what learns and keeps them."""
@@ -149,25 +206,51 @@ class Cases:
         throw = {"ball": ball, "q": q, "dq": 0.0 * q}
         rows = self.flight.ball
         of_map = {
-            "F": {"r_o": r_o}, "adapt": throw, "adapted": throw, "bend": {"q": q},
-            "catch_gap": {"r_o": r_o}, "equals": {"other": f}, "motion": {"ball": rows[0]},
-            "motions": {"path": rows, "alpha": f.alpha}, "on": {"arm": self.arm},
+            "F": {"r_o": r_o},
+            "adapt": throw,
+            "adapted": throw,
+            "bend": {"q": q},
+            "catch_gap": {"r_o": r_o},
+            "equals": {"other": f},
+            "motion": {"ball": rows[0]},
+            "motions": {"path": rows, "alpha": f.alpha},
+            "on": {"arm": self.arm},
             "reference": {"ball": ball},
-            "to_ball": {"q_o": q}, "to_joints": {"r_o": r_o}, "virtual": {"ball": rows[0]},
+            "to_ball": {"q_o": q},
+            "to_joints": {"r_o": r_o},
+            "virtual": {"ball": rows[0]},
             "with_alpha": {"alpha": f.alpha},
-        }  # fmt: skip
+        }
         one = {"ball": ball}
         of_direct = {
-            "adapt": throw, "astray": one, "reference": one, "returns": one,
-            "sharpness": one, "unsettled": {"ball": ball, "q": q}, "wait": throw, "waiting": one,
-            "verdict": throw, "on": {"arm": self.arm},
-        }  # fmt: skip
+            "adapt": throw,
+            "astray": one,
+            "reference": one,
+            "returns": one,
+            "sharpness": one,
+            "unsettled": {"ball": ball, "q": q},
+            "wait": throw,
+            "waiting": one,
+            "verdict": throw,
+            "on": {"arm": self.arm},
+        }
         parts = {x.name: getattr(f, x.name) for x in fields(f)} | {"q_rest": self.q}
-        learns = {"arm": self.arm, "design": f.design, "flights": [self.flight], "seed": 1,
-                  "around": Neighbourhood(), "settings": LearnSettings()}  # fmt: skip
+        learns = {
+            "arm": self.arm,
+            "design": f.design,
+            "flights": [self.flight],
+            "seed": 1,
+            "around": Neighbourhood(),
+            "settings": LearnSettings(),
+        }
         saved = self.folder / "map.json"
-        direct = {"map": f, "tolerance": Tolerance(), "refines": True, "learned": f,
-                  "certificate": self.direct.verdict(ball, q)}  # fmt: skip
+        direct = {
+            "map": f,
+            "tolerance": Tolerance(),
+            "refines": True,
+            "learned": f,
+            "certificate": self.direct.verdict(ball, q),
+        }
         found = self._methods("DirectMap", f, of_map) | self._methods(
             "Direct", self.direct, of_direct
         )
@@ -175,26 +258,49 @@ class Cases:
             "learn": Case(mitt.learn, learns, slow=True),
             "DirectMap": Case(type(f), parts, endless=frozenset(("region",))),
             "Direct": Case(Direct, direct),
-            "save_map": Case(save_map, {"path": self.folder / "new.json", "learned": self.learned,
-                                        "version": mitt.__version__}),
+            "save_map": Case(
+                save_map,
+                {
+                    "path": self.folder / "new.json",
+                    "learned": self.learned,
+                    "version": mitt.__version__,
+                },
+            ),
             "read_map": Case(names.public()["read_map"], {"path": saved, "arm": self.arm}),
-        }  # fmt: skip
+        }
 
     def _flows(self) -> dict[str, Case]:
         """Return the cases of what flows from stage to stage."""
         q, ball, found = self.q, self.ball, {}
         covariance = 2.0**-20 * np.eye(3)
         right = {
-            "Frame": (Frame, {"t": 0.25, "camera": 0, "number": 1, "pan": 0.0, "tilt": 0.0,
-                              "pixels": self.frames[0].pixels}),
-            "Sighting": (Sighting, {"t": 0.25, "found": True, "r_o": ball.r_o,
-                                    "covariance": covariance}),
+            "Frame": (
+                Frame,
+                {
+                    "t": 0.25,
+                    "camera": 0,
+                    "number": 1,
+                    "pan": 0.0,
+                    "tilt": 0.0,
+                    "pixels": self.frames[0].pixels,
+                },
+            ),
+            "Sighting": (
+                Sighting,
+                {"t": 0.25, "found": True, "r_o": ball.r_o, "covariance": covariance},
+            ),
             "BallState": (mitt.BallState, {x.name: getattr(ball, x.name) for x in fields(ball)}),
             "ArmState": (ArmState, {"t": 0.25, "q": q, "dq": 0.0 * q}),
-            "Senses": (Senses, {"t": 0.25, "arm": self.senses.arm, "frames": self.frames,
-                                "points": (Sighting(t=0.25, found=True, r_o=ball.r_o,
-                                                    covariance=covariance),)}),
-        }  # fmt: skip
+            "Senses": (
+                Senses,
+                {
+                    "t": 0.25,
+                    "arm": self.senses.arm,
+                    "frames": self.frames,
+                    "points": (Sighting(t=0.25, found=True, r_o=ball.r_o, covariance=covariance),),
+                },
+            ),
+        }
         for name, (call, given) in right.items():
             found[name] = Case(call, given, measured=frozenset(given))
         ballistic = BallFilter()
@@ -210,8 +316,11 @@ class Cases:
         """Return the cases of settings: each field as it is if left out."""
         found = {}
         for name, value in names.public().items():
-            if name.endswith(("Settings", "Config")) or name in ("Neighbourhood", "Surroundings",
-                                                                 "MapDesign"):  # fmt: skip
+            if name.endswith(("Settings", "Config")) or name in (
+                "Neighbourhood",
+                "Surroundings",
+                "MapDesign",
+            ):
                 usual = value()
                 given = {x.name: getattr(usual, x.name) for x in fields(usual)}
                 found[name] = Case(value, given, endless=_ENDLESS)
@@ -220,73 +329,126 @@ class Cases:
         keys = {"schema_name": "schema"}
         of_cell = {keys.get(x, x): getattr(ships, x) for x in type(ships).model_fields}
         of_scene = {x: getattr(scene, x) for x in type(scene).model_fields}
-        return found | {"Scene": Case(Scene, of_scene, converts=True),
-                        "Cell": Case(cell, of_cell, converts=True)}  # fmt: skip
+        return found | {
+            "Scene": Case(Scene, of_scene, converts=True),
+            "Cell": Case(cell, of_cell, converts=True),
+        }
 
     def _catching(self) -> dict[str, Case]:
         """Return the cases of the catcher, its eyes and its recorder."""
         ball, motion = self.ball, np.array([self.still])
-        makes = {"arm": self.arm, "generator": self.direct, "eyes": self.eyes,
-                 "settings": self.settings}  # fmt: skip
+        makes = {
+            "arm": self.arm,
+            "generator": self.direct,
+            "eyes": self.eyes,
+            "settings": self.settings,
+        }
         of_catcher = {
-            "again": {"generator": self.direct}, "learn_background": {"views": [self.frames]},
-            "move": {"motion": motion}, "recover": {"checked": True},
-            "step": {"senses": self.senses}, "ticked": {"todo": 0, "since": 0.0},
+            "again": {"generator": self.direct},
+            "learn_background": {"views": [self.frames]},
+            "move": {"motion": motion},
+            "recover": {"checked": True},
+            "step": {"senses": self.senses},
+            "ticked": {"todo": 0, "since": 0.0},
             "take_over": {"torques": np.zeros(self.arm.n), "t": -0.002},
-        }  # fmt: skip
+        }
         of_eyes = {
-            "arrange": {"frames": self.frames}, "gaze": {"ball": ball, "t": 0.25},
+            "arrange": {"frames": self.frames},
+            "gaze": {"ball": ball, "t": 0.25},
             "guide": {"ball": ball, "t": 0.25, "gap": 0.001, "alone": False},
-            "learn_background": {"views": [self.frames]}, "step": {"frames": self.frames},
-        }  # fmt: skip
+            "learn_background": {"views": [self.frames]},
+            "step": {"frames": self.frames},
+        }
         recorder = Recorder(self.folder / "first.mcap", self.about)
         command = self.catcher.step(self.senses)
         of_recorder = {
-            "background": {"frames": self.frames}, "call": {"name": "stop"},
-            "clock": {"offset": -0.005}, "note": {"text": "a note", "topic": "/events"},
+            "background": {"frames": self.frames},
+            "call": {"name": "stop"},
+            "clock": {"offset": -0.005},
+            "note": {"text": "a note", "topic": "/events"},
             "torques": {"torques": np.zeros(self.arm.n)},
             "tick": {"senses": self.senses, "command": command, "result": self.catcher.result},
-        }  # fmt: skip
-        records = {"path": self.folder / "again.mcap", "about": self.about, "images": False,
-                   "metadata": {"a": "text"}}  # fmt: skip
+        }
+        records = {
+            "path": self.folder / "again.mcap",
+            "about": self.about,
+            "images": False,
+            "metadata": {"a": "text"},
+        }
         return (
-            {"Catcher": Case(Catcher, makes), "Recorder": Case(Recorder, records, slow=True),
-             "Eyes": Case(Eyes, {"rig": fixed_rig(), "config": EyesConfig()})}
+            {
+                "Catcher": Case(Catcher, makes),
+                "Recorder": Case(Recorder, records, slow=True),
+                "Eyes": Case(Eyes, {"rig": fixed_rig(), "config": EyesConfig()}),
+            }
             | self._methods("Catcher", self.catcher, of_catcher)
             | self._methods("Eyes", self.eyes, of_eyes)
             | self._methods("Recorder", recorder, of_recorder)
-        )  # fmt: skip
+        )
 
     def _worlds(self) -> dict[str, Case]:
         """Return the cases of simulation and of the environments."""
         env = mitt.gym.Catch(scene="ideal", ticks=1)
         env.reset(seed=1)
-        throws = {"f": self.f, "arm": self.arm, "throws": 1, "seed": 0, "scene": Scene(),
-                  "pixels": False, "raise_stopped": False,
-                  "record": self.folder / "records"}  # fmt: skip
-        builds = {"render_mode": "rgb_array", "arm": self.arm, "limits": "paper", "scene": "ideal",
-                  "action": "torque", "map": self.f, "ticks": 1}  # fmt: skip
+        throws = {
+            "f": self.f,
+            "arm": self.arm,
+            "throws": 1,
+            "seed": 0,
+            "scene": Scene(),
+            "pixels": False,
+            "raise_stopped": False,
+            "record": self.folder / "records",
+        }
+        builds = {
+            "render_mode": "rgb_array",
+            "arm": self.arm,
+            "limits": "paper",
+            "scene": "ideal",
+            "action": "torque",
+            "map": self.f,
+            "ticks": 1,
+        }
         acts = {
-            "as_action": {"tau": np.zeros(3), "hand": 0.5}, "step": {"action": np.zeros(4)},
+            "as_action": {"tau": np.zeros(3), "hand": 0.5},
+            "step": {"action": np.zeros(4)},
             "reset": {"seed": 1, "options": {}},
-        }  # fmt: skip
-        found = {"simulate": Case(mitt.simulate, throws, slow=True),
-                 "gym.map_policy": Case(mitt.gym.map_policy, {"env": env})}  # fmt: skip
+        }
+        found = {
+            "simulate": Case(mitt.simulate, throws, slow=True),
+            "gym.map_policy": Case(mitt.gym.map_policy, {"env": env}),
+        }
         for kind in ("gym.Catch", "gym.CatchPixels"):
             found |= {kind: Case(names.public()[kind], builds, slow=True)}
             found |= self._methods(kind, env, acts)
-        meets = {"render_mode": "rgb_array", "arm": described("ur5e"), "tip": "tool0",
-                 "joints": UR5E, "limits": "ur5e", "tool": "suction",
-                 "target": "belt", "speed": 0.3, "gripper_delay": 0.05, "scene": "ideal",
-                 "action": "torque", "ticks": 1}  # fmt: skip
+        meets = {
+            "render_mode": "rgb_array",
+            "arm": described("ur5e"),
+            "tip": "tool0",
+            "joints": UR5E,
+            "limits": "ur5e",
+            "tool": "suction",
+            "target": "belt",
+            "speed": 0.3,
+            "gripper_delay": 0.05,
+            "scene": "ideal",
+            "action": "torque",
+            "ticks": 1,
+        }
         found["gym.Meet"] = Case(names.public()["gym.Meet"], meets, slow=True)
         part = mitt.gym.Meet(ticks=1)
         part.reset(seed=1)
         acts |= {"as_action": {"tau": np.zeros(6), "hand": 0.5}, "step": {"action": np.zeros(7)}}
         found |= self._methods("gym.Meet", part, acts)
-        bats = {"render_mode": "rgb_array", "arm": "wam", "limits": "wam-48v",
-                "target": np.array((3.0, 0.0, 0.5)), "action": "torque", "ticks": 1,
-                "scene": "ideal"}  # fmt: skip
+        bats = {
+            "render_mode": "rgb_array",
+            "arm": "wam",
+            "limits": "wam-48v",
+            "target": np.array((3.0, 0.0, 0.5)),
+            "action": "torque",
+            "ticks": 1,
+            "scene": "ideal",
+        }
         found["gym.Bat"] = Case(names.public()["gym.Bat"], bats, slow=True)
         ball = mitt.gym.Bat(ticks=1)
         ball.reset(seed=1)
@@ -296,14 +458,23 @@ class Cases:
 
     def _readers(self) -> dict[str, Case]:
         """Return the cases of what reads a file: the path alone, with one that is not there."""
-        rest = {"board": None, "size": (1, 1), "columns": ("t_s",), "arm": self.arm, "others": (),
-                "generators": ("direct",), "known": ("direct",), "filters": (("index", "==", "0"),),
-                "root": "robot", "kind": Scene, "said": MeetStudySettings}  # fmt: skip
+        rest = {
+            "board": None,
+            "size": (1, 1),
+            "columns": ("t_s",),
+            "arm": self.arm,
+            "others": (),
+            "generators": ("direct",),
+            "known": ("direct",),
+            "filters": (("index", "==", "0"),),
+            "root": "robot",
+            "kind": Scene,
+            "said": MeetStudySettings,
+        }
         found = {"read_scene": Case(read_scene, {"source": "lab", "flights": False})}
         for name, (reader, path) in names.readers().items():
             taken = inspect.signature(reader).parameters.values()
-            given = {x.name: rest[x.name] for x in taken
-                     if x.name != path and x.default is x.empty}  # fmt: skip
+            given = {x.name: rest[x.name] for x in taken if x.name != path and x.default is x.empty}
             found[name] = Case(partial(_read, reader, given), {path: self.folder / "missing.toml"})
         return found
 
@@ -313,8 +484,10 @@ class Cases:
         for method, given in of.items():
             call: dict[str, Any] = given  # type: ignore[assignment]
             found[f"{name}.{method}"] = Case(
-                getattr(thing, method), call, endless=frozenset(("x", "share")),
+                getattr(thing, method),
+                call,
+                endless=frozenset(("x", "share")),
                 ignored=frozenset(("options",)),
                 measured=frozenset(("r_o", "path", "ball")) if name == "DirectMap" else frozenset(),
-            )  # fmt: skip
+            )
         return found

@@ -16,9 +16,17 @@ CONTROL: Final = "one\ntwo\x1b[31m\x00\u2028three\x7f"
 """A text that would write over a terminal, or end a line."""
 
 _STRANGERS: Final = (
-    object(), lambda: 0, 1j, type, Ellipsis, np.datetime64("2026-01-01"), np.array(["a", "b"]),
-    np.array([1j, 2j]), np.array([None, 1.0]), range(0),
-)  # fmt: skip
+    object(),
+    lambda: 0,
+    1j,
+    type,
+    Ellipsis,
+    np.datetime64("2026-01-01"),
+    np.array(["a", "b"]),
+    np.array([1j, 2j]),
+    np.array([None, 1.0]),
+    range(0),
+)
 _NOT_FINITE: Final = (np.nan, np.inf, -np.inf)
 
 
@@ -60,8 +68,15 @@ def doubtful(value: Any) -> Iterator[Any]:  # noqa: ANN401
     elif isinstance(value, str):
         yield from ("", CONTROL, "x" * 100_000, "nobody", "../..", "\ud800")
     elif isinstance(value, Path):
-        yield from (Path("/nonexistent/file.toml"), Path("x" * 5000), Path("/"), "", "nobody",
-                    Path(CONTROL.replace("\x00", "")), "\ud800.toml")  # fmt: skip
+        yield from (
+            Path("/nonexistent/file.toml"),
+            Path("x" * 5000),
+            Path("/"),
+            "",
+            "nobody",
+            Path(CONTROL.replace("\x00", "")),
+            "\ud800.toml",
+        )
     elif isinstance(value, tuple | list):
         yield from ((), [], ["nobody"], [CONTROL], [value] * 3, [*value, *value])
     elif isinstance(value, Mapping):

@@ -59,11 +59,18 @@ def test_a_map_moves_the_target_along_each_axis_for_each_speed(tmp_path: Path) -
     assert {job.place[0] for job in task_jobs(study)} == {"direct", "ik"}
     measured = {"median": 3.25, "p90": 9.0}
     rows = [
-        {"generator": "direct", "condition": c.name, "trials": 2, "hit": k % 2,
-         "hit_rate": k % 2, "unreachable": 2 - k % 2, "refused_by": "domain",
-         "miss_cm": measured if k % 2 else None}
+        {
+            "generator": "direct",
+            "condition": c.name,
+            "trials": 2,
+            "hit": k % 2,
+            "hit_rate": k % 2,
+            "unreachable": 2 - k % 2,
+            "refused_by": "domain",
+            "miss_cm": measured if k % 2 else None,
+        }
         for k, c in enumerate(cells)
-    ]  # fmt: skip
+    ]
     assert [c for c, _ in study.cells(rows)] == cells
     said = study.answer_more(rows)
     assert said[0].startswith("Map: in 7 of 14 cells")

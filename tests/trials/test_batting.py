@@ -40,8 +40,9 @@ seeds = st.integers(0, 2**31)
 @cache
 def station(*, shield: bool = False) -> BatStation:
     """Return the station of the WAM."""
-    return bat_station("wam", scene=named_scene("lab"), target=None if shield else TARGET,
-                       limits="wam-48v")  # fmt: skip
+    return bat_station(
+        "wam", scene=named_scene("lab"), target=None if shield else TARGET, limits="wam-48v"
+    )
 
 
 def runner(count: int, *, shield: bool = False) -> BatRunner:

@@ -34,10 +34,15 @@ LIMITS = """schema = "mitt.limits/1"
 joints = ["j1", "j2", "j3"]
 speed = [6.0, 6.0, 6.0]
 """
-STL = b"solid x\n" + b"".join(
-    b"facet normal 0 0 0\nouter loop\nvertex 0 0 0\nvertex 0.1 0 0\nvertex 0 %s 0.1\nendloop\n"
-    b"endfacet\n" % y for y in (b"0", b"0.1", b"0.2")
-) + b"endsolid x\n"  # fmt: skip
+STL = (
+    b"solid x\n"
+    + b"".join(
+        b"facet normal 0 0 0\nouter loop\nvertex 0 0 0\nvertex 0.1 0 0\nvertex 0 %s 0.1\nendloop\n"
+        b"endfacet\n" % y
+        for y in (b"0", b"0.1", b"0.2")
+    )
+    + b"endsolid x\n"
+)
 MESH = b'<link name="l3"><collision><geometry><mesh filename="l3.stl"/></geometry></collision>'
 #: What makes the arm, and another content of each that is as good.
 FILES: Mapping[str, tuple[bytes, bytes]] = {
@@ -85,8 +90,17 @@ def test_a_study_does_not_go_on_with_another_content_of_a_file(
 
 def _job(study: Study) -> Job:
     """Return a chunk of a study, whose map is not looked at before its arm."""
-    return Job(number=0, generator="direct", condition=study.conditions[0], seed=1, start=0, stop=1,
-               map="{}", recordings=(), notes=())  # fmt: skip
+    return Job(
+        number=0,
+        generator="direct",
+        condition=study.conditions[0],
+        seed=1,
+        start=0,
+        stop=1,
+        map="{}",
+        recordings=(),
+        notes=(),
+    )
 
 
 @pytest.mark.parametrize("name", FILES)

@@ -26,9 +26,18 @@ def test_every_column_has_a_row_for_each_tick(direct: LoggedTrial) -> None:
     assert direct.log is not None
     log, k = direct.log, len(direct.log.t)
     columns = (
-        log.phase, log.tracked, log.following, log.encoders, log.ball, log.desired, log.virtual,
-        log.command, log.tau, log.feedforward, log.hand,
-    )  # fmt: skip
+        log.phase,
+        log.tracked,
+        log.following,
+        log.encoders,
+        log.ball,
+        log.desired,
+        log.virtual,
+        log.command,
+        log.tau,
+        log.feedforward,
+        log.hand,
+    )
     assert {len(column) for column in columns} == {k}
     assert len(log.truth.t) == k + 1
     assert np.allclose(np.diff(log.t), TICK)

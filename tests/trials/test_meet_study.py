@@ -69,8 +69,11 @@ def test_what_a_file_cannot_say_is_refused(tmp_path: Path) -> None:
     """An unknown generator, a name twice."""
     with pytest.raises(UnknownNameError, match="another"):
         read_meet_study(written(tmp_path, TEXT.replace('"line"', '"another"')))
-    twice = (TEXT + TEXT[TEXT.index("[[") :], TEXT.replace('"line"', '"direct"'),
-             "rates = [50.0, 50.0]" + TEXT)  # fmt: skip
+    twice = (
+        TEXT + TEXT[TEXT.index("[[") :],
+        TEXT.replace('"line"', '"direct"'),
+        "rates = [50.0, 50.0]" + TEXT,
+    )
     for text in twice:
         with pytest.raises(InputError, match="twice"):
             read_meet_study(written(tmp_path, text))
@@ -82,14 +85,14 @@ def test_the_answer_says_who_is_better_and_of_whom_that_is_not_known() -> None:
     behind = {"direct": 0, "this": 20, "p_holm": 1e-4}
     names = ("met", "error_mm", "velocity_m_s", "acceleration", "force_n", "in_sync_s")
     pairs: list[tuple[str, Any]] = [
-        ("direct", None), *((x, dict.fromkeys(names, of))
-                            for x, of in (("a", sure), ("b", behind), ("c", level))),
-    ]  # fmt: skip
+        ("direct", None),
+        *((x, dict.fromkeys(names, of)) for x, of in (("a", sure), ("b", behind), ("c", level))),
+    ]
     rows = [
-        {"condition": "belt", "generator": name, "met": 20, "trials": 20,
-         "against_direct": of} | {x: {"median": 1.0} for x in names[1:]}
+        {"condition": "belt", "generator": name, "met": 20, "trials": 20, "against_direct": of}
+        | {x: {"median": 1.0} for x in names[1:]}
         for name, of in pairs
-    ]  # fmt: skip
+    ]
     said = answer(read_meet_study(Path("meet")), rows)
     assert said[0] == (
         "belt, targets met: the map (20 of 20) is better than a (20 of 20); worse than b (20 of "

@@ -64,7 +64,10 @@ def test_what_is_met_is_put_away(arm: str, tool: str, target: Target, tmp_path: 
 
 #: Where the belt of a UR5e is where the scene says nothing [m], and how far its area goes along it,
 #: where parts come from and where they go [m].
-MIDDLE, HEIGHT, FROM, TO = (0.5527, 0.0), 0.0225, 0.4843, 0.3737
+MIDDLE = (0.5527, 0.0)
+HEIGHT = 0.0225
+FROM = 0.4843
+TO = 0.3737
 
 
 @pytest.mark.parametrize("direction", [None, 1.57, -1.57])

@@ -93,10 +93,17 @@ def test_a_bright_world_is_the_same(
 ) -> None:
     """Painted images, and what is drawn of them where the eyes look, are those of the whole."""
     sensing = Sensing(
-        body=180.0, hand=220.0, shading=0.3, grain=0.2, pattern=(30.0, 8.0), light=(0.1, 100.0),
-        shadow=(0.2, 50.0), blur=0.5, second=(2.0, 0.6, -0.8, 0.06),
+        body=180.0,
+        hand=220.0,
+        shading=0.3,
+        grain=0.2,
+        pattern=(30.0, 8.0),
+        light=(0.1, 100.0),
+        shadow=(0.2, 50.0),
+        blur=0.5,
+        second=(2.0, 0.6, -0.8, 0.06),
         second_velocity=(-1.0, 0.0, 0.0),
-    )  # fmt: skip
+    )
     runner = TrialRunner(arm, Direct(learned.map), Scene(sensing=sensing))
     log = through_both(runner, throws(learned, 1), monkeypatch)[0]
     assert {WATCH, FOLLOW, BRAKE} <= set(log.phase.tolist())
@@ -125,9 +132,11 @@ def test_a_laboratory_is_the_same_both_ways(
     ids=lambda faults: str(faults[0]["kind"]),
 )
 def test_a_disturbed_ball_is_the_same_both_ways(
-    arm: Arm, learned: Learned, faults: tuple[dict[str, object], ...],
+    arm: Arm,
+    learned: Learned,
+    faults: tuple[dict[str, object], ...],
     monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
+) -> None:
     """What does not depend on the arm until it touches the ball is laid into the compiled loop."""
     scene = scene_of({"base": "lab", "faults": list(faults)}, place="scene")
     runner = TrialRunner(arm, Direct(learned.map), scene, pixels=False)

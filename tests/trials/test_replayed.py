@@ -24,13 +24,25 @@ from mitt.world.scene import Scene, read_scene
 from mitt.world.throws import Throw
 
 _SEED = 17
-_QUICK = ("points", "behind the eyes", "images", "refined in flight", "turning cameras",
-          "turning cameras, images", "late, doubled points", "NaN", "clock set back",
-          "encoder silent", "carried, then thrown", "quintic")  # fmt: skip
+_QUICK = (
+    "points",
+    "behind the eyes",
+    "images",
+    "refined in flight",
+    "turning cameras",
+    "turning cameras, images",
+    "late, doubled points",
+    "NaN",
+    "clock set back",
+    "encoder silent",
+    "carried, then thrown",
+    "quintic",
+)
 
 
-@pytest.mark.parametrize("case", [case for case in CASES if case.name in _QUICK],
-                         ids=lambda case: case.name)  # fmt: skip
+@pytest.mark.parametrize(
+    "case", [case for case in CASES if case.name in _QUICK], ids=lambda case: case.name
+)
 def test_a_replay_commands_the_same_to_the_bit(case: Case, tmp_path: Path) -> None:
     """Whatever the senses, the generator and the faults: no command differs, none is missing."""
     for _, path in recorded(case, tmp_path, throws=1, seed=_SEED):
@@ -38,8 +50,9 @@ def test_a_replay_commands_the_same_to_the_bit(case: Case, tmp_path: Path) -> No
         assert x.identical
         assert x.first_difference is None
         assert len(x.ticks.scalars) == len(x.recorded.ticks) > 100
-        assert x.begins == ("images" if case.images else
-                            "eyes" if case.vision == "pixels" else "points")  # fmt: skip
+        assert x.begins == (
+            "images" if case.images else "eyes" if case.vision == "pixels" else "points"
+        )
 
 
 @pytest.fixture(scope="module")

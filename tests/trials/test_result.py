@@ -29,12 +29,22 @@ SOON = 6.0
 def trial(index: int) -> Trial:
     """Return a caught throw."""
     return Trial(
-        index=index, status="caught", t_catch_s=0.5, position_error_mm=2.5,
-        velocity_error_m_s=0.1, peak_torque_ratio=[0.5, 0.6], peak_speed_ratio=[0.1, 0.2],
-        limit_violations=0, demand_cost=0.3, peak_contact_force_n=80.0, binding_limit="torque:j2",
-        saturated_ticks=0, range_excess_rad=0.0, rms_torque_ratio=[0.0, 0.0],
+        index=index,
+        status="caught",
+        t_catch_s=0.5,
+        position_error_mm=2.5,
+        velocity_error_m_s=0.1,
+        peak_torque_ratio=[0.5, 0.6],
+        peak_speed_ratio=[0.1, 0.2],
+        limit_violations=0,
+        demand_cost=0.3,
+        peak_contact_force_n=80.0,
+        binding_limit="torque:j2",
+        saturated_ticks=0,
+        range_excess_rad=0.0,
+        rms_torque_ratio=[0.0, 0.0],
         certificate={"outcome": "feasible", "margin": 0.2},
-    )  # fmt: skip
+    )
 
 
 @pytest.fixture(scope="module")
@@ -49,10 +59,27 @@ def a_map(tmp_path_factory: pytest.TempPathFactory, learned: Learned) -> Path:
 def started(a_map: Path, out: Path, *words: str) -> "Iterator[subprocess.Popen[str]]":
     """Start a long run as a process, and see to its end."""
     process = subprocess.Popen(
-        [sys.executable, "-m", "mitt", "catch", "--throws", "2000", "--vision", "points",
-         "--map", str(a_map), "--record", "none", "--out", str(out), *words],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
+        [
+            sys.executable,
+            "-m",
+            "mitt",
+            "catch",
+            "--throws",
+            "2000",
+            "--vision",
+            "points",
+            "--map",
+            str(a_map),
+            "--record",
+            "none",
+            "--out",
+            str(out),
+            *words,
+        ],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
     try:
         yield process
     finally:
@@ -132,9 +159,11 @@ def test_a_folder_in_which_a_run_is_under_way_is_refused(
 
 @pytest.mark.slow
 def test_kill_9_loses_at_most_the_throw_under_way(
-    a_map: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+    a_map: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
+) -> None:
     """Killed at any moment: all throws up to the last are there, and mitt report reads them."""
     monkeypatch.setattr("mitt.report.outputs.write_report", lambda path, _: path.write_text("page"))
     with started(a_map, tmp_path):

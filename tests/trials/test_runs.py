@@ -87,9 +87,12 @@ def test_progress_counts_up_to_the_end(prepared: Prepared) -> None:
     told: list[tuple[str, int, int]] = []
     run(prepared, progress=lambda *x: told.append(x))
     assert told == [
-        ("learning", 0, 1), ("learning", 1, 1),
-        ("throwing", 0, 2), ("throwing", 1, 2), ("throwing", 2, 2),
-    ]  # fmt: skip
+        ("learning", 0, 1),
+        ("learning", 1, 1),
+        ("throwing", 0, 2),
+        ("throwing", 1, 2),
+        ("throwing", 2, 2),
+    ]
 
 
 @pytest.mark.parametrize(
@@ -261,9 +264,13 @@ def test_the_bar_ends(arm: Arm, throw: Throw, monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(runs, "get_context", lambda _: other)
     monkeypatch.setattr(runs, "_compile_parts", lambda *_: None)
     with runs.warming(
-        arm, default_design(arm), Scene(), throw, pixels=True,
+        arm,
+        default_design(arm),
+        Scene(),
+        throw,
+        pixels=True,
         progress=lambda *call: calls.append(call),
-    ):  # fmt: skip
+    ):
         assert other.did == ["start"]
     assert other.did == ["start", "join", "terminate"]
     assert calls[-1][1] == calls[-1][2] > 0

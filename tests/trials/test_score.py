@@ -31,7 +31,8 @@ from mitt.world.engine import ARM_FLOOR, BALL_FLOOR, BALL_HAND, SELF
 from mitt.world.simulation import World
 from mitt.world.truth import Trace, Truth
 
-RADIUS, TICKS = 0.04, 6
+RADIUS = 0.04
+TICKS = 6
 ZERO = np.zeros(3)
 #: Agreement of sums with NumPy's, which go in another order.
 ROUNDING = 1e-9
@@ -128,10 +129,21 @@ def test_held_takes_nearness_and_two_geoms(gap: float, geoms: int) -> None:
     """Within radius + 20 mm of the catch point and touched by two geoms or more, not else."""
     names = frozenset(f"finger_{k}" for k in range(geoms))
     ball = Truth(
-        t=0.0, r_o=np.array([0.8, 0.0, RADIUS + gap]), dr_o=ZERO, position=np.array([0.8, 0, 0]),
-        velocity=ZERO, q=ZERO, dq=ZERO, tau=ZERO, fingers=ZERO, touching=names, contact_force=1.0,
-        self_contact=False, floor_contact=False, ball_on_floor=False,
-    )  # fmt: skip
+        t=0.0,
+        r_o=np.array([0.8, 0.0, RADIUS + gap]),
+        dr_o=ZERO,
+        position=np.array([0.8, 0, 0]),
+        velocity=ZERO,
+        q=ZERO,
+        dq=ZERO,
+        tau=ZERO,
+        fingers=ZERO,
+        touching=names,
+        contact_force=1.0,
+        self_contact=False,
+        floor_contact=False,
+        ball_on_floor=False,
+    )
     if abs(gap - HELD_GAP) > 1e-9:
         assert held(ball, RADIUS) == (gap < HELD_GAP and geoms >= 2)
 
@@ -291,9 +303,11 @@ def test_acceleration_jerk_and_torque_rate_of_the_command_count(
         told = np.zeros((4, arm.n))
         told[0], told[row, 1] = arm.q_ready, height * (50.0 if row == 2 else 10.0)
         spike = Command(t=0.0, joints=told, hand=0.0)
-        assert violations(limited, trace(arm), command(arm), spike) - violations(
-            arm, trace(arm), command(arm), spike
-        ) == expected  # fmt: skip
+        assert (
+            violations(limited, trace(arm), command(arm), spike)
+            - violations(arm, trace(arm), command(arm), spike)
+            == expected
+        )
 
 
 def test_a_joint_without_a_bound_has_none(arm: Arm) -> None:
@@ -311,8 +325,10 @@ BASKET = Basket()
 def test_a_ball_that_stays_in_a_basket_lies_in_it() -> None:
     """The same without chance: inside and touched; untouched; out for a tick."""
     for depth, seen, out, wanted in (
-        (0.1, BALL_HAND, None, True), (0.1, 0, None, False), (0.1, BALL_HAND, -5, False),
-    ):  # fmt: skip
+        (0.1, BALL_HAND, None, True),
+        (0.1, 0, None, False),
+        (0.1, BALL_HAND, -5, False),
+    ):
         arm = build_arm("wam", hand=BASKET)
         normal, position = arm.orientation(arm.q_ready)[:, 2], arm.position(arm.q_ready)
         ball = np.tile(position + (BASKET.catch_depth - depth) * normal, (LYING, 1))
@@ -321,10 +337,15 @@ def test_a_ball_that_stays_in_a_basket_lies_in_it() -> None:
         qpos = np.hstack([np.tile(arm.q_ready, (LYING, 1)), ball, np.zeros((LYING, 4))])
         rows = np.zeros((LYING, 3))
         truth = Trace(
-            t=np.linspace(0.0, 0.1, LYING), qpos=qpos, qvel=np.zeros((LYING, 9)), tau=rows,
-            position=np.tile(position, (LYING, 1)), velocity=rows, force=np.zeros(LYING),
+            t=np.linspace(0.0, 0.1, LYING),
+            qpos=qpos,
+            qvel=np.zeros((LYING, 9)),
+            tau=rows,
+            position=np.tile(position, (LYING, 1)),
+            velocity=rows,
+            force=np.zeros(LYING),
             seen=np.full(LYING, seen),
-        )  # fmt: skip
+        )
         assert lies_in(arm, BASKET, truth) == wanted
 
 

@@ -22,9 +22,13 @@ from mitt.world.throws import Throw
 
 
 def source(
-    f: DirectMap, *, seed: int = 0, count: int | None = None, throws: Path | None = None,
+    f: DirectMap,
+    *,
+    seed: int = 0,
+    count: int | None = None,
+    throws: Path | None = None,
     flights: Path | None = None,
-) -> Source:  # fmt: skip
+) -> Source:
     """Return a source with the files given."""
     return source_of(
         f.arm, seed=seed, count=count, throws_file=throws, flights_file=flights, drag=0.12

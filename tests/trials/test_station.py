@@ -19,7 +19,8 @@ from mitt.verdict.feasibility import Outcome
 from mitt.world.scene import Belt, Scene, named_scene
 
 #: Ticks from one sighting to the next, and time for which a hand is looked at [s].
-SEEN_EVERY, LOOKED_AT = 16, 1.0
+SEEN_EVERY = 16
+LOOKED_AT = 1.0
 
 
 @cache
@@ -74,8 +75,11 @@ def test_the_work_area_goes_along_the_belt_wherever_it_leads(direction: float) -
     at = station("ur5e", TOOLS["suction"], "belt", scene)
     low, high = np.array(at.settings.low), np.array(at.settings.high)
     steps = np.linspace(-0.4, 0.4, 81)
-    on = [x for x in (at.place + step * belt.along for step in steps)
-          if np.all((x >= low) & (x <= high))]  # fmt: skip
+    on = [
+        x
+        for x in (at.place + step * belt.along for step in steps)
+        if np.all((x >= low) & (x <= high))
+    ]
     assert len(on) > 30
     for place in on:
         inside, (q, _, _) = at.map.virtual(np.array([place, 0.3 * belt.along, np.zeros(3)]))

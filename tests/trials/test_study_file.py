@@ -47,8 +47,12 @@ def test_merging_keeps_what_is_below_and_changes_neither() -> None:
 
 def test_the_digest_knows_all_that_decides_a_result_and_nothing_else(tmp_path: Path) -> None:
     first = write_study(tmp_path, TEXT)
-    for change in ('seed = 500|seed = 501', 'throws = 2|throws = 5', 'magnitude = 0.0|share = 0.5,'
-                   ' magnitude = 0.0', '"points"|"pixels"'):  # fmt: skip
+    for change in (
+        "seed = 500|seed = 501",
+        "throws = 2|throws = 5",
+        "magnitude = 0.0|share = 0.5, magnitude = 0.0",
+        '"points"|"pixels"',
+    ):
         old, new = change.split("|")
         assert write_study(tmp_path, TEXT.replace(old, new)).digest != first.digest
     about = write_study(tmp_path, 'about = "other words"\n' + TEXT)

@@ -10,10 +10,14 @@ from mitt.trials.study_file import read_study
 from mitt.trials.study_folder import throw_name
 
 ROOT = Path(__file__).parents[2]
-CATCH = ('name = "x"\nthrows = 2\ngenerators = ["direct"]\n[arm]\narm = "{}"\n'
-         '[[conditions]]\nname = "a"\n')  # fmt: skip
-MEET = ('task = "meet"\nname = "x"\ntrials = 2\ngenerators = ["direct"]\narm = "{}"\n'
-        '[[conditions]]\nname = "belt"\ntarget = "belt"\nspeed = 0.3\n')  # fmt: skip
+CATCH = (
+    'name = "x"\nthrows = 2\ngenerators = ["direct"]\n[arm]\narm = "{}"\n'
+    '[[conditions]]\nname = "a"\n'
+)
+MEET = (
+    'task = "meet"\nname = "x"\ntrials = 2\ngenerators = ["direct"]\narm = "{}"\n'
+    '[[conditions]]\nname = "belt"\ntarget = "belt"\nspeed = 0.3\n'
+)
 
 
 def _digests(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, file: str) -> set[str]:
@@ -21,14 +25,21 @@ def _digests(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, file: s
     found = set()
     for folder in ("a", "b"):
         whole = str(tmp_path / folder / file)
-        ways = ((folder, file), (".", f"{folder}/{file}"), (folder, f"../{folder}/{file}"),
-                (".", whole))  # fmt: skip
+        ways = (
+            (folder, file),
+            (".", f"{folder}/{file}"),
+            (folder, f"../{folder}/{file}"),
+            (".", whole),
+        )
         for cwd, name in ways:
             monkeypatch.chdir(tmp_path / cwd)
             study = tmp_path / "study.toml"
             study.write_text(text.format(name))
-            kept = (read_meet_study(study) if "task" in text
-                    else read_study(study, generators=("direct",)))  # fmt: skip
+            kept = (
+                read_meet_study(study)
+                if "task" in text
+                else read_study(study, generators=("direct",))
+            )
             found.add(kept.digest)
     return found
 

@@ -18,30 +18,50 @@ from mitt.trials.study_file import Study
 from mitt.trials.study_results import Row, against, cell_of, compared, read_part, row_of, write_rows
 
 STOP = StoppedBy(
-    state=State.ABORT, reason=Reason.STUCK, joint="j2", t=0.31, q=np.array([0.1, 0.2, 0.3]),
-    dq=np.zeros(3), q_read=np.array([0.1, np.nan, 0.3]), dq_read=np.zeros(3),
-    command=np.ones((4, 3)), brakes=True,
-)  # fmt: skip
+    state=State.ABORT,
+    reason=Reason.STUCK,
+    joint="j2",
+    t=0.31,
+    q=np.array([0.1, 0.2, 0.3]),
+    dq=np.zeros(3),
+    q_read=np.array([0.1, np.nan, 0.3]),
+    dq_read=np.zeros(3),
+    command=np.ones((4, 3)),
+    brakes=True,
+)
 
 
 def trial(index: int, status: str, stop: StoppedBy | None = None) -> Trial:
     """Return a throw with a status."""
     return Trial(
-        index=index, status=status, t_catch_s=None, position_error_mm=None,
-        velocity_error_m_s=None, peak_torque_ratio=[0.0], peak_speed_ratio=[0.0],
-        limit_violations=0, demand_cost=0.0, peak_contact_force_n=None, binding_limit=None,
-        saturated_ticks=0, range_excess_rad=0.0, stopped_by=stop_as_json(stop),
-    )  # fmt: skip
+        index=index,
+        status=status,
+        t_catch_s=None,
+        position_error_mm=None,
+        velocity_error_m_s=None,
+        peak_torque_ratio=[0.0],
+        peak_speed_ratio=[0.0],
+        limit_violations=0,
+        demand_cost=0.0,
+        peak_contact_force_n=None,
+        binding_limit=None,
+        saturated_ticks=0,
+        range_excess_rad=0.0,
+        stopped_by=stop_as_json(stop),
+    )
 
 
 def test_forces_stand_beside_the_rate(tmp_path: Path, study: Study) -> None:
     """Median and 95th percentile of those that touched; how many were more than is taken."""
     forces = [10.0, 20.0, 30.0, 400.0, None]
     trials = [
-        replace(trial(k, "caught" if x else "missed"), peak_contact_force_n=x,
-                over_force=None if x is None else x > 240.0)
+        replace(
+            trial(k, "caught" if x else "missed"),
+            peak_contact_force_n=x,
+            over_force=None if x is None else x > 240.0,
+        )
         for k, x in enumerate(forces)
-    ]  # fmt: skip
+    ]
     path = tmp_path / "part.parquet"
     path.write_bytes(write_rows(rows_of("direct", trials), {}))
     row, _, _ = cell_of("direct", study.conditions[0], 5, read_part(path)[0])
@@ -53,9 +73,15 @@ def test_forces_stand_beside_the_rate(tmp_path: Path, study: Study) -> None:
     assert force_words(mine["force_n"], 1) == (
         "contact force 25 N median, 95 % 344 N, 1 beyond what hand or arm take"
     )
-    none, _, _ = cell_of("direct", study.conditions[0], 1, [row_of(
-        "direct", "clean", trial(0, "missed"), 0.0, np.zeros(6), np.zeros(6)) | {
-            "stopped_by_reason": None, "stopped_by_joint": None}])  # fmt: skip
+    none, _, _ = cell_of(
+        "direct",
+        study.conditions[0],
+        1,
+        [
+            row_of("direct", "clean", trial(0, "missed"), 0.0, np.zeros(6), np.zeros(6))
+            | {"stopped_by_reason": None, "stopped_by_joint": None}
+        ],
+    )
     assert (none["force_n"], _rate(none)) == (None, "0.0, -")
     assert force_words(None, 0) == "no ball touched the hand"
 
@@ -124,10 +150,12 @@ def test_what_a_generator_takes_is_compared_on_the_balls_that_both_caught(
     cells = []
     for generator, factor in (("direct", 1.0), ("unoptimised", 2.0)):
         trials = [
-            replace(trial(k, "missed" if k == 3 and factor == 2.0 else "caught"),
-                    effort_s=factor * (1.0 + k) * (100.0 if k == 3 else 1.0))
+            replace(
+                trial(k, "missed" if k == 3 and factor == 2.0 else "caught"),
+                effort_s=factor * (1.0 + k) * (100.0 if k == 3 else 1.0),
+            )
             for k in range(4)
-        ]  # fmt: skip
+        ]
         path = tmp_path / f"{generator}.parquet"
         path.write_bytes(write_rows(rows_of(generator, trials), {}))
         cells += [cell_of(generator, c, 4, read_part(path)[0]) for c in study.conditions[:1]]

@@ -25,8 +25,14 @@ from mitt.trials.bat_study import read_bat_study
 from mitt.trials.meet_study import read_meet_study
 from mitt.trials.station import arm_with_tool
 
-JOINTS = ("shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint", "wrist_1_joint",
-          "wrist_2_joint", "wrist_3_joint")  # fmt: skip
+JOINTS = (
+    "shoulder_pan_joint",
+    "shoulder_lift_joint",
+    "elbow_joint",
+    "wrist_1_joint",
+    "wrist_2_joint",
+    "wrist_3_joint",
+)
 STUDY = 'task = "{task}"\nname = "one"\narm = "{arm}"\n{more}\n[[conditions]]\nname = "all"\n'
 
 
@@ -43,8 +49,14 @@ def files(tmp_path: Path) -> dict[str, Path]:
         out[name].write_text(shipped_path("designs", name).read_text())
     out["own"] = tmp_path / "own.toml"
     held = {"wrist_2_joint": 1.2, "wrist_3_joint": 0.3}
-    own = ArmFile(arm=out["urdf"], tip="tool0", joints=JOINTS[:4], held=held, hand="basket",
-                  hand_mount="plate")  # fmt: skip
+    own = ArmFile(
+        arm=out["urdf"],
+        tip="tool0",
+        joints=JOINTS[:4],
+        held=held,
+        hand="basket",
+        hand_mount="plate",
+    )
     write_arm_file(out["own"], own)
     return out
 

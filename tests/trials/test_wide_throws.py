@@ -18,7 +18,8 @@ from mitt.world.throws import ThrowRanges
 FLAT = ThrowRanges(speed=(7.0, 10.0), duration=(0.28, 0.42), distance=(2.0, 4.2), height=(0.0, 1.2))
 ASKEW = ThrowRanges(azimuth=(-1.05, 1.05))
 HIGH = ThrowRanges(speed=(5.0, 9.0), duration=(0.80, 1.20), distance=(2.0, 4.5))
-SEED, COUNT = 5100, 8
+SEED = 5100
+COUNT = 8
 
 
 @pytest.fixture(scope="module")

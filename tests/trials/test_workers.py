@@ -34,9 +34,13 @@ def test_a_cluster_comes_to_what_one_process_does_byte_by_byte(
     distributed, study = pytest.importorskip("distributed"), write_study(tmp_path, TEXT)
     folder = ready(tmp_path / "out", study, learned)
     with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None,
-        host="127.0.0.1", protocol="tcp",
-    ) as cluster:  # fmt: skip
+        n_workers=1,
+        threads_per_worker=2,
+        processes=False,
+        dashboard_address=None,
+        host="127.0.0.1",
+        protocol="tcp",
+    ) as cluster:
         engine = Cluster(cluster.scheduler_address.replace("tcp://", "dask://"))
         assert run_study(study, folder, engine, progress=quiet).status == 0
     assert _files(folder.path) == _files(thrown_study)
@@ -176,8 +180,15 @@ def test_a_full_disk_is_one_line_and_what_is_done_is_kept(
         "import resource, sys; from mitt.cli.main import main; "
         "resource.setrlimit(resource.RLIMIT_FSIZE, (4000, 4000)); sys.exit(main(sys.argv[1:]))"
     )
-    words = ["study", str(tmp_path / "study.toml"), "--out", str(folder.path), "--workers", "1",
-             "--resume"]  # fmt: skip
+    words = [
+        "study",
+        str(tmp_path / "study.toml"),
+        "--out",
+        str(folder.path),
+        "--workers",
+        "1",
+        "--resume",
+    ]
     done = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, check=False)
     assert done.returncode == 2
     assert done.stderr.decode().strip().splitlines()[-1].startswith("mitt: ")

@@ -23,7 +23,8 @@ from mitt.world.scene import Ball, Contact, Scene
 
 #: Share by which the model may err on a palm that is held still, for balls that do not jam; and for
 #: those that do.
-CLEAN, JAMMED = 0.25, 0.45
+CLEAN = 0.25
+JAMMED = 0.45
 #: Distances from what is struck at which an impact begins [m]: a contact begins within a step.
 STARTS = (0.0100, 0.0107, 0.0114)
 SPEED = 4.5
@@ -179,9 +180,13 @@ def test_the_verdict_keeps_the_force_of_hand_and_of_arm(arm: Arm) -> None:
     ]
     assert shares[1] == shares[2] == pytest.approx(2.0 * shares[0])
     given = Verdict(
-        outcome=Outcome.FEASIBLE, binding_limit="range:j4", share=0.9, t_catch=0.5, sigma=0.001,
+        outcome=Outcome.FEASIBLE,
+        binding_limit="range:j4",
+        share=0.9,
+        t_catch=0.5,
+        sigma=0.001,
         approach=way,
-    )  # fmt: skip
+    )
     weak = _with(arm, replace(HAND, force=0.5 * 500.0 * shares[0]))
     refused = examined(weak, given, b, bandwidth=BANDWIDTH)
     assert (refused.outcome, refused.binding_limit) == (Outcome.UNREACHABLE, "force")

@@ -32,7 +32,8 @@ TIME = 1e-4
 #: Hardly more than the limits.
 STRICT = Tolerance(torque=1.25, speed=1.0)
 
-yaws, leans = st.floats(-0.2, 0.2), st.floats(-0.15, 0.15)
+yaws = st.floats(-0.2, 0.2)
+leans = st.floats(-0.15, 0.15)
 
 
 def thrown(
@@ -236,7 +237,10 @@ def test_a_verdict_is_said_in_a_few_words() -> None:
     )
     assert str(good) == "feasible: 83 % of brake:j4, catch at 0.498 s"
     far = Verdict(
-        outcome=Outcome.UNREACHABLE, binding_limit="domain", share=np.inf, t_catch=np.inf,
+        outcome=Outcome.UNREACHABLE,
+        binding_limit="domain",
+        share=np.inf,
+        t_catch=np.inf,
         sigma=np.inf,
-    )  # fmt: skip
+    )
     assert str(far) == "unreachable: domain (the ball does not come to where the map can meet it)"

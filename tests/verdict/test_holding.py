@@ -18,9 +18,13 @@ from mitt.verdict.impact import speed_jump
 RADII = np.concatenate([np.linspace(0.005, 0.12, 24), np.linspace(0.13, 0.5, 4)]).tolist()
 """Of balls [m]."""
 HANDS = (
-    HandModel(), HandModel(catch_offset=0.16), HandModel(catch_offset=0.04), HandModel(fingers=2),
-    HandModel(finger=Finger(proximal=0.08, distal=0.02)), HandModel(finger=Finger(offset=0.05)),
-)  # fmt: skip
+    HandModel(),
+    HandModel(catch_offset=0.16),
+    HandModel(catch_offset=0.04),
+    HandModel(fingers=2),
+    HandModel(finger=Finger(proximal=0.08, distal=0.02)),
+    HandModel(finger=Finger(offset=0.05)),
+)
 V = np.array([0.0, 0.0, -3.0])
 """Velocity of the ball relative to the hand [m/s]."""
 BASKETS = (Basket(), Basket(ring_radius=0.3), Basket(depth=0.05, catch_depth=0.02))
@@ -68,8 +72,10 @@ def test_a_ball_that_does_not_fit_a_basket_is_refused(basket: Basket) -> None:
 def test_a_ball_without_mass_moves_no_arm() -> None:
     """And the lighter it is the less, down to nothing, without a NaN."""
     arm, v = build_arm("wam"), np.array([-5.0, 0.4, -1.0])
-    jumps = [float(np.abs(speed_jump(arm, arm.q_ready, v, m)).max())
-             for m in (1.0, 1e-3, 1e-8, 1e-9, 1e-12, 1e-310, 0.0)]  # fmt: skip
+    jumps = [
+        float(np.abs(speed_jump(arm, arm.q_ready, v, m)).max())
+        for m in (1.0, 1e-3, 1e-8, 1e-9, 1e-12, 1e-310, 0.0)
+    ]
     assert jumps == sorted(jumps, reverse=True)
     assert jumps[-1] == 0.0
 

@@ -123,9 +123,13 @@ def test_a_refusal_names_what_binds_and_a_pass_keeps_the_verdict(motors: Arm) ->
     """2 kg at 5 m/s are refused, by force or else; 70 g pass; refusals stay as they are."""
     way = approach(Q, np.array([0.0, 0.5, 3.5]), V)
     given = Verdict(
-        outcome=Outcome.FEASIBLE, binding_limit="range:j4", share=0.9, t_catch=0.5, sigma=0.001,
+        outcome=Outcome.FEASIBLE,
+        binding_limit="range:j4",
+        share=0.9,
+        t_catch=0.5,
+        sigma=0.001,
         approach=way,
-    )  # fmt: skip
+    )
     refused = examined(motors, given, ball(2.0), bandwidth=BANDWIDTH)
     assert refused.outcome is Outcome.UNREACHABLE
     assert refused.binding_limit.split(":")[0] in ("impact", "brake", "grip", "force")
@@ -141,9 +145,13 @@ def test_a_refusal_for_torque_is_run_on_the_model(motors: Arm) -> None:
     """A verdict that refused for a share of 50 is feasible where the arm is in time; not else."""
     slow = approach(Q, np.array([0.0, 0.1, 0.2]), np.array([-5.0, 0.0, 0.0]))
     refused = Verdict(
-        outcome=Outcome.UNREACHABLE, binding_limit="torque:j4", share=50.0, t_catch=0.5,
-        sigma=0.001, approach=slow,
-    )  # fmt: skip
+        outcome=Outcome.UNREACHABLE,
+        binding_limit="torque:j4",
+        share=50.0,
+        t_catch=0.5,
+        sigma=0.001,
+        approach=slow,
+    )
     assert examined(motors, refused, ball(0.07), bandwidth=BANDWIDTH).outcome is Outcome.FEASIBLE
     fast = approach(Q, np.array([5.0, 0.0, 0.0]), np.array([-5.0, 0.0, 0.0]))
     late = examined(motors, replace(refused, approach=fast), ball(0.07), bandwidth=BANDWIDTH)

@@ -6,7 +6,8 @@ from hypothesis import strategies as st
 
 from mitt.world.capsules import Canvas, Edges, Point, misses, paint_capsule, seen_from
 
-SIDE, MARGIN = 24, 60
+SIDE = 24
+MARGIN = 60
 """Sides of a small image, and of what lies around it in a large one [px]."""
 PLAIN = (0.0, 0.0, 0.0)
 """Neither a lit side nor a grain."""

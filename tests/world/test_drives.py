@@ -193,7 +193,9 @@ def test_an_arm_without_drives_hangs_on_its_brakes(arm: Arm, brakes: bool) -> No
 
 
 TAKES = ("position", "velocity")
-START, TURN, TIME = np.array([0.1, 0.6, 1.0]), np.array([0.3, -0.4, 0.8]), 0.4
+START = np.array([0.1, 0.6, 1.0])
+TURN = np.array([0.3, -0.4, 0.8])
+TIME = 0.4
 
 
 def _desired(t: float) -> Array:

@@ -56,9 +56,9 @@ def test_another_axis_up_is_named_and_its_remedy_turns_it_back(axis: str, flight
     assert doubt is not None
     assert axis in doubt.given
     parts = doubt.do.removeprefix("turn the axes: write ").removesuffix(" for x, y, z").split(", ")
-    matrix = np.array([
-        np.eye(3)["xyz".index(p[-1])] * (-1.0 if p[0] == "-" else 1.0) for p in parts
-    ])  # fmt: skip
+    matrix = np.array(
+        [np.eye(3)["xyz".index(p[-1])] * (-1.0 if p[0] == "-" else 1.0) for p in parts]
+    )
     assert np.linalg.det(matrix) == pytest.approx(1.0)
     assert doubt_of([(t, r @ matrix.T) for t, r in turned]) is None
 
@@ -66,12 +66,20 @@ def test_another_axis_up_is_named_and_its_remedy_turns_it_back(axis: str, flight
 @pytest.mark.parametrize(
     ("metre", "second", "said"),
     [
-        (1000.0, 1.0, "mm"), (100.0, 1.0, "cm"), (1.0 / 0.0254, 1.0, "inches"),
-        (1.0 / 0.3048, 1.0, "feet"), (1.0, 1e3, "ms"), (1.0, 1e6, "us"), (1.0, 1e9, "ns"),
-        (1000.0, 1e3, "mm and ms"), (1.0, 120.0, "frames"), (1.0, 200.0, "frames"),
-        (1.0, 4.0, "slow motion"), (1.0, 8.0, "slow motion"),
+        (1000.0, 1.0, "mm"),
+        (100.0, 1.0, "cm"),
+        (1.0 / 0.0254, 1.0, "inches"),
+        (1.0 / 0.3048, 1.0, "feet"),
+        (1.0, 1e3, "ms"),
+        (1.0, 1e6, "us"),
+        (1.0, 1e9, "ns"),
+        (1000.0, 1e3, "mm and ms"),
+        (1.0, 120.0, "frames"),
+        (1.0, 200.0, "frames"),
+        (1.0, 4.0, "slow motion"),
+        (1.0, 8.0, "slow motion"),
     ],
-)  # fmt: skip
+)
 def test_another_unit_is_named(metre: float, second: float, said: str) -> None:
     """Lengths, times and both."""
     doubt = doubt_of([(t * second, r * metre) for t, r in _thrown()])
@@ -140,9 +148,11 @@ def test_a_table_with_y_up_is_refused_in_one_line(tmp_path: Path) -> None:
     """It names the file, the axis and what to do; z up is read."""
     for name, up in (("z.csv", 2), ("y.csv", 1)):
         order = (0, 1, 2) if up == 2 else (0, 2, 1)
-        rows = [f"{n},{t:.6f},{r[order[0]]:.6f},{r[order[1]]:.6f},{r[order[2]]:.6f}"
-                for n, (times, points) in enumerate(_thrown(3))
-                for t, r in zip(times, points, strict=True)]  # fmt: skip
+        rows = [
+            f"{n},{t:.6f},{r[order[0]]:.6f},{r[order[1]]:.6f},{r[order[2]]:.6f}"
+            for n, (times, points) in enumerate(_thrown(3))
+            for t, r in zip(times, points, strict=True)
+        ]
         path = tmp_path / name
         path.write_text("flight,t_s,x_m,y_m,z_m\n" + "\n".join(rows) + "\n")
         if up == 2:

@@ -146,8 +146,10 @@ def test_noise_has_the_size_it_says_and_only_in_its_time() -> None:
 
 
 def test_outliers_are_so_far_off_and_so_frequent() -> None:
-    off = [np.linalg.norm(s.points[0].r_o - PLACE)
-           for s in run({"kind": "outlier", "magnitude": 0.3, "chance": 0.2})]  # fmt: skip
+    off = [
+        np.linalg.norm(s.points[0].r_o - PLACE)
+        for s in run({"kind": "outlier", "magnitude": 0.3, "chance": 0.2})
+    ]
     hit = np.array(off) > 1e-9
     np.testing.assert_allclose(np.array(off)[hit], 0.3)
     assert 0.12 < hit.mean() < 0.28
@@ -245,8 +247,10 @@ def test_nan_stands_where_it_is_told_to(where: str) -> None:
 
 @pytest.mark.parametrize("clock", ["tick", "camera"])
 def test_a_clock_jumps_and_jumps_back(clock: str) -> None:
-    senses = run({"kind": "clock", "clock": clock, "magnitude": -3600.0, "start": 0.1,
-                  "length": 0.1}, pixels=True)  # fmt: skip
+    senses = run(
+        {"kind": "clock", "clock": clock, "magnitude": -3600.0, "start": 0.1, "length": 0.1},
+        pixels=True,
+    )
     for k in (99, 100, 199, 200):
         off = -3600.0 if 100 <= k < 200 else 0.0
         assert senses[k].frames[0].t == pytest.approx(k * TICK + off)
@@ -255,8 +259,9 @@ def test_a_clock_jumps_and_jumps_back(clock: str) -> None:
 
 def test_encoders_lie_as_they_are_told_and_their_speed_follows() -> None:
     def joint(fault: str, magnitude: float = 0.25) -> tuple[Array, Array]:
-        senses = run({"kind": "encoder", "fault": fault, "joint": 1, "magnitude": magnitude,
-                      "start": 0.1})  # fmt: skip
+        senses = run(
+            {"kind": "encoder", "fault": fault, "joint": 1, "magnitude": magnitude, "start": 0.1}
+        )
         assert all(s.arm.q[0] == pytest.approx(s.t) for s in senses)
         return np.array([s.arm.q[1] for s in senses]), np.array([s.arm.dq[1] for s in senses])
 
@@ -346,8 +351,11 @@ def test_spin_bends_the_flight_and_keeps_its_speed() -> None:
     spun, straight = fly({"kind": "spin", "magnitude": 0.1}, ticks=200), fly(ticks=200)
     gap = np.linalg.norm(path(spun)[-1] - path(straight)[-1])
     assert gap > 0.01
-    speeds = [np.linalg.norm(w.trace().dr_o[-1]) + 9.81 / np.linalg.norm(w.trace().dr_o[-1]) *
-              (w.trace().r_o[-1, 2]) for w in (spun, straight)]  # fmt: skip
+    speeds = [
+        np.linalg.norm(w.trace().dr_o[-1])
+        + 9.81 / np.linalg.norm(w.trace().dr_o[-1]) * (w.trace().r_o[-1, 2])
+        for w in (spun, straight)
+    ]
     assert speeds[0] == pytest.approx(speeds[1], rel=0.02)
 
 
@@ -372,8 +380,10 @@ def test_a_plate_turns_the_normal_velocity_back_and_leaves_the_other() -> None:
 
 def test_a_ball_passes_a_plate_that_it_does_not_meet() -> None:
     """The plate is so small that a flight kicked aside before it goes by."""
-    faults = ({"kind": "kick", "magnitude": 3.0, "share": 0.2},
-              {"kind": "bounce", "share": 0.6, "size": 0.01})  # fmt: skip
+    faults = (
+        {"kind": "kick", "magnitude": 3.0, "share": 0.2},
+        {"kind": "bounce", "share": 0.6, "size": 0.01},
+    )
     np.testing.assert_allclose(path(fly(*faults)), path(fly(faults[0])), atol=1e-12)
 
 

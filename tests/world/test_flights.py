@@ -219,8 +219,9 @@ def test_ten_samples_are_enough() -> None:
     """The shortest recording that is read can be smoothed."""
     t = np.linspace(0.0, 0.1, 10)
     r = bounced(t, 5.0)[0]
-    assert smooth(t, r).at(0.05)[0] == pytest.approx(fly(r[0], np.array([4.4, 0.1, 2.0]),
-        drag=0.12, duration=0.05)[0], abs=0.02)  # fmt: skip
+    assert smooth(t, r).at(0.05)[0] == pytest.approx(
+        fly(r[0], np.array([4.4, 0.1, 2.0]), drag=0.12, duration=0.05)[0], abs=0.02
+    )
 
 
 RESTS = ("still", "walk", "toss", "sway", "swung")
@@ -237,9 +238,12 @@ def in_the_hand(kind: str, *, rate: float, held: float, hit: float, seed: int) -
 
 @settings(max_examples=30, deadline=None)
 @given(
-    kind=st.sampled_from(RESTS), rate=st.sampled_from((120.0, 200.0, 400.0)),
-    held=st.floats(0.4, 1.5), hit=st.sampled_from((0.45, 5.0)), seed=st.integers(0, 1000),
-)  # fmt: skip
+    kind=st.sampled_from(RESTS),
+    rate=st.sampled_from((120.0, 200.0, 400.0)),
+    held=st.floats(0.4, 1.5),
+    hit=st.sampled_from((0.45, 5.0)),
+    seed=st.integers(0, 1000),
+)
 def test_the_time_in_the_throwers_hand_is_no_flight(
     kind: str, rate: float, held: float, hit: float, seed: int
 ) -> None:

@@ -20,7 +20,8 @@ from mitt.world.hand_bodies import BALL, FRICTION, HAND, add_hand, finger_inerti
 from mitt.world.scene import Ball, Contact, Scene
 
 HAND_MODEL = HandModel()
-BIG, SMALL = (0.04, 0.07), (0.02, 0.0027)  # radius [m], mass [kg], a thrown and a table-tennis ball
+BIG = (0.04, 0.07)
+SMALL = (0.02, 0.0027)  # radius [m], mass [kg], a thrown and a table-tennis ball
 ELBOW = 0.47  # catch point from the elbow axis [m]: 0.35 + 0.12
 BRAKE = 147.0  # deceleration of joint 4 after the catch [rad/s^2]
 FOLLOW = 0.008  # time after the catch at which it starts [s]
@@ -237,10 +238,13 @@ def test_a_finger_weighs_what_it_should() -> None:
 
 @pytest.mark.parametrize(
     "hand",
-    [replace(HAND_MODEL, fingers=12), replace(HAND_MODEL, mass=0.05),
-     replace(HAND_MODEL, finger=replace(HAND_MODEL.finger, mass=10.0))],
+    [
+        replace(HAND_MODEL, fingers=12),
+        replace(HAND_MODEL, mass=0.05),
+        replace(HAND_MODEL, finger=replace(HAND_MODEL.finger, mass=10.0)),
+    ],
     ids=["fingers", "mass", "finger"],
-)  # fmt: skip
+)
 def test_fingers_that_are_more_than_the_hand_are_refused(hand: HandModel) -> None:
     """They are part of it; MuJoCo would say so in words of its own, or not at all."""
     spec = mujoco.MjSpec()
@@ -277,9 +281,7 @@ def test_the_open_hand_leaves_the_ball_free_way(radius: float) -> None:
     off = np.tan(np.deg2rad(12.0))
     for ahead in np.linspace(0.001, 0.1, 40):
         for turn in np.linspace(0.0, 2 * np.pi, 13):
-            data.qpos[4:7] = [
-                off * ahead * np.cos(turn), off * ahead * np.sin(turn), ELBOW + ahead
-            ]  # fmt: skip
+            data.qpos[4:7] = [off * ahead * np.cos(turn), off * ahead * np.sin(turn), ELBOW + ahead]
             mujoco.mj_fwdPosition(model, data)
             assert data.ncon == 0
 

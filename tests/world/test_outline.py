@@ -5,7 +5,8 @@ from numpy.typing import NDArray
 
 from mitt.world.outline import Scratch, paint_ball, scratch_for
 
-LENS, BALL = (200.0, 49.5, 30.0), (0.02, 0.01, 1.0, 0.03, 0.012, 1.0, 0.04)
+LENS = (200.0, 49.5, 30.0)
+BALL = (0.02, 0.01, 1.0, 0.03, 0.012, 1.0, 0.04)
 
 
 def drawn(width: int, work: Scratch) -> NDArray[np.float32]:

@@ -15,8 +15,10 @@ from mitt.world.scene import Ball, Material, Scene
 
 #: Balls: mass [kg] and radius [m].
 BALLS: dict[Material, tuple[float, float]] = {
-    "foam": (0.034, 0.04), "tennis": (0.058, 0.033), "table-tennis": (0.0027, 0.02),
-}  # fmt: skip
+    "foam": (0.034, 0.04),
+    "tennis": (0.058, 0.033),
+    "table-tennis": (0.0027, 0.02),
+}
 #: How near what is measured has to be to what is asked for.
 NEAR = 0.03
 

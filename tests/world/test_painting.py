@@ -89,9 +89,12 @@ def test_a_second_ball_rolls_and_looks_before_a_throw_use_up_no_noise() -> None:
     images = []
     for early in (False, True):
         imager = Imager(
-            Rig(cameras=(CAMERA,)), ImageSensor(), np.random.default_rng(4),
-            second=(0.0, 0.0, 1.0, 0.05), second_velocity=(2.0, 0.0, 0.0),
-        )  # fmt: skip
+            Rig(cameras=(CAMERA,)),
+            ImageSensor(),
+            np.random.default_rng(4),
+            second=(0.0, 0.0, 1.0, 0.05),
+            second_velocity=(2.0, 0.0, 0.0),
+        )
         if early:
             assert len(imager.before(3, np.zeros((0, 8)))) == 3
         images.append([imager.render(0.1 * k, None, 0.1)[0].pixels for k in range(2)])

@@ -15,7 +15,8 @@ from mitt.world.imaging import Imager, ImageSensor
 
 CLOSE = 0.1
 """Distance of the centroids [px]; the project's own bound."""
-VIEWS, FINE = 100, 4
+VIEWS = 100
+FINE = 4
 """Random views of each lens; pixels of the renderer for one of ours, a side."""
 CLEAN = ImageSensor(
     brightness=200.0, background=0.0, texture=0.0, body=0.0, read_noise=0.0, electrons=1e12

@@ -134,9 +134,12 @@ coordinate = st.floats(-3.0, 3.0)
 
 
 @given(
-    x=st.floats(2.0, 5.0), y=coordinate, z=coordinate, drag=st.floats(0.0, 0.2),
+    x=st.floats(2.0, 5.0),
+    y=coordinate,
+    z=coordinate,
+    drag=st.floats(0.0, 0.2),
     duration=st.floats(0.3, 0.8),
-)  # fmt: skip
+)
 def test_the_shot_hits(x: float, y: float, z: float, drag: float, duration: float) -> None:
     """Flying the released ball for the wanted time ends at the target."""
     start, target = np.array([x, y, z]), np.array([0.5, 0.1, 0.0])

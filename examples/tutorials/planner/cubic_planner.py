@@ -27,9 +27,13 @@ class Cubic:
         (q, dq), way = self.start[:2], self.end[0] - self.start[0] - T * self.start[1]
         turn = self.end[1] - self.start[1]
         b, a = 3.0 * way / T**2 - turn / T, turn / T**2 - 2.0 * way / T**3
-        return np.array([
-            q + h * (dq + h * (b + h * a)), dq + h * (2.0 * b + 3.0 * h * a), 2.0 * b + 6.0 * h * a
-        ])  # fmt: skip
+        return np.array(
+            [
+                q + h * (dq + h * (b + h * a)),
+                dq + h * (2.0 * b + 3.0 * h * a),
+                2.0 * b + 6.0 * h * a,
+            ]
+        )
 
 
 def plan(motion: Array, t: float, catch: Intercept) -> Cubic:

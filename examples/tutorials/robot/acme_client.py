@@ -26,10 +26,15 @@ class AcmeClient:
     """A connection to the controller."""
 
     def __init__(
-        self, arm: LocalRobot, *, order: Sequence[int] = (2, 1, 0),
-        sense: Sequence[float] = (1.0, -1.0, 1.0), push: Sequence[float] = (1.0, -1.0, 1.0),
-        unit: float = 180.0 / np.pi, in_time: bool = False,
-    ) -> None:  # fmt: skip
+        self,
+        arm: LocalRobot,
+        *,
+        order: Sequence[int] = (2, 1, 0),
+        sense: Sequence[float] = (1.0, -1.0, 1.0),
+        push: Sequence[float] = (1.0, -1.0, 1.0),
+        unit: float = 180.0 / np.pi,
+        in_time: bool = False,
+    ) -> None:
         """Put a simulated arm behind the calls.
 
         Args:

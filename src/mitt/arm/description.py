@@ -236,8 +236,11 @@ class Link:
         bodily = (self.placement, self.axis, self.com, self.inertia, self.armature)
         numbers = (*bodily, self.q_min, self.q_max)
         if not all(np.all(np.abs(x) <= _LARGEST) for x in numbers):
-            raise ModelError(where, f"numbers within +-{_LARGEST:g} in m, rad and kg m^2",
-                             "larger ones, NaN or infinity")  # fmt: skip
+            raise ModelError(
+                where,
+                f"numbers within +-{_LARGEST:g} in m, rad and kg m^2",
+                "larger ones, NaN or infinity",
+            )
         if not _LIGHTEST < self.mass <= _LARGEST:
             wanted = f"a mass above 0 and up to {_LARGEST:g} kg"
             raise ModelError(where, wanted, f"{self.mass:g} kg")
@@ -250,14 +253,19 @@ class Link:
     def _hold_shapes(self, where: str) -> None:
         """Convert the fields to what kernels and Pinocchio take; refuse other shapes."""
         for name, value, shape in (
-            ("placement", self.placement, (4, 4)), ("axis", self.axis, (3,)),
-            ("com", self.com, (3,)), ("inertia", self.inertia, (3, 3)),
-        ):  # fmt: skip
+            ("placement", self.placement, (4, 4)),
+            ("axis", self.axis, (3,)),
+            ("com", self.com, (3,)),
+            ("inertia", self.inertia, (3, 3)),
+        ):
             _keep(self, name, checks.array(f"{where} {name}", value, shape))
         for name, plain in (
-            ("q_min", self.q_min), ("q_max", self.q_max), ("mass", self.mass),
-            ("armature", self.armature), ("encoder_step", self.encoder_step),
-        ):  # fmt: skip
+            ("q_min", self.q_min),
+            ("q_max", self.q_max),
+            ("mass", self.mass),
+            ("armature", self.armature),
+            ("encoder_step", self.encoder_step),
+        ):
             _keep(self, name, checks.number(f"{where} {name}", plain))
         if self.brake is not None:
             checks.instance(f"{where} brake", self.brake, Brake)
@@ -322,8 +330,12 @@ class ArmModel:
         for link, q in zip(moving, q_ready.tolist(), strict=True):
             if not link.q_min <= q <= link.q_max:
                 wanted = f"a position in {link.q_min:.3f}..{link.q_max:.3f}"
-                raise ModelError(f"ready pose of {link.name}", wanted, f"{q:g}",
-                                 do="angles are in rad, in the order of the joints")  # fmt: skip
+                raise ModelError(
+                    f"ready pose of {link.name}",
+                    wanted,
+                    f"{q:g}",
+                    do="angles are in rad, in the order of the joints",
+                )
 
     def check_ranges(self) -> None:
         """Refuse an arm with a joint that could not be moved: commands keep a gap to its ends.
@@ -334,11 +346,17 @@ class ArmModel:
         for link in (link for link in self.links if link.held is None):
             unit, span = ("m" if link.prismatic else "rad"), link.q_max - link.q_min
             if not span > 2.0 * STOP_GAP:
-                wanted = (f"a range of more than {2.0 * STOP_GAP:g} {unit}, since commands keep"
-                          f" {STOP_GAP:g} {unit} to its ends")  # fmt: skip
+                wanted = (
+                    f"a range of more than {2.0 * STOP_GAP:g} {unit}, since commands keep"
+                    f" {STOP_GAP:g} {unit} to its ends"
+                )
                 also = "" if link.prismatic else f"; {meant_in_radians(link)}"
-                raise ModelError(f"joint {link.name!r}", wanted, f"{span:g} {unit}",
-                                 do=f"hold the joint, or widen its range{also}")  # fmt: skip
+                raise ModelError(
+                    f"joint {link.name!r}",
+                    wanted,
+                    f"{span:g} {unit}",
+                    do=f"hold the joint, or widen its range{also}",
+                )
 
     @property
     def active(self) -> tuple[int, ...]:
@@ -396,11 +414,13 @@ def transform(R: Array | None = None, p: Array | None = None) -> Array:
 def roll_pitch_yaw(angles: Array) -> Array:
     """Return the rotation of roll, pitch and yaw about fixed axes (REP 103) [rad], shape (3, 3)."""
     (a, b, c), (d, e, f) = np.cos(angles), np.sin(angles)
-    return np.array([
-        [c * b, c * e * d - f * a, c * e * a + f * d],
-        [f * b, f * e * d + c * a, f * e * a - c * d],
-        [-e, b * d, b * a],
-    ])  # fmt: skip
+    return np.array(
+        [
+            [c * b, c * e * d - f * a, c * e * a + f * d],
+            [f * b, f * e * d + c * a, f * e * a - c * d],
+            [-e, b * d, b * a],
+        ]
+    )
 
 
 def rotation(axis: Array, angle: float) -> Array:
@@ -414,8 +434,10 @@ def rotation(axis: Array, angle: float) -> Array:
 def meant_in_radians(link: Link) -> str:
     """Return what to do where a hinge's range in radians was read as one in degrees."""
     low, high = np.degrees((link.q_min, link.q_max))
-    return (f"if {low:.3g}..{high:.3g} rad are meant for {link.name}, radians were read as degrees:"
-            ' say <compiler angle="radian"/> in an MJCF, write radians in other files')  # fmt: skip
+    return (
+        f"if {low:.3g}..{high:.3g} rad are meant for {link.name}, radians were read as degrees:"
+        ' say <compiler angle="radian"/> in an MJCF, write radians in other files'
+    )
 
 
 def joint_motion(link: Link, q: float) -> Array:
@@ -508,8 +530,10 @@ def mended_inertia(where: str, mass: float, inertia: Array) -> tuple[Array, str]
     if np.array_equal(moments, given):
         return checked_inertia(where, inertia), ""
     out = checked_inertia(where, _turned(moments, axes))
-    return out, (f"{where}: no body has the principal moments {_shown(given)} kg m^2; taken as"
-                 f" {_shown(moments)}")  # fmt: skip
+    return out, (
+        f"{where}: no body has the principal moments {_shown(given)} kg m^2; taken as"
+        f" {_shown(moments)}"
+    )
 
 
 def steel_ball(mass: float) -> float:

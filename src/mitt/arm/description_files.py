@@ -45,10 +45,13 @@ _ROOTS = {
     "html": ("a web page", "download the file itself"),
 }
 _HEADS = {
-    b"PXR-USDC": "a USD file", b"#usda": "a USD file", b"PK\x03\x04": "a packed archive",
-    b"\x1f\x8b": "a packed archive", b"solid ": "a mesh in STL",
+    b"PXR-USDC": "a USD file",
+    b"#usda": "a USD file",
+    b"PK\x03\x04": "a packed archive",
+    b"\x1f\x8b": "a packed archive",
+    b"solid ": "a mesh in STL",
     b"version https://git-lfs": "a pointer of Git LFS in the place of the file",
-}  # fmt: skip
+}
 _EXPAND = "expand it first: xacro FILE.urdf.xacro > FILE.urdf"
 _ENCODING = re.compile(rb"""^<\?xml[^>]*?encoding\s*=\s*["']([\w.:-]{1,40})["']""")
 #: A comment, in which files of others have "--", which XML forbids and their readers pass over.
@@ -137,8 +140,9 @@ class Tree:
             UnknownNameError: There is no such frame.
         """
         if name not in self._places:
-            raise UnknownNameError("tip", name, self.links,
-                                   do="name the link or site of the palm (--tip)")  # fmt: skip
+            raise UnknownNameError(
+                "tip", name, self.links, do="name the link or site of the palm (--tip)"
+            )
         return self._places.get(name + LINK, self._places[name])
 
     def joint(self, name: str) -> Part:
@@ -304,11 +308,21 @@ def check_suffix(path: Path) -> None:
     suffix = path.suffix.lower()
     if suffix == ".xacro":
         raise FileError(str(path), "a URDF", "a xacro file", do=_EXPAND)
-    given = {".sdf": "an SDF", ".world": "an SDF", ".usd": "a USD file", ".usda": "a USD file",
-             ".usdc": "a USD file", ".usdz": "a USD file"}  # fmt: skip
+    given = {
+        ".sdf": "an SDF",
+        ".world": "an SDF",
+        ".usd": "a USD file",
+        ".usda": "a USD file",
+        ".usdc": "a USD file",
+        ".usdz": "a USD file",
+    }
     if suffix in given:
-        raise FileError(str(path), "a URDF (.urdf) or an MJCF (.xml)", given[suffix],
-                        do="take the URDF or MJCF that it was made from")  # fmt: skip
+        raise FileError(
+            str(path),
+            "a URDF (.urdf) or an MJCF (.xml)",
+            given[suffix],
+            do="take the URDF or MJCF that it was made from",
+        )
 
 
 def read_xml(path: Path, root: Literal["robot", "mujoco"]) -> tuple[str, Element]:
@@ -347,8 +361,12 @@ def _text(path: Path, wanted: str) -> str:
         return content.decode(name)
     except (UnicodeError, LookupError) as error:
         bad = f"a bad byte at {error.start}" if isinstance(error, UnicodeDecodeError) else name
-        raise FileError(str(path), "UTF-8 text, or the encoding that its first line declares", bad,
-                        do="save it as UTF-8") from None  # fmt: skip
+        raise FileError(
+            str(path),
+            "UTF-8 text, or the encoding that its first line declares",
+            bad,
+            do="save it as UTF-8",
+        ) from None
 
 
 def _parsed(path: Path, wanted: str, text: str) -> Element:
@@ -375,8 +393,9 @@ def _check_xacro(path: Path, root: Element) -> None:
     """Refuse xacro that nobody expanded."""
     for element in root.iter():
         if "xacro" in element.tag.partition("}")[0] and element.tag.startswith("{"):
-            raise FileError(str(path), "a URDF", f"xacro, <{element.tag.partition('}')[2]}>",
-                            do=_EXPAND)  # fmt: skip
+            raise FileError(
+                str(path), "a URDF", f"xacro, <{element.tag.partition('}')[2]}>", do=_EXPAND
+            )
         for key, value in element.attrib.items():
             if _UNEXPANDED.search(value):
                 raise FileError(str(path), "a URDF", f"xacro, {key}={value[:60]!r}", do=_EXPAND)

@@ -37,40 +37,50 @@ from mitt.arm.kinematics import (
 from mitt.kernels import Fields, Record, kernel
 from mitt.signals import GRAVITY, Array
 
-LINK: Final = np.dtype([
-    ("R", MATRIX),  # orientation of the link's frame in the one before, at joint position 0
-    ("p", VECTOR),  # its position there [m]
-    ("axis", VECTOR),  # joint axis in the link's own frame
-    ("slides", np.bool_),  # whether the joint slides; else it turns
-    ("joint", np.int64),  # index among the active joints, -1 for a held one, which R and p contain
-    ("mass", np.float64),  # [kg]
-    ("com", VECTOR),  # centre of mass [m]
-    ("inertia", MATRIX),  # about the centre of mass [kg m^2]
-    ("rotor", np.float64),  # rotor inertia at the joint [kg m^2]
-], align=True)  # fmt: skip
+LINK: Final = np.dtype(
+    [
+        ("R", MATRIX),  # orientation of the link's frame in the one before, at joint position 0
+        ("p", VECTOR),  # its position there [m]
+        ("axis", VECTOR),  # joint axis in the link's own frame
+        ("slides", np.bool_),  # whether the joint slides; else it turns
+        (
+            "joint",
+            np.int64,
+        ),  # index among the active joints, -1 for a held one, which R and p contain
+        ("mass", np.float64),  # [kg]
+        ("com", VECTOR),  # centre of mass [m]
+        ("inertia", MATRIX),  # about the centre of mass [kg m^2]
+        ("rotor", np.float64),  # rotor inertia at the joint [kg m^2]
+    ],
+    align=True,
+)
 """A link and the joint before it."""
 
-_FORCES: Final = np.dtype([
-    ("R", MATRIX),  # frame of the link in the one before
-    ("p", VECTOR),  # its position there [m]
-    ("force", VECTOR),  # that moves the link [N]
-    ("moment", VECTOR),  # about the frame's origin [N m]
-])  # fmt: skip
+_FORCES: Final = np.dtype(
+    [
+        ("R", MATRIX),  # frame of the link in the one before
+        ("p", VECTOR),  # its position there [m]
+        ("force", VECTOR),  # that moves the link [N]
+        ("moment", VECTOR),  # about the frame's origin [N m]
+    ]
+)
 """What the torque needs of a link on the way back, in the link's frame."""
 
 _PAIR: Final = np.dtype([("linear", VECTOR), ("angular", VECTOR)])
 _SYM: Final = np.dtype([(x, np.float64) for x in ("xx", "yy", "zz", "xy", "xz", "yz")])
-_SUMS: Final = np.dtype([
-    ("S", _PAIR),  # motion of the joint: velocity at the world's origin, turning [a unit of q]
-    ("dS", _PAIR),  # v x S, its change while the chain moves
-    ("ddS", _PAIR),  # a x S + v x dS
-    ("mass", np.float64),  # of the link, then with all links beyond [kg], as all that follows
-    ("mc", VECTOR),  # mass times centre [kg m]
-    ("E", _SYM),  # second moments, the sum of m r r' over points [kg m^2]
-    ("load", _PAIR),  # force [N] and its moment about the world's origin [N m]
-    ("momentum", VECTOR),  # p [kg m/s]
-    ("K", MATRIX),  # the sum of m r v' over points [kg m^2/s]
-])  # fmt: skip
+_SUMS: Final = np.dtype(
+    [
+        ("S", _PAIR),  # motion of the joint: velocity at the world's origin, turning [a unit of q]
+        ("dS", _PAIR),  # v x S, its change while the chain moves
+        ("ddS", _PAIR),  # a x S + v x dS
+        ("mass", np.float64),  # of the link, then with all links beyond [kg], as all that follows
+        ("mc", VECTOR),  # mass times centre [kg m]
+        ("E", _SYM),  # second moments, the sum of m r r' over points [kg m^2]
+        ("load", _PAIR),  # force [N] and its moment about the world's origin [N m]
+        ("momentum", VECTOR),  # p [kg m/s]
+        ("K", MATRIX),  # the sum of m r v' over points [kg m^2/s]
+    ]
+)
 """What the derivatives need of a link, in the world frame."""
 
 Pair: TypeAlias = tuple[Vec, Vec]
@@ -281,11 +291,20 @@ def _add_flow(sums: Fields, beyond: Fields) -> None:
     """Add momentum and K, which count for the slopes alone, likewise."""
     K, more = mat(sums.K), mat(beyond.K)
     put_vec(sums.momentum, plus(vec(sums.momentum), vec(beyond.momentum)))
-    put_mat(sums.K, (
-        K[0] + more[0], K[1] + more[1], K[2] + more[2],
-        K[3] + more[3], K[4] + more[4], K[5] + more[5],
-        K[6] + more[6], K[7] + more[7], K[8] + more[8],
-    ))  # fmt: skip
+    put_mat(
+        sums.K,
+        (
+            K[0] + more[0],
+            K[1] + more[1],
+            K[2] + more[2],
+            K[3] + more[3],
+            K[4] + more[4],
+            K[5] + more[5],
+            K[6] + more[6],
+            K[7] + more[7],
+            K[8] + more[8],
+        ),
+    )
 
 
 @kernel

@@ -43,12 +43,16 @@ _LOOKS = 91
 _PLACES = 21
 #: The angle of a touch is looked for by cutting a range of angles in 32, and the one cut where
 #: the fingers first touch again, so often: to 1e-12 of the first range.
-_SHARES, _CUTS = np.linspace(0.0, 1.0, 33)[:, None], 8
+_SHARES = np.linspace(0.0, 1.0, 33)[:, None]
+_CUTS = 8
 #: Angles of the fingers at which capsules are laid about them: between two of these the tip of a
 #: finger of 0.1 m strays by less than 0.1 um. Every thirtieth tells how high they reach.
-_ANGLES, _ROUGH = 901, 30
+_ANGLES = 901
+_ROUGH = 30
 #: Radius of the palm and how far its rim stands above it [m], and radius of its capsule [m].
-_PALM, _RIM, _PALM_CAPSULE = 0.041, 0.012, 0.045
+_PALM = 0.041
+_RIM = 0.012
+_PALM_CAPSULE = 0.045
 #: By how much fingers are behind a command that is given early enough for its delays [s].
 _LATE = 0.002
 
@@ -340,7 +344,7 @@ class HandModel(Hand):
         return (
             Capsule(start=(0.0, 0.0, 0.0), end=(0.0, 0.0, palm), radius=_PALM_CAPSULE),
             Capsule(start=(0.0, 0.0, float(low)), end=(0.0, 0.0, end), radius=width),
-        )  # fmt: skip
+        )
 
     def holding_force(self, ball_radius: float, friction: float) -> float:
         """Return how hard a ball at the catch point can be pulled out of the closed hand [N].

@@ -116,20 +116,32 @@ def turn(axis: Vec, angle: float) -> Mat:
     c, s = np.cos(angle), np.sin(angle)
     u = 1.0 - c
     return (
-        c + x * x * u, x * y * u - z * s, x * z * u + y * s,
-        x * y * u + z * s, c + y * y * u, y * z * u - x * s,
-        x * z * u - y * s, y * z * u + x * s, c + z * z * u,
-    )  # fmt: skip
+        c + x * x * u,
+        x * y * u - z * s,
+        x * z * u + y * s,
+        x * y * u + z * s,
+        c + y * y * u,
+        y * z * u - x * s,
+        x * z * u - y * s,
+        y * z * u + x * s,
+        c + z * z * u,
+    )
 
 
 @kernel
 def matrix(rows: Array, k: int) -> Mat:
     """Return matrix k of an array of shape (n, 3, 3)."""
     return (
-        rows[k, 0, 0], rows[k, 0, 1], rows[k, 0, 2],
-        rows[k, 1, 0], rows[k, 1, 1], rows[k, 1, 2],
-        rows[k, 2, 0], rows[k, 2, 1], rows[k, 2, 2],
-    )  # fmt: skip
+        rows[k, 0, 0],
+        rows[k, 0, 1],
+        rows[k, 0, 2],
+        rows[k, 1, 0],
+        rows[k, 1, 1],
+        rows[k, 1, 2],
+        rows[k, 2, 0],
+        rows[k, 2, 1],
+        rows[k, 2, 2],
+    )
 
 
 @kernel
@@ -168,12 +180,15 @@ class Chain(NamedTuple):
     tip: Array  # (3,) catch point in the last frame [m]
 
 
-JOINT: Final = np.dtype([
-    ("R", MATRIX),  # orientation of the joint's frame in the one before, at joint position 0
-    ("p", VECTOR),  # its position there [m]
-    ("axis", VECTOR),  # joint axis in its own frame
-    ("slides", np.bool_),  # whether the joint slides; else it turns
-], align=True)  # fmt: skip
+JOINT: Final = np.dtype(
+    [
+        ("R", MATRIX),  # orientation of the joint's frame in the one before, at joint position 0
+        ("p", VECTOR),  # its position there [m]
+        ("axis", VECTOR),  # joint axis in its own frame
+        ("slides", np.bool_),  # whether the joint slides; else it turns
+    ],
+    align=True,
+)
 """A joint of a :class:`Chain`."""
 
 
@@ -212,9 +227,14 @@ def chain_of(model: ArmModel) -> Chain:
 def motion_of(n: int) -> Motion:
     """Return buffers for a chain of ``n`` active joints."""
     return Motion(
-        W=np.zeros((n, 3)), J=np.zeros((n, 3)), dJ=np.zeros((n, 3)), ddJ=np.zeros((n, 3)),
-        tip=np.zeros((3, 3)), origin=np.zeros((3, n, 3)), line=np.zeros((3, n, 3)),
-    )  # fmt: skip
+        W=np.zeros((n, 3)),
+        J=np.zeros((n, 3)),
+        dJ=np.zeros((n, 3)),
+        ddJ=np.zeros((n, 3)),
+        tip=np.zeros((3, 3)),
+        origin=np.zeros((3, n, 3)),
+        line=np.zeros((3, n, 3)),
+    )
 
 
 def joint_records(chain: Chain) -> Record:

@@ -82,14 +82,21 @@ class Limits:
             ShapeError: An array has another shape.
             InputError: A bound is none.
         """
-        bounds = {"tau_peak": self.tau_peak, "tau_stall": self.tau_stall, "dq_max": self.dq_max,
-                  "tau_rms": self.tau_rms}  # fmt: skip
+        bounds = {
+            "tau_peak": self.tau_peak,
+            "tau_stall": self.tau_stall,
+            "dq_max": self.dq_max,
+            "tau_rms": self.tau_rms,
+        }
         transmission = checks.array("transmission", self.transmission, (None, None), finite=True)
         size = len(transmission)
         kept = {"transmission": checks.array("transmission", transmission, (size, size))}
         kept |= {name: checks.vector(name, bound, size) for name, bound in bounds.items()}
-        rates = {"acceleration": self.acceleration, "jerk": self.jerk,
-                 "torque_rate": self.torque_rate}  # fmt: skip
+        rates = {
+            "acceleration": self.acceleration,
+            "jerk": self.jerk,
+            "torque_rate": self.torque_rate,
+        }
         kept |= {k: checks.vector(k, x, size) for k, x in rates.items() if x is not None}
         for name, value in kept.items():
             if name != "transmission" and not np.all(value > 0.0):  # they stand in denominators
@@ -176,8 +183,18 @@ class Limits:
         return checks.rows(name, x, len(self.dq_max))
 
 
-_FIELDS = ("name", "transmission", "tau_peak", "tau_stall", "dq_max", "tau_rms", "acceleration",
-           "jerk", "torque_rate", "force")  # fmt: skip
+_FIELDS = (
+    "name",
+    "transmission",
+    "tau_peak",
+    "tau_stall",
+    "dq_max",
+    "tau_rms",
+    "acceleration",
+    "jerk",
+    "torque_rate",
+    "force",
+)
 """Fields of a limit set."""
 
 
@@ -208,9 +225,12 @@ def drives_of(packed: Array) -> Drives:
     n = packed.shape[1]
     square = n * n
     return Drives(
-        view(packed, 0, (n, n)), view(packed, square, (n, n)), view(packed, 2 * square, (n,)),
-        view(packed, 2 * square + n, (n,)), view(packed, 2 * square + 2 * n, (n,)),
-    )  # fmt: skip
+        view(packed, 0, (n, n)),
+        view(packed, square, (n, n)),
+        view(packed, 2 * square, (n,)),
+        view(packed, 2 * square + n, (n,)),
+        view(packed, 2 * square + 2 * n, (n,)),
+    )
 
 
 @kernel
@@ -390,9 +410,11 @@ class LimitSet:
             pairs = list(enumerate(names))
         if pairs is None:
             raise ModelError(
-                f"limits {self.name}", f"an arm with the joints {', '.join(self.joints)}",
-                ", ".join(names), do="name a set of this arm, or write one (docs/arms.md)",
-            )  # fmt: skip
+                f"limits {self.name}",
+                f"an arm with the joints {', '.join(self.joints)}",
+                ", ".join(names),
+                do="name a set of this arm, or write one (docs/arms.md)",
+            )
         return {
             kind: {name: float(values[k]) for k, name in pairs}
             for kind, values in self.bounds.items()
@@ -409,8 +431,10 @@ class LimitSet:
         """
         notes = []
         if self._by_name(names) is None:
-            notes.append(f"limits {self.name}: the names of the joints do not say whether they are"
-                         " of this arm; taken in their order")  # fmt: skip
+            notes.append(
+                f"limits {self.name}: the names of the joints do not say whether they are"
+                " of this arm; taken in their order"
+            )
         bounds = self.fitted(names)
         for kind, stated in own.items():
             more = [
@@ -420,8 +444,10 @@ class LimitSet:
             ]
             if more:
                 rest = f" and {len(more) - 2} more" if len(more) > 2 else ""
-                notes.append(f"limits {self.name}: more {kind} than the file states:"
-                             f" {', '.join(more[:2])}{rest}")  # fmt: skip
+                notes.append(
+                    f"limits {self.name}: more {kind} than the file states:"
+                    f" {', '.join(more[:2])}{rest}"
+                )
         return tuple(notes)
 
     def _by_name(self, names: Sequence[str]) -> list[tuple[int, str]] | None:

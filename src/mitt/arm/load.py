@@ -44,8 +44,12 @@ _READERS = {".urdf": read_urdf, ".xml": read_mjcf, ".mjcf": read_mjcf}
 #: What else may be named as an arm; an arm file is read by :func:`mitt.load_arm`.
 _FILES = ("an arm file (.toml)", "a URDF (.urdf)", "an MJCF (.xml)")
 #: How an error calls what an active joint needs.
-_LIMITS = {"range": "a range", "torque": "an effort limit above 0",
-           "speed": "a velocity limit above 0", "mass": "a mass above 0 behind it"}  # fmt: skip
+_LIMITS = {
+    "range": "a range",
+    "torque": "an effort limit above 0",
+    "speed": "a velocity limit above 0",
+    "mass": "a mass above 0 behind it",
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,8 +102,15 @@ def build_arm(
     names = checked_joints(joints)
     turn = checks.number("hand_turn", hand_turn, finite=True)
     checks.one_of("hand_mount", mount, _MOUNTS)
-    wanted = _Wanted(name=path.stem, joints=names, held=_angles(held), ready=ready, hand=mounted,
-                     turn=turn, mount=mount)  # fmt: skip
+    wanted = _Wanted(
+        name=path.stem,
+        joints=names,
+        held=_angles(held),
+        ready=ready,
+        hand=mounted,
+        turn=turn,
+        mount=mount,
+    )
     if str(name_or_path) == "wam":
         if tip is not None:
             raise ModelError("arm wam", "no tip: it is fixed", tip)
@@ -153,8 +164,9 @@ def check_described(path: Path) -> None:
     check_suffix(path)
     if not is_described(path):
         files = [x for x in _FILES if path.suffix != ".toml" or ".toml" not in x]
-        raise UnknownNameError("arm", str(path), (*arm_names(), *files),
-                               do="a file is named by its path")  # fmt: skip
+        raise UnknownNameError(
+            "arm", str(path), (*arm_names(), *files), do="a file is named by its path"
+        )
 
 
 def read_described(path: Path) -> Stated:
@@ -180,24 +192,33 @@ def _from_file(
     check_described(path)
     if isinstance(limits, str) and limits != "model":
         raise UnknownNameError(
-            "limits", limits, ("model",),
+            "limits",
+            limits,
+            ("model",),
             do=f"{', '.join(LIMIT_SETS)} are of the WAM; leave them out for the arm's own, or name"
             " those of another arm that ships (mitt arms), or a TOML file",
-        )  # fmt: skip
+        )
     stated = read_described(path)
     if ships:
         tip = stated.tree.flange if tip is None else tip
         names = names or tuple(stated.tree.joints_to(tip))
     if tip is None:
         links = ", ".join(stated.tree.links) or "none"
-        raise ModelError(str(path), "tip and joints (--tip, --joints)", "no tip",
-                         do="name as tip the link or site of the palm, and the active joints;"
-                         f" links of the file: {links}")  # fmt: skip
+        raise ModelError(
+            str(path),
+            "tip and joints (--tip, --joints)",
+            "no tip",
+            do="name as tip the link or site of the palm, and the active joints;"
+            f" links of the file: {links}",
+        )
     if not names:
         chain = ", ".join(stated.tree.joints_to(tip)) or "none"
-        raise ModelError(str(path), "tip and joints (--tip, --joints)", "no joints",
-                         do=f"name the active joints; joints from the base to {tip!r}:"
-                         f" {chain}")  # fmt: skip
+        raise ModelError(
+            str(path),
+            "tip and joints (--tip, --joints)",
+            "no joints",
+            do=f"name the active joints; joints from the base to {tip!r}: {chain}",
+        )
     if ready is not None:
         ready = checks.vector("ready", ready, len(names), finite=True).tolist()
     given = limits if isinstance(limits, LimitSet) else None
@@ -234,10 +255,12 @@ def _serial_arm(stated: Stated, wanted: _Wanted) -> Arm:
     shapes = carried_shapes(stated, seats, len(loads), None if wanted.hand is None else plate)
     bodies = [_body(stated, seats, k) for k in range(1, len(loads) + 1)]
     links = tuple(
-        replace(_link(stated, seats, name, body, None if name in wanted.joints else q[name]),
-                capsules=capsules)
+        replace(
+            _link(stated, seats, name, body, None if name in wanted.joints else q[name]),
+            capsules=capsules,
+        )
         for name, (body, _), capsules in zip(loads, bodies, shapes[1:], strict=True)
-    )  # fmt: skip
+    )
     notes = (
         stated.notes
         + set_notes
@@ -248,9 +271,15 @@ def _serial_arm(stated: Stated, wanted: _Wanted) -> Arm:
         + tuple(_follower_notes(stated, chain, wanted.joints))
     )
     description = ArmModel(
-        name=wanted.name, links=links, tool=tool, hand=wanted.hand,
-        q_ready=_ready(links, wanted), base_capsules=shapes[0], mount=np.eye(4), notes=notes,
-    )  # fmt: skip
+        name=wanted.name,
+        links=links,
+        tool=tool,
+        hand=wanted.hand,
+        q_ready=_ready(links, wanted),
+        base_capsules=shapes[0],
+        mount=np.eye(4),
+        notes=notes,
+    )
     return Arm(description, _limits(stated, loads, wanted.limits, limits))
 
 
@@ -261,8 +290,11 @@ def _bears(stated: Stated, name: str) -> bool:
 
 def _body(stated: Stated, seats: Sequence[Seat], k: int) -> tuple[Inertial, str]:
     """Return all that joint ``k`` of the chain carries as one body, and a note if it was mended."""
-    carried = [(part, pose) for part, (carrier, pose) in zip(stated.tree.parts, seats, strict=True)
-               if carrier == k]  # fmt: skip
+    carried = [
+        (part, pose)
+        for part, (carrier, pose) in zip(stated.tree.parts, seats, strict=True)
+        if carrier == k
+    ]
     body = Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
     for part, pose in carried:
         if part.mass != 0.0 or part.inertia.any():
@@ -291,15 +323,19 @@ def _left_out_notes(stated: Stated, loads: Sequence[str], active: Sequence[str])
     if not words:
         return ()
     rest = f"; {len(words) - 4} more joints" if len(words) > 4 else ""
-    return (f"stated in the file and not counted in what drives give: {'; '.join(words[:4])}{rest};"
-            " what matters goes into a limits file (--limits FILE.toml)",)  # fmt: skip
+    return (
+        f"stated in the file and not counted in what drives give: {'; '.join(words[:4])}{rest};"
+        " what matters goes into a limits file (--limits FILE.toml)",
+    )
 
 
 def _locked_note(stated: Stated, name: str) -> str:
     """Return why a held joint is taken as rigid, and where what is missing can be stated."""
     missing = [x for x in stated.missing(name) if x != "range"]
-    return (f"held joint {name!r}: no {' and no '.join(missing)} known; taken as rigid;"
-            f" {stated.remedy(name)}")  # fmt: skip
+    return (
+        f"held joint {name!r}: no {' and no '.join(missing)} known; taken as rigid;"
+        f" {stated.remedy(name)}"
+    )
 
 
 def _follower_notes(stated: Stated, chain: Sequence[str], active: Sequence[str]) -> Iterator[str]:
@@ -309,9 +345,11 @@ def _follower_notes(stated: Stated, chain: Sequence[str], active: Sequence[str])
         for _ in stated.mimics:  # once for each, so that a joint may follow one that follows
             leader = stated.mimics[leader].joint if leader in stated.mimics else leader
         if name not in chain and leader in active and name in stated.tree.joints:
-            yield (f"joint {name!r} beside the chain mimics {leader!r}, an active joint: what is"
-                   f" behind it ({_carried(stated, name):.3g} kg) is taken as rigid, and does not"
-                   " turn with it")  # fmt: skip
+            yield (
+                f"joint {name!r} beside the chain mimics {leader!r}, an active joint: what is"
+                f" behind it ({_carried(stated, name):.3g} kg) is taken as rigid, and does not"
+                " turn with it"
+            )
 
 
 def _carried(stated: Stated, name: str) -> float:
@@ -349,25 +387,43 @@ def _chain(stated: Stated, wanted: _Wanted) -> list[str]:
     for name in chain:
         kind = stated.tree.joint(name).kind
         if kind not in ("hinge", "slide"):
-            raise ModelError(f"joint {name!r}", "one axis, on a base that stands still",
-                             f"a {kind} joint", do="make the joint fixed in the file")  # fmt: skip
+            raise ModelError(
+                f"joint {name!r}",
+                "one axis, on a base that stands still",
+                f"a {kind} joint",
+                do="make the joint fixed in the file",
+            )
         mimic = stated.mimics.get(name)
         if name in wanted.joints and mimic is not None:
-            raise ModelError(f"joint {name!r}", "an active joint with a drive of its own",
-                             f"one that mimics {mimic.joint!r}")  # fmt: skip
+            raise ModelError(
+                f"joint {name!r}",
+                "an active joint with a drive of its own",
+                f"one that mimics {mimic.joint!r}",
+            )
         if mimic is not None and mimic.joint in wanted.joints:
-            raise ModelError(f"joint {name!r}", "joints between base and tip that do not follow"
-                             " an active one", f"one that mimics {mimic.joint!r}")  # fmt: skip
+            raise ModelError(
+                f"joint {name!r}",
+                "joints between base and tip that do not follow an active one",
+                f"one that mimics {mimic.joint!r}",
+            )
     beside = [x for x in wanted.joints if x not in chain]
     if beside or len(set(wanted.joints)) < len(wanted.joints):
         given = f"{', '.join(beside)} beside it" if beside else ", ".join(wanted.joints)
-        raise ModelError("joints", f"different joints from the base to {wanted.tip!r}:"
-                         f" {', '.join(chain) or 'none moves it'}", given)  # fmt: skip
+        raise ModelError(
+            "joints",
+            f"different joints from the base to {wanted.tip!r}:"
+            f" {', '.join(chain) or 'none moves it'}",
+            given,
+        )
     for name, value in wanted.held.items():
         low, high = stated.ranges.get(name, (-np.inf, np.inf))
         if not low <= value <= high:
-            raise InputError(f"held {name}", f"an angle in {low:.4g}..{high:.4g}", f"{value:g}",
-                             do="angles are in rad")  # fmt: skip
+            raise InputError(
+                f"held {name}",
+                f"an angle in {low:.4g}..{high:.4g}",
+                f"{value:g}",
+                do="angles are in rad",
+            )
     return chain
 
 
@@ -379,8 +435,11 @@ def _tightened(stated: Stated, limits: Mapping[str, Mapping[str, float]]) -> Sta
         own = ranges.get(name, (-np.inf, np.inf))
         ranges[name] = max(low, own[0]), min(high, own[1])
         if not ranges[name][0] < ranges[name][1]:
-            raise ModelError(f"limits of joint {name!r}", "a range that meets that of the file,"
-                             f" {own[0]:.4g}..{own[1]:.4g}", f"{low:.4g}..{high:.4g}")  # fmt: skip
+            raise ModelError(
+                f"limits of joint {name!r}",
+                f"a range that meets that of the file, {own[0]:.4g}..{own[1]:.4g}",
+                f"{low:.4g}..{high:.4g}",
+            )
     torque = {**stated.torque, **limits.get("torque", {})}
     speed = {**stated.speed, **limits.get("speed", {})}
     return replace(stated, ranges=ranges, torque=torque, speed=speed)
@@ -407,8 +466,12 @@ def _check_loop(stated: Stated, chain: Sequence[str], first: str, second: str) -
     """Refuse a file that joins two bodies which joints of the chain move against one another."""
     carriers = [[x for x in stated.tree.joints_to(name) if x in chain] for name in (first, second)]
     if carriers[0] != carriers[1]:
-        raise ModelError(stated.place, "an arm without closed chains", f"{first!r} joined to"
-                         f" {second!r}", do="take the equality out of the file")  # fmt: skip
+        raise ModelError(
+            stated.place,
+            "an arm without closed chains",
+            f"{first!r} joined to {second!r}",
+            do="take the equality out of the file",
+        )
 
 
 def _tool(tip: Array, wanted: _Wanted) -> Array:
@@ -509,8 +572,12 @@ def _wam(wanted: _Wanted) -> ArmModel:
     )
     for x in links:
         if x.held is not None and not x.q_min <= x.held <= x.q_max:
-            raise InputError(f"held {x.name}", f"an angle in {x.q_min:g}..{x.q_max:g}", x.held,
-                             do="angles are in rad")  # fmt: skip
+            raise InputError(
+                f"held {x.name}",
+                f"an angle in {x.q_min:g}..{x.q_max:g}",
+                x.held,
+                do="angles are in rad",
+            )
     q_ready = np.array([q for x, q in zip(known, full.q_ready, strict=True) if x in active])
     about_z = transform(rotation(_Z, wanted.turn)) if wanted.turn else np.eye(4)
     tool = full.tool @ about_z @ mounting(hand)[1]

@@ -30,7 +30,8 @@ from mitt.reading import read_bytes
 from mitt.signals import Array
 
 #: Largest mesh that is read, and all of a description file together [byte].
-_MAX_BYTES, _MAX_TOTAL = 50_000_000, 300_000_000
+_MAX_BYTES = 50_000_000
+_MAX_TOTAL = 300_000_000
 #: Largest package.xml that is read [byte], and the name of a package in it.
 _MAX_ABOUT = 1_000_000
 _PACKAGE_NAME = re.compile(rb"<name>\s*([^<\s]+)\s*</name>")
@@ -95,8 +96,10 @@ def missing_notes(path: Path, missing: Sequence[Missing]) -> tuple[str, ...]:
     mesh = next((x.mesh for x in missing if x.mesh), "")
     first = f"; first {mesh[:_LONGEST]!r}: {_remedy(path, mesh)}" if mesh else ""
     kind = "mesh" if mesh else "shape"
-    return (f"no {kind} that can be read for {', '.join(names[:3])}{more}: the arm may touch itself"
-            f" there, and hides no ball{first}",)  # fmt: skip
+    return (
+        f"no {kind} that can be read for {', '.join(names[:3])}{more}: the arm may touch itself"
+        f" there, and hides no ball{first}",
+    )
 
 
 def _remedy(path: Path, mesh: str) -> str:
@@ -112,9 +115,11 @@ def _remedy(path: Path, mesh: str) -> str:
             return "put it below the folder of the file, and name it from there without .."
         return "name it as package://NAME/..., or below the folder of the file"
     if package:
-        return (f"no such file; put the folder {inner.parts[0][:_LONGEST]!r} above or beside the"
-                " file, or source the workspace that has it (AMENT_PREFIX_PATH, or in ROS 1"
-                " ROS_PACKAGE_PATH)")  # fmt: skip
+        return (
+            f"no such file; put the folder {inner.parts[0][:_LONGEST]!r} above or beside the"
+            " file, or source the workspace that has it (AMENT_PREFIX_PATH, or in ROS 1"
+            " ROS_PACKAGE_PATH)"
+        )
     return f"no such file below the folder {str(path.parent)!r}; put it there"
 
 
@@ -149,8 +154,12 @@ def check_place(place: str, points: Array) -> None:
         FileError: One is 100 m or more from its link's frame along an axis, or is no number.
     """
     if not np.all(np.abs(points) < _LARGEST):
-        raise FileError(place, f"shapes within {_LARGEST:g} m of their links",
-                        f"{np.abs(points).max():g} m", do="check units and scale")  # fmt: skip
+        raise FileError(
+            place,
+            f"shapes within {_LARGEST:g} m of their links",
+            f"{np.abs(points).max():g} m",
+            do="check units and scale",
+        )
 
 
 def _solid(path: Path, solid: Element, meshes: "Meshes") -> tuple[Array, float] | None:
@@ -290,8 +299,12 @@ class Meshes:
                 content = b""
             self._left -= len(content)
             if self._left < 0:
-                raise FileError(self._place, f"meshes of at most {_MAX_TOTAL} bytes together",
-                                "more", do="take simpler ones")  # fmt: skip
+                raise FileError(
+                    self._place,
+                    f"meshes of at most {_MAX_TOTAL} bytes together",
+                    "more",
+                    do="take simpler ones",
+                )
             self._known[file] = _hull(content, file.suffix[1:].lower())
         return self._known[file]
 
@@ -421,8 +434,9 @@ def hull_faces(points: Array) -> NDArray[np.int64] | None:
     MuJoCo finds them as it compiles a mesh, to seven digits.
     """
     spec = mujoco.MjSpec()
-    spec.add_mesh(name="hull", uservert=points.ravel(),
-                  inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)  # fmt: skip
+    spec.add_mesh(
+        name="hull", uservert=points.ravel(), inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+    )
     spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname="hull")
     try:
         with heard():

@@ -48,28 +48,37 @@ from mitt.errors import FileError, MittError, ModelError, heard
 from mitt.signals import GRAVITY, Array
 
 _KEYS = {
-    "range": "range", "torque": "actuatorfrcrange or forcerange",
-    "speed": "the numeric velocity_limit_JOINT", "mass": "<inertial> of the body",
-}  # fmt: skip
+    "range": "range",
+    "torque": "actuatorfrcrange or forcerange",
+    "speed": "the numeric velocity_limit_JOINT",
+    "mass": "<inertial> of the body",
+}
 #: Kinds of geoms, joints, ways of actuators to a joint and what they add to their control. As plain
 #: numbers: an enum of MuJoCo is not equal to a number of numpy.
 _PLANE = int(mujoco.mjtGeom.mjGEOM_PLANE)
 _SOLIDS = {
-    int(mujoco.mjtGeom.mjGEOM_SPHERE): "sphere", int(mujoco.mjtGeom.mjGEOM_CAPSULE): "capsule",
-    int(mujoco.mjtGeom.mjGEOM_CYLINDER): "cylinder", int(mujoco.mjtGeom.mjGEOM_BOX): "box",
+    int(mujoco.mjtGeom.mjGEOM_SPHERE): "sphere",
+    int(mujoco.mjtGeom.mjGEOM_CAPSULE): "capsule",
+    int(mujoco.mjtGeom.mjGEOM_CYLINDER): "cylinder",
+    int(mujoco.mjtGeom.mjGEOM_BOX): "box",
     int(mujoco.mjtGeom.mjGEOM_ELLIPSOID): "ellipsoid",
-}  # fmt: skip
-_HINGE, _SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
+}
+_HINGE = int(mujoco.mjtJoint.mjJNT_HINGE)
+_SLIDE = int(mujoco.mjtJoint.mjJNT_SLIDE)
 _JOINTS: dict[int, Kind] = {
-    _HINGE: "hinge", _SLIDE: "slide", int(mujoco.mjtJoint.mjJNT_BALL): "ball",
+    _HINGE: "hinge",
+    _SLIDE: "slide",
+    int(mujoco.mjtJoint.mjJNT_BALL): "ball",
     int(mujoco.mjtJoint.mjJNT_FREE): "free",
-}  # fmt: skip
+}
 _AT_JOINT = int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)
-_BY_TENDON, _ON_JOINT = int(mujoco.mjtTrn.mjTRN_TENDON), int(mujoco.mjtWrap.mjWRAP_JOINT)
-_MOTOR, _DC_MOTOR = int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_DCMOTOR)
-_CONNECT, _WELD, _FOLLOWS = (
-    int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD), int(mujoco.mjtEq.mjEQ_JOINT)
-)  # fmt: skip
+_BY_TENDON = int(mujoco.mjtTrn.mjTRN_TENDON)
+_ON_JOINT = int(mujoco.mjtWrap.mjWRAP_JOINT)
+_MOTOR = int(mujoco.mjtBias.mjBIAS_NONE)
+_DC_MOTOR = int(mujoco.mjtBias.mjBIAS_DCMOTOR)
+_CONNECT = int(mujoco.mjtEq.mjEQ_CONNECT)
+_WELD = int(mujoco.mjtEq.mjEQ_WELD)
+_FOLLOWS = int(mujoco.mjtEq.mjEQ_JOINT)
 #: What opens other files, or runs code, as MuJoCo parses it.
 _OTHERS = ("model", "attach", "plugin", "extension", "include")
 #: Most elements once copies are made.
@@ -106,11 +115,19 @@ def read_mjcf(path: Path) -> Stated:
     torque, unusable = _torques_of(m, names)
     notes = (*mended, *notes, *_file_notes(m, names))
     return Stated(
-        place=str(path), tree=_tree(m, names), ranges=_ranges_of(m, names),
-        torque=torque, speed=speed, mimics=mimics, loops=_loops_of(m, names),
-        shapes=tuple(shapes), notes=(*missing_notes(path, missing), *notes), keys=_KEYS,
-        left_out=_left_out_of(m, names), unusable=unusable,
-    )  # fmt: skip
+        place=str(path),
+        tree=_tree(m, names),
+        ranges=_ranges_of(m, names),
+        torque=torque,
+        speed=speed,
+        mimics=mimics,
+        loops=_loops_of(m, names),
+        shapes=tuple(shapes),
+        notes=(*missing_notes(path, missing), *notes),
+        keys=_KEYS,
+        left_out=_left_out_of(m, names),
+        unusable=unusable,
+    )
 
 
 def _compiled(path: Path, text: str) -> tuple[mujoco.MjModel, dict[str, _Mesh], tuple[str, ...]]:
@@ -126,8 +143,10 @@ def _compiled(path: Path, text: str) -> tuple[mujoco.MjModel, dict[str, _Mesh], 
         notes: list[str] = []
         for k, geom in enumerate(list(spec.geoms)):
             if geom.type == mujoco.mjtGeom.mjGEOM_HFIELD:
-                notes.append(f"the height field {geom.hfieldname!r} is left out: nothing keeps the"
-                             " arm off it")  # fmt: skip
+                notes.append(
+                    f"the height field {geom.hfieldname!r} is left out: nothing keeps the"
+                    " arm off it"
+                )
                 spec.delete(geom)
             elif geom.meshname:  # a mesh, or the solid that MuJoCo fits to one
                 _check_weight(path, spec, geom)
@@ -253,8 +272,12 @@ def _check_weight(path: Path, spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> None
         above = above.parent
     if above.parent is not None:
         wanted = "an <inertial>, and inertiafromgeom not true"
-        raise FileError(f"{path} body {body.name!r}", wanted, "meshes to get it from",
-                        do="let MuJoCo save the file once: mj_saveLastXML writes it")  # fmt: skip
+        raise FileError(
+            f"{path} body {body.name!r}",
+            wanted,
+            "meshes to get it from",
+            do="let MuJoCo save the file once: mj_saveLastXML writes it",
+        )
 
 
 def _tree(m: mujoco.MjModel, names: Names) -> Tree:
@@ -264,24 +287,40 @@ def _tree(m: mujoco.MjModel, names: Names) -> Tree:
         before, T = place[m.body_parentid[b]], _pose(m.body_pos[b], m.body_quat[b])
         for k in range(m.body_jntadr[b], m.body_jntadr[b] + m.body_jntnum[b]):
             at = transform(p=m.jnt_pos[k])
-            parts.append(Part(
-                name=names.joints[k], kind=_JOINTS[int(m.jnt_type[k])], before=before,
-                placement=T @ at @ _back(m, k), axis=np.array(m.jnt_axis[k]),
-                armature=float(m.dof_armature[m.jnt_dofadr[k]]),
-            ))  # fmt: skip
+            parts.append(
+                Part(
+                    name=names.joints[k],
+                    kind=_JOINTS[int(m.jnt_type[k])],
+                    before=before,
+                    placement=T @ at @ _back(m, k),
+                    axis=np.array(m.jnt_axis[k]),
+                    armature=float(m.dof_armature[m.jnt_dofadr[k]]),
+                )
+            )
             before, T = len(parts) - 1, transform(p=-m.jnt_pos[k])
         own = _pose(m.body_ipos[b], m.body_iquat[b])
         place[b] = len(parts)
-        parts.append(Part(
-            name=names.bodies[b], kind="link", before=before, placement=T,
-            mass=float(m.body_mass[b]), com=own[:3, 3],
-            inertia=own[:3, :3] @ np.diag(m.body_inertia[b]) @ own[:3, :3].T,
-        ))  # fmt: skip
+        parts.append(
+            Part(
+                name=names.bodies[b],
+                kind="link",
+                before=before,
+                placement=T,
+                mass=float(m.body_mass[b]),
+                com=own[:3, 3],
+                inertia=own[:3, :3] @ np.diag(m.body_inertia[b]) @ own[:3, :3].T,
+            )
+        )
     parts += [
-        Part(name=name, kind="site", before=place[m.site_bodyid[s]],
-             placement=_pose(m.site_pos[s], m.site_quat[s]))
-        for s, name in enumerate(names.sites) if name not in names.bodies  # which goes before it
-    ]  # fmt: skip
+        Part(
+            name=name,
+            kind="site",
+            before=place[m.site_bodyid[s]],
+            placement=_pose(m.site_pos[s], m.site_quat[s]),
+        )
+        for s, name in enumerate(names.sites)
+        if name not in names.bodies  # which goes before it
+    ]
     return Tree(parts)
 
 
@@ -406,11 +445,16 @@ def _mimics_of(m: mujoco.MjModel, names: Names) -> tuple[dict[str, Mimic], tuple
         offset, slope = (float(x) for x in m.eq_data[k, :2])
         slope = slope if other >= 0 else 0.0
         name = names.joints[joint]
-        out[name] = Mimic(joint=names.joints[other if other >= 0 else joint], multiplier=slope,
-                          offset=here + offset - slope * there)  # fmt: skip
+        out[name] = Mimic(
+            joint=names.joints[other if other >= 0 else joint],
+            multiplier=slope,
+            offset=here + offset - slope * there,
+        )
         if other >= 0 and np.any(m.eq_data[k, 2:5] != 0.0):
-            notes.append(f"joint {name!r} follows {names.joints[other]!r} along a curve: taken for"
-                         " its tangent")  # fmt: skip
+            notes.append(
+                f"joint {name!r} follows {names.joints[other]!r} along a curve: taken for"
+                " its tangent"
+            )
     return out, tuple(notes)
 
 
@@ -430,17 +474,19 @@ def _left_out_of(m: mujoco.MjModel, names: Names) -> dict[str, LeftOut]:
             words.append("damping or a spring along a curve")
         words += others[k]
         out[names.joints[k]] = LeftOut(
-            damping=float(m.dof_damping[v]), friction=float(m.dof_frictionloss[v]),
+            damping=float(m.dof_damping[v]),
+            friction=float(m.dof_frictionloss[v]),
             others=tuple(dict.fromkeys(words)),
-        )  # fmt: skip
+        )
     return out
 
 
 def _others(m: mujoco.MjModel) -> defaultdict[int, list[str]]:
     """Return what acts on joints besides their drives, by joint."""
     out: defaultdict[int, list[str]] = defaultdict(list)
-    pulled = {int(m.actuator_trnid[a, 0]) for a in range(m.nu)
-              if int(m.actuator_trntype[a]) == _BY_TENDON}  # fmt: skip
+    pulled = {
+        int(m.actuator_trnid[a, 0]) for a in range(m.nu) if int(m.actuator_trntype[a]) == _BY_TENDON
+    }
     for tendon in range(m.ntendon):
         first = m.tendon_adr[tendon]
         wraps = range(first, first + m.tendon_num[tendon])
@@ -468,8 +514,9 @@ def _file_notes(m: mujoco.MjModel, names: Names) -> tuple[str, ...]:
     off = float(np.linalg.norm(gravity - np.array((0.0, 0.0, -GRAVITY))))
     if off > 0.03:  # m/s^2: on Earth it is 9.80 to 9.83
         said = " ".join(f"{x:g}" for x in gravity)
-        notes.append(f"gravity {said} of the file is left out: taken as 0 0 -{GRAVITY:g} m/s^2,"
-                     " with z up")  # fmt: skip
+        notes.append(
+            f"gravity {said} of the file is left out: taken as 0 0 -{GRAVITY:g} m/s^2, with z up"
+        )
     flat = np.flatnonzero(m.geom_type == _PLANE)
     planes = ", ".join(_called(m, names, int(g)) for g in flat[:3])
     stated = {
@@ -507,14 +554,23 @@ def _check_files(path: Path, root: Element) -> None:
     """
     for element in root.iter():
         if element.tag in _OTHERS:
-            raise FileError(str(path), "one file, without others and plugins", f"<{element.tag}>",
-                            do=JOIN)  # fmt: skip
+            raise FileError(
+                str(path), "one file, without others and plugins", f"<{element.tag}>", do=JOIN
+            )
         if element.tag == "flexcomp" and "file" in element.attrib:
-            raise FileError(str(path), "an arm without flexible bodies from files", "<flexcomp>",
-                            do="take it out")  # fmt: skip
+            raise FileError(
+                str(path),
+                "an arm without flexible bodies from files",
+                "<flexcomp>",
+                do="take it out",
+            )
     if _count(path, root) > _MOST_ELEMENTS:
-        raise FileError(str(path), f"at most {_MOST_ELEMENTS} elements with all copies", "more",
-                        do="take out <replicate> and <composite>")  # fmt: skip
+        raise FileError(
+            str(path),
+            f"at most {_MOST_ELEMENTS} elements with all copies",
+            "more",
+            do="take out <replicate> and <composite>",
+        )
 
 
 def _count(path: Path, element: Element) -> int:

@@ -7,7 +7,8 @@ from mitt.arm.description import ArmModel, Capsule, Link, joint_motion, transfor
 from mitt.signals import Array
 
 #: Colours of the pictures: the moving links and what carries them.
-_METAL, _DARK = (0.78, 0.80, 0.83, 1.0), (0.25, 0.27, 0.30, 1.0)
+_METAL = (0.78, 0.80, 0.83, 1.0)
+_DARK = (0.25, 0.27, 0.30, 1.0)
 
 #: Length that a ball gets as a capsule, of which MuJoCo has none without length [m].
 _SHORTEST = 1e-4

@@ -38,7 +38,8 @@ from mitt.kernels import Fields, Record, kernel
 from mitt.signals import Array
 
 #: What stands in the place of a link's index.
-STILL, FLOOR = -1, -2
+STILL = -1
+FLOOR = -2
 #: Gap that the arm keeps from itself and from what stands around it [m]. A pair that is nearer in
 #: the ready pose is not watched.
 MARGIN = 0.01
@@ -48,14 +49,18 @@ MARGIN = 0.01
 LEAST_GAP = MARGIN + 0.002
 #: Whether any pose brings a pair together is tried if its gap in the ready pose is smaller [m], if
 #: there are at most so many joints between the two, and with at most so many boxes of poses.
-_NEAR, _MOST_BETWEEN, MOST_BOXES = 0.1, 2, 20000
+_NEAR = 0.1
+_MOST_BETWEEN = 2
+MOST_BOXES = 20000
 
-SHAPE: Final = np.dtype([
-    ("link", np.int64),  # that carries it, or STILL, or FLOOR
-    ("start", VECTOR),  # in the link's frame [m]; of the floor, z is its height in the world
-    ("end", VECTOR),  # likewise
-    ("radius", np.float64),  # [m]
-])  # fmt: skip
+SHAPE: Final = np.dtype(
+    [
+        ("link", np.int64),  # that carries it, or STILL, or FLOOR
+        ("start", VECTOR),  # in the link's frame [m]; of the floor, z is its height in the world
+        ("end", VECTOR),  # likewise
+        ("radius", np.float64),  # [m]
+    ]
+)
 """A capsule, or the floor."""
 
 SEGMENT: Final = np.dtype([("start", VECTOR), ("end", VECTOR)])
@@ -123,9 +128,12 @@ def shapes_of(arm: Arm, around: Surroundings) -> Shapes:
             if distance > (LEAST_GAP if kindred else MARGIN):
                 apart.append((a, b))
             elif first_zone <= a < first_zone + zones:
-                raise InputError(f"zone {a - first_zone}", f"{1e3 * MARGIN:.0f} mm or more from "
-                                 "the arm in its ready pose", f"{1e3 * distance:.0f} mm",
-                                 do="move the zone or the ready pose")  # fmt: skip
+                raise InputError(
+                    f"zone {a - first_zone}",
+                    f"{1e3 * MARGIN:.0f} mm or more from the arm in its ready pose",
+                    f"{1e3 * distance:.0f} mm",
+                    do="move the zone or the ready pose",
+                )
     near = [x for x in apart if gap(table, ends, *x) < _NEAR]
     never = _never_meeting(arm, table, near) if near else set()
     apart = [x for x in apart if x not in never]
@@ -138,8 +146,12 @@ def check_floor(model: ArmModel, floor: float) -> None:
     ends = [x[2] + y.radius for y in model.base_capsules for x in (y.start, y.end)]
     foot = min((model.mount[2, 3] + top for top in ends), default=np.inf)
     if floor > foot:
-        raise InputError("floor", f"at most {foot:.2f} m, where {model.name} stands", f"{floor:g}",
-                         do="give its height in the frame of the arm's base")  # fmt: skip
+        raise InputError(
+            "floor",
+            f"at most {foot:.2f} m, where {model.name} stands",
+            f"{floor:g}",
+            do="give its height in the frame of the arm's base",
+        )
 
 
 def _never_meeting(arm: Arm, table: Record, near: list[tuple[int, int]]) -> set[tuple[int, int]]:
@@ -264,9 +276,14 @@ def gap(table: Record, ends: Record, a: int, b: int) -> float:
 
 @kernel
 def all_apart(
-    bodies: Record, table: Record, joints: NDArray[np.int64], slopes: Array, boxes: Array,
-    q: Array, ends: Record,
-) -> bool:  # fmt: skip
+    bodies: Record,
+    table: Record,
+    joints: NDArray[np.int64],
+    slopes: Array,
+    boxes: Array,
+    q: Array,
+    ends: Record,
+) -> bool:
     """Say whether no pose of a box brings two shapes nearer than ``LEAST_GAP``.
 
     A box of poses in which the gap in the middle, less what it may change by up to the corners, is

@@ -70,11 +70,18 @@ def check_standing(
         where = "where it stands" if shape["link"] == STILL else "in its ready pose"
         under = floor - (float(points[:, 2].min()) - radius)
         if shape["link"] != STILL and under > _ROUNDING:
-            raise InputError("floor", f"one below {arm.model.name} {where}", f"{floor:g} m, with a"
-                             f" part of the arm {1e3 * under:.0f} mm under it",
-                             do="lower the floor, or change the ready pose")  # fmt: skip
+            raise InputError(
+                "floor",
+                f"one below {arm.model.name} {where}",
+                f"{floor:g} m, with a part of the arm {1e3 * under:.0f} mm under it",
+                do="lower the floor, or change the ready pose",
+            )
         for name, (slab, do) in (slabs or {}).items():
             into = radius - slab.distance(points)
             if into > _ROUNDING:
-                raise InputError(name, f"one beside {arm.model.name} {where}", f"one that is"
-                                 f" {1e3 * into:.0f} mm in it", do=do)  # fmt: skip
+                raise InputError(
+                    name,
+                    f"one beside {arm.model.name} {where}",
+                    f"one that is {1e3 * into:.0f} mm in it",
+                    do=do,
+                )

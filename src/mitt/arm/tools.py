@@ -206,9 +206,9 @@ class Jaw(Gripper):
 
     def contact_force(self, ball: CaughtBall, strike: Strike) -> float:
         """Return the harder of grip and strike [N]."""
-        return max(self.grip, rate(ball.restitution) * reduced(ball.mass, strike.behind) * (
-            strike.whole
-        ))  # fmt: skip
+        return max(
+            self.grip, rate(ball.restitution) * reduced(ball.mass, strike.behind) * (strike.whole)
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)

@@ -21,7 +21,8 @@ WIDEST: Final = 4.0 * np.pi
 _ENDLESS = 4000.0
 #: Speed of a hinge above which a unit is doubted, and above which a limit set is refused [rad/s].
 #: Choices of this project: arms turn at up to 10 rad/s, and state 60 to 400 degrees a second.
-_DOUBTED, _FASTEST = 20.0, 20.0 * np.pi
+_DOUBTED = 20.0
+_FASTEST = 20.0 * np.pi
 #: Speed of a hinge below which its unit is doubted [rad/s].
 _SLOWEST = 0.1
 #: Width of a hinge's range below which it is doubted [rad]: 4 pi read as degrees.
@@ -30,10 +31,13 @@ _NARROWEST = np.radians(WIDEST)
 _FARTHEST = 20.0
 #: Torque of a joint, in torques that its weight asks for, above which and below which it is
 #: doubted. Real arms have up to 10. Least length that counts as a lever [m].
-_STRONGEST, _WEAKEST, _SHORTEST = 60.0, 0.05, 0.1
+_STRONGEST = 60.0
+_WEAKEST = 0.05
+_SHORTEST = 0.1
 #: Lengths of arms [m], and masses over their cubes [kg/m^3], that are believed: real arms have 3 to
 #: 60 kg/m^3.
-_REACH, _DENSITY = (0.03, 12.0), (0.3, 1000.0)
+_REACH = (0.03, 12.0)
+_DENSITY = (0.3, 1000.0)
 #: Distance of a link's centre of mass, in lengths of the arm, above which it is doubted.
 _FAR_MASS = 3.0
 #: Size of a link's shapes, in lengths of the arm, above and below which it is doubted: the smallest
@@ -79,9 +83,11 @@ def check_set(tree: Tree, name: str, bounds: Mapping[str, Mapping[str, float]]) 
     for joint, speed in bounds.get("speed", {}).items():
         if tree.joint(joint).kind == "hinge" and speed > _FASTEST:
             raise ModelError(
-                f"limits {name} of joint {joint!r}", "a speed of at most 20 pi rad/s", f"{speed:g}",
+                f"limits {name} of joint {joint!r}",
+                "a speed of at most 20 pi rad/s",
+                f"{speed:g}",
                 do=f"this looks like degrees: write radians, {np.radians(speed):.4g}",
-            )  # fmt: skip
+            )
 
 
 def doubts(stated: Stated, links: Sequence[Link], tool: Array) -> tuple[str, ...]:
@@ -98,34 +104,62 @@ def doubts(stated: Stated, links: Sequence[Link], tool: Array) -> tuple[str, ...
     apart = {x.name: float(np.linalg.norm(x.com)) for x in links}
     radii = {x.name: float(np.sqrt(np.linalg.eigvalsh(x.inertia)[2] / x.mass)) for x in links}
     sizes = {x.name: _size(x.capsules) for x in links}
-    off = _long("centres of mass far from their joints", apart, _FAR_MASS * reach,
-                "if they are in mm, write metres")  # fmt: skip
+    off = _long(
+        "centres of mass far from their joints",
+        apart,
+        _FAR_MASS * reach,
+        "if they are in mm, write metres",
+    )
     sized = _sizes(reach, mass), off
     active = [x for x in links if x.held is None]
     hinges = [x for x in active if not x.prismatic]
-    slow = {x.name: f"{stated.speed[x.name]:.4g} rad/s" for x in hinges
-            if stated.speed[x.name] < _SLOWEST}  # fmt: skip
+    slow = {
+        x.name: f"{stated.speed[x.name]:.4g} rad/s"
+        for x in hinges
+        if stated.speed[x.name] < _SLOWEST
+    }
     found = (
         _narrow(hinges),
         _fast({x.name: stated.speed[x.name] for x in hinges if stated.speed[x.name] > _DOUBTED}),
         _named("small speed limits", slow, "write rad/s"),
-        _named("large ranges or speeds of sliding joints", _far(stated, active),
-               "if they are in mm, write metres"),
-        _named("large torque limits for the weight and length that they move",
-               strong, 'do they stand for "no limit", or for another'
-               " unit? write what the drives give, here or as torque in a limits file"),
+        _named(
+            "large ranges or speeds of sliding joints",
+            _far(stated, active),
+            "if they are in mm, write metres",
+        ),
+        _named(
+            "large torque limits for the weight and length that they move",
+            strong,
+            'do they stand for "no limit", or for another'
+            " unit? write what the drives give, here or as torque in a limits file",
+        ),
         *sized,
-        "" if any(sized) else _named("small torque limits for the weight that they move", weak,
-                                     "write N m, or N for sliding joints"),
-        _long("large inertias for their masses and sizes, radius of gyration behind",
-              _wide(links, radii, sizes, lengths), 0.0, "write kg m^2, about the centre of mass"),
+        ""
+        if any(sized)
+        else _named(
+            "small torque limits for the weight that they move",
+            weak,
+            "write N m, or N for sliding joints",
+        ),
+        _long(
+            "large inertias for their masses and sizes, radius of gyration behind",
+            _wide(links, radii, sizes, lengths),
+            0.0,
+            "write kg m^2, about the centre of mass",
+        ),
         _dense(links),
-        _long("large shapes for the length of the arm, behind", sizes, _WIDEST_SHAPE * reach,
-              "check units and scale: of a mesh in mm, scale 0.001"),
-        _named("small shapes for the length of the arm, behind",
-               {name: f"{x:.4g} m" for name, x in sizes.items()
-                if 0.0 < x < _SMALLEST_SHAPE * reach}, "check units and scale"),
-    )  # fmt: skip
+        _long(
+            "large shapes for the length of the arm, behind",
+            sizes,
+            _WIDEST_SHAPE * reach,
+            "check units and scale: of a mesh in mm, scale 0.001",
+        ),
+        _named(
+            "small shapes for the length of the arm, behind",
+            {name: f"{x:.4g} m" for name, x in sizes.items() if 0.0 < x < _SMALLEST_SHAPE * reach},
+            "check units and scale",
+        ),
+    )
     return tuple(x for x in found if x)
 
 
@@ -152,8 +186,10 @@ def _fast(fast: Mapping[str, float]) -> str:
     """Return a note of the hinges whose speed limits may be in degrees."""
     first = next(iter(fast), "")
     radians = np.radians(fast.get(first, 0.0))
-    do = (f"if they are in degrees, write radians ({first} {radians:.4g}), in the file or as speed"
-          " in a limits file (--limits FILE.toml)")  # fmt: skip
+    do = (
+        f"if they are in degrees, write radians ({first} {radians:.4g}), in the file or as speed"
+        " in a limits file (--limits FILE.toml)"
+    )
     speeds = {name: f"{x:.4g} rad/s" for name, x in fast.items()}
     return _named("large speed limits", speeds, do)
 
@@ -206,11 +242,15 @@ def _torques(
 def _sizes(reach: float, mass: float) -> str:
     """Return a note of an arm that is too long, too short, too heavy or too light for one."""
     if not _REACH[0] <= reach <= _REACH[1]:
-        return (f"the joints up to the tip are {reach:.4g} m long in all; if lengths are in mm,"
-                " write metres")  # fmt: skip
+        return (
+            f"the joints up to the tip are {reach:.4g} m long in all; if lengths are in mm,"
+            " write metres"
+        )
     if not _DENSITY[0] <= mass / reach**3 <= _DENSITY[1]:
-        return (f"the arm weighs {mass:.4g} kg and is {reach:.3g} m long; if masses are in grams"
-                " or pounds, or lengths in another unit, write kg and metres")  # fmt: skip
+        return (
+            f"the arm weighs {mass:.4g} kg and is {reach:.3g} m long; if masses are in grams"
+            " or pounds, or lengths in another unit, write kg and metres"
+        )
     return ""
 
 
@@ -223,8 +263,12 @@ def _size(capsules: Sequence[Capsule]) -> float:
     """Return the largest size of shapes along an axis [m]; 0 without any."""
     if not capsules:
         return 0.0
-    ends = [np.array(end) + side * c.radius for c in capsules for end in (c.start, c.end)
-            for side in (-1.0, 1.0)]  # fmt: skip
+    ends = [
+        np.array(end) + side * c.radius
+        for c in capsules
+        for end in (c.start, c.end)
+        for side in (-1.0, 1.0)
+    ]
     return float(np.ptp(ends, axis=0).max())
 
 
@@ -238,9 +282,10 @@ def _wide(
         for x, length in zip(links, lengths, strict=True)
     }
     return {
-        name: x for name, x in radii.items()
+        name: x
+        for name, x in radii.items()
         if x > _WIDEST_BODY * reach or (sizes[name] > 0.0 and x > _OWN_SIZE * own[name])
-    }  # fmt: skip
+    }
 
 
 def _dense(links: Sequence[Link]) -> str:
@@ -248,7 +293,9 @@ def _dense(links: Sequence[Link]) -> str:
     largest = {x.name: float(np.linalg.eigvalsh(x.inertia)[2]) for x in links}
     dense = {
         x.name: f"{largest[x.name]:.4g} kg m^2 for {x.mass:.4g} kg"
-        for x in links if largest[x.name] < _DENSEST * steel_ball(x.mass)
-    }  # fmt: skip
-    return _named("small inertias for their masses", dense, "write kg m^2, about the centre of"
-                  " mass")  # fmt: skip
+        for x in links
+        if largest[x.name] < _DENSEST * steel_ball(x.mass)
+    }
+    return _named(
+        "small inertias for their masses", dense, "write kg m^2, about the centre of mass"
+    )

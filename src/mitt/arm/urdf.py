@@ -39,9 +39,11 @@ _TYPES = (*_MOVING, "fixed", "floating", "planar")
 #: Elements of an actuator: inertia of its rotor [kg m^2], and its turns for one of the joint.
 _ROTOR, _GEARS = (f"{{http://drake.mit.edu}}{x}" for x in ("rotor_inertia", "gear_ratio"))
 _KEYS_OF = {
-    "range": "<limit> lower and upper", "torque": "<limit> effort", "speed": "<limit> velocity",
+    "range": "<limit> lower and upper",
+    "torque": "<limit> effort",
+    "speed": "<limit> velocity",
     "mass": "<inertial> of the child link",
-}  # fmt: skip
+}
 
 
 def read_urdf(path: Path) -> Stated:
@@ -61,9 +63,15 @@ def read_urdf(path: Path) -> Stated:
     mimics = dict(_mimics(path, joints))
     shapes, notes = urdf_shapes(path, root)
     return Stated(
-        place=str(path), tree=_tree(path, root, joints), mimics=mimics, shapes=shapes,
-        notes=(*notes, *_turned(root)), keys=_KEYS_OF, left_out=left_out, **limits._asdict(),
-    )  # fmt: skip
+        place=str(path),
+        tree=_tree(path, root, joints),
+        mimics=mimics,
+        shapes=shapes,
+        notes=(*notes, *_turned(root)),
+        keys=_KEYS_OF,
+        left_out=left_out,
+        **limits._asdict(),
+    )
 
 
 def _check_tree(path: Path, root: Element, joints: list[Element]) -> None:
@@ -76,30 +84,51 @@ def _check_tree(path: Path, root: Element, joints: list[Element]) -> None:
             raise FileError(str(path), f"{kind}s with names", "one without")
         twice = next((x for k, x in enumerate(names) if x in names[:k]), None)
         if twice is not None:
-            raise FileError(str(path), f"{kind}s with names of their own", f"two {twice!r}",
-                            do="rename one of them")  # fmt: skip
+            raise FileError(
+                str(path),
+                f"{kind}s with names of their own",
+                f"two {twice!r}",
+                do="rename one of them",
+            )
     above: dict[str, str] = {}
     for joint in joints:
         name, child = joint.get("name", ""), _link_of(joint, "child")
         if joint.get("type") not in _TYPES:
-            raise FileError(f"{path} joint {name!r}", f"one of the types {', '.join(_TYPES)}",
-                            repr(joint.get("type", "")))  # fmt: skip
+            raise FileError(
+                f"{path} joint {name!r}",
+                f"one of the types {', '.join(_TYPES)}",
+                repr(joint.get("type", "")),
+            )
         for end in ("parent", "child"):
             if _link_of(joint, end) not in links:
-                raise FileError(f"{path} joint {name!r}", f"a link of the file as its {end}",
-                                repr(_link_of(joint, end)))  # fmt: skip
+                raise FileError(
+                    f"{path} joint {name!r}",
+                    f"a link of the file as its {end}",
+                    repr(_link_of(joint, end)),
+                )
         if child in above:
-            raise FileError(str(path), "an arm without closed chains",
-                            f"link {child!r} behind joints {above[child]!r} and {name!r}",
-                            do="take one of them out")  # fmt: skip
+            raise FileError(
+                str(path),
+                "an arm without closed chains",
+                f"link {child!r} behind joints {above[child]!r} and {name!r}",
+                do="take one of them out",
+            )
         above[child] = name
     roots = [name for name in links if name not in above]
     if len(roots) > 1:
-        raise FileError(str(path), "one root link", f"{len(roots)}: {', '.join(roots[:4])}",
-                        do="join them by a fixed joint")  # fmt: skip
+        raise FileError(
+            str(path),
+            "one root link",
+            f"{len(roots)}: {', '.join(roots[:4])}",
+            do="join them by a fixed joint",
+        )
     if links and not roots:
-        raise FileError(str(path), "an arm without closed chains", "no root link",
-                        do="take out the joint that closes the chain")  # fmt: skip
+        raise FileError(
+            str(path),
+            "an arm without closed chains",
+            "no root link",
+            do="take out the joint that closes the chain",
+        )
 
 
 def _link_of(joint: Element, end: str) -> str:
@@ -133,8 +162,16 @@ def _tree(path: Path, root: Element, joints: list[Element]) -> Tree:
         kind = _MOVING.get(joint.get("type", ""), "fixed")
         axis = np.zeros(3) if kind == "fixed" else _axis(path, joint)
         name = joint.get("name", "")
-        parts.append(Part(name=name, kind=kind, before=before, placement=_origin(joint), axis=axis,
-                          armature=0.0 if kind == "fixed" else rotors.get(name, 0.0)))  # fmt: skip
+        parts.append(
+            Part(
+                name=name,
+                kind=kind,
+                before=before,
+                placement=_origin(joint),
+                axis=axis,
+                armature=0.0 if kind == "fixed" else rotors.get(name, 0.0),
+            )
+        )
         add_link(_link_of(joint, "child"))
     return Tree(parts)
 
@@ -174,9 +211,10 @@ def _inertial(link: Element) -> dict[str, Any]:
     xx, xy, xz, yy, yz, zz = (float(moments.get(key, "0")) for key in _MOMENTS)
     T, own = _origin(inertial), np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     return {
-        "mass": float(mass.get("value", "0")), "com": T[:3, 3],
+        "mass": float(mass.get("value", "0")),
+        "com": T[:3, 3],
         "inertia": T[:3, :3] @ own @ T[:3, :3].T,
-    }  # fmt: skip
+    }
 
 
 def _axis(path: Path, joint: Element) -> Array:
@@ -209,14 +247,20 @@ def _limits(path: Path, joints: list[Element]) -> _Limits:
     for joint in joints:
         name, kind = joint.get("name", ""), joint.get("type", "")
         if kind in ("floating", "planar"):
-            raise FileError(f"{path} joint {name!r}", "one axis, on a base that stands still", kind,
-                            do="make the joint fixed")  # fmt: skip
+            raise FileError(
+                f"{path} joint {name!r}",
+                "one axis, on a base that stands still",
+                kind,
+                do="make the joint fixed",
+            )
         if kind not in _MOVING:
             continue
         limit = joint.find("limit")
-        stated = {} if limit is None else {
-            key: _number(path, name, limit, key) for key in _KEYS if limit.get(key)
-        }  # fmt: skip
+        stated = (
+            {}
+            if limit is None
+            else {key: _number(path, name, limit, key) for key in _KEYS if limit.get(key)}
+        )
         if kind == "continuous":
             out.ranges[name] = (-pi, pi)
         elif "lower" in stated or "upper" in stated:
@@ -226,8 +270,11 @@ def _limits(path: Path, joints: list[Element]) -> _Limits:
         for table, key in ((out.torque, "effort"), (out.speed, "velocity")):
             if 0.0 < stated.get(key, 0.0) < inf:
                 table[name] = stated[key]
-        odd = [key for key, x in stated.items()
-               if not (isfinite(x) and (x > 0.0 or key in ("lower", "upper")))]  # fmt: skip
+        odd = [
+            key
+            for key, x in stated.items()
+            if not (isfinite(x) and (x > 0.0 or key in ("lower", "upper")))
+        ]
         if limit is not None and odd:
             out.unusable[name] = ", ".join(f"{key} {limit.get(key, '')[:20]}" for key in odd)
     return out
@@ -265,8 +312,10 @@ def _turned(root: Element) -> Iterator[str]:
             rpy = origin.get("rpy", "0")
             largest = max((abs(float(x)) for x in rpy.split()), default=0.0)
             if largest > 2.0 * pi + 0.01:  # rad, with room for rounding
-                yield (f"large angles: rpy {rpy[:60]!r} of {part.tag} {part.get('name', '')!r}; if"
-                       " they are in degrees, write radians")  # fmt: skip
+                yield (
+                    f"large angles: rpy {rpy[:60]!r} of {part.tag} {part.get('name', '')!r}; if"
+                    " they are in degrees, write radians"
+                )
                 return
 
 
@@ -296,8 +345,13 @@ def _mimics(path: Path, joints: list[Element]) -> Iterator[tuple[str, Mimic]]:
 
 
 #: Numbers that attributes of a URDF hold, by the path of their element in a link or a joint.
-_SHAPES = {"box": {"size": 3}, "cylinder": {"radius": 1, "length": 1}, "sphere": {"radius": 1},
-           "capsule": {"radius": 1, "length": 1}, "mesh": {"scale": 3}}  # fmt: skip
+_SHAPES = {
+    "box": {"size": 3},
+    "cylinder": {"radius": 1, "length": 1},
+    "sphere": {"radius": 1},
+    "capsule": {"radius": 1, "length": 1},
+    "mesh": {"scale": 3},
+}
 _PLACE = {"xyz": 3, "rpy": 3}
 _MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 _NUMBERS: dict[str, dict[str, dict[str, int]]] = {
@@ -306,15 +360,18 @@ _NUMBERS: dict[str, dict[str, dict[str, int]]] = {
         "inertial/inertia": dict.fromkeys(_MOMENTS, 1),
         "inertial/origin": _PLACE,
         **{f"{x}/origin": _PLACE for x in ("visual", "collision")},
-        **{f"{x}/geometry/{solid}": keys for x in ("visual", "collision")
-           for solid, keys in _SHAPES.items()},
+        **{
+            f"{x}/geometry/{solid}": keys
+            for x in ("visual", "collision")
+            for solid, keys in _SHAPES.items()
+        },
     },
     "joint": {
         "origin": _PLACE,
         "dynamics": {"damping": 1, "friction": 1},
     },
     "transmission": {f"actuator/{x}": {"value": 1} for x in (_ROTOR, _GEARS)},
-}  # fmt: skip
+}
 
 
 def _check_numbers(path: Path, root: Element) -> None:

@@ -131,7 +131,8 @@ _WRIST = (
 #: Ratios of its joints, and its idealised torques [N m] and speeds [rad/s]: the continuous torques
 #: of its motors (0.356 and 0.091 N m), and half of their speeds without load.
 _WRIST_RATIO = np.array([9.7, 9.7, 14.93])
-_WRIST_TAU, _WRIST_SPEED = np.array([6.9, 6.9, 1.36]), np.array([9.9, 9.9, 19.0])
+_WRIST_TAU = np.array([6.9, 6.9, 1.36])
+_WRIST_SPEED = np.array([9.9, 9.9, 19.0])
 
 LIMIT_SETS = ("paper", *_VOLTS)
 
@@ -169,9 +170,14 @@ def wrist_wam(hand: Hand | None) -> Arm:
         brake = link.brake if k < 4 else Brake(torque=float(tau[k]), damping=0.1)
         links.append(replace(link, name=f"j{k + 1}", encoder_step=step, brake=brake))
     model = ArmModel(
-        name="wam", links=tuple(links), tool=_step(rows[-1]), hand=hand,
-        q_ready=np.array([0.0, np.pi / 4, 0.0, 0.0]), base_capsules=(_BASE,), mount=np.eye(4),
-    )  # fmt: skip
+        name="wam",
+        links=tuple(links),
+        tool=_step(rows[-1]),
+        hand=hand,
+        q_ready=np.array([0.0, np.pi / 4, 0.0, 0.0]),
+        base_capsules=(_BASE,),
+        mount=np.eye(4),
+    )
     speed = np.concatenate([_PAPER_SPEED, _WRIST_SPEED])
     return Arm(model, joint_level("paper", tau=tau, speed=speed))
 

@@ -60,9 +60,14 @@ def counts_of(ball: Record) -> FilterCounts:
     b = ball[0]
     now, dropped = b["now"], b["dropped"]
     return FilterCounts(
-        used=int(now["all_used"]), rejected=int(now["all_rejected"]),
-        unusable=int(dropped["unusable"] + now["all_vague"]), untimely=int(dropped["untimely"]),
-        duplicate=int(dropped["duplicate"]), repeated=int(dropped["repeated"]),
-        isolated=int(dropped["isolated"] + b["waits"]), late=int(dropped["late"]),
-        kicks=int(now["all_kicks"]), restarts=int(now["all_restarts"]),
-    )  # fmt: skip
+        used=int(now["all_used"]),
+        rejected=int(now["all_rejected"]),
+        unusable=int(dropped["unusable"] + now["all_vague"]),
+        untimely=int(dropped["untimely"]),
+        duplicate=int(dropped["duplicate"]),
+        repeated=int(dropped["repeated"]),
+        isolated=int(dropped["isolated"] + b["waits"]),
+        late=int(dropped["late"]),
+        kicks=int(now["all_kicks"]),
+        restarts=int(now["all_restarts"]),
+    )

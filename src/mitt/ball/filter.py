@@ -177,16 +177,34 @@ def fresh_filter(config: FilterConfig) -> Record:
     ball, c = np.zeros(1, FILTER), config
     speaks_after = c.min_sightings if c.speaks_after is None else c.speaks_after
     ball["settings"] = (
-        c.gate, c.first_gate, c.min_sightings, c.max_rejections, c.max_rejection_time, c.kick_sigma,
-        c.drag_max, c.speed_sigma, c.max_gap, speaks_after, c.watchful, c.switch_time,
-    )  # fmt: skip
+        c.gate,
+        c.first_gate,
+        c.min_sightings,
+        c.max_rejections,
+        c.max_rejection_time,
+        c.kick_sigma,
+        c.drag_max,
+        c.speed_sigma,
+        c.max_gap,
+        speaks_after,
+        c.watchful,
+        c.switch_time,
+    )
     other = 0.5 * c.other_motion
     ball["models"][0] = [
-        (GRAVITY, c.accel_density, c.drag_density, c.push_sigma, c.push_time, c.drag_mean,
-         c.drag_sigma, 1.0 - c.other_motion),
+        (
+            GRAVITY,
+            c.accel_density,
+            c.drag_density,
+            c.push_sigma,
+            c.push_time,
+            c.drag_mean,
+            c.drag_sigma,
+            1.0 - c.other_motion,
+        ),
         (0.0, c.steady_density, 0.0, 0.0, 1.0, 0.0, 0.0, other),
         (0.0, c.steady_density, 0.0, c.driven_sigma, c.driven_time, 0.0, 0.0, other),
-    ]  # fmt: skip
+    ]
     _forget(ball)
     return ball
 
@@ -248,12 +266,17 @@ class BallFilter:
             tracked, motion[:], covariance[:] = False, 0.0, 0.0
         now = b["now"]
         return BallState(
-            t=t, tracked=tracked, r_o=motion[0], dr_o=motion[1], ddr_o=motion[2],
-            drag=float(b["drag"]) if tracked else 0.0, covariance=covariance,
+            t=t,
+            tracked=tracked,
+            r_o=motion[0],
+            dr_o=motion[1],
+            ddr_o=motion[2],
+            drag=float(b["drag"]) if tracked else 0.0,
+            covariance=covariance,
             t_seen=float(now["t_seen"]) if tracked else -np.inf,
             t_first=float(now["t_first"]) if tracked else -np.inf,
             led=bool(tracked and now["best"] > 0),
-        )  # fmt: skip
+        )
 
 
 @big_kernel

@@ -28,7 +28,8 @@ STATES = 10
 MAX_FORECAST = 10.0
 """Farthest instant that ``forecast`` speaks of [s]; a bound on its work."""
 
-REBOUND, GRIP = 0.8, 0.25
+REBOUND = 0.8
+GRIP = 0.25
 """Shares of its speed that a bounce gives back across a surface, and takes along it: about those of
 balls in use, 0.5 to 0.9 and 0.1 to 0.4."""
 

@@ -40,9 +40,16 @@ def ball_at(throw: Throw, t: float, *, sigma: float = 1e-3) -> BallState:
     advance(r, dr, _DRAG, t)
     acceleration(dr, _DRAG, ddr)
     return BallState(
-        t=t, tracked=True, r_o=r, dr_o=dr, ddr_o=ddr, drag=_DRAG,
-        covariance=sigma**2 * np.eye(6), t_seen=t, t_first=0.0,
-    )  # fmt: skip
+        t=t,
+        tracked=True,
+        r_o=r,
+        dr_o=dr,
+        ddr_o=ddr,
+        drag=_DRAG,
+        covariance=sigma**2 * np.eye(6),
+        t_seen=t,
+        t_first=0.0,
+    )
 
 
 def catches(f: DirectMap, ball: BallState, rng: np.random.Generator) -> Iterator[Array]:
@@ -134,8 +141,9 @@ def to_pinocchio(model: ArmModel) -> Pinocchio:
     built.name = model.name
     parent, T = 0, model.mount
     for link in model.links:
-        joint = (pin.JointModelPrismaticUnaligned if link.prismatic
-                 else pin.JointModelRevoluteUnaligned)(link.axis)  # fmt: skip
+        joint = (
+            pin.JointModelPrismaticUnaligned if link.prismatic else pin.JointModelRevoluteUnaligned
+        )(link.axis)
         parent = built.addJoint(parent, joint, pin.SE3(T @ link.placement), link.name)
         inertia = pin.Inertia(link.mass, link.com, link.inertia)
         built.appendBodyToJoint(parent, inertia, pin.SE3.Identity())

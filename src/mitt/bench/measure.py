@@ -44,7 +44,8 @@ from mitt.world.throws import Throw
 SCHEMA = "mitt.speed/1"
 
 #: Seed of the throws that are timed, and when the ball that a map is refined for is seen [s].
-SEED, _T_0 = 20_300, 0.082
+SEED = 20_300
+_T_0 = 0.082
 
 Time = dict[str, float]
 Result = dict[str, object]

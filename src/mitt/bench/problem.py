@@ -31,7 +31,9 @@ from mitt.signals import Array
 
 #: Share of the bound from which an instant gets a row; relative gain, and excess, at which a solver
 #: has converged.
-_NEAR, _SMALL, _EXCESS = 0.7, 1e-7, 1e-6
+_NEAR = 0.7
+_SMALL = 1e-7
+_EXCESS = 1e-6
 
 SETUPS = ("exact", "supplied", "lbfgs")
 """How IPOPT is given the problem; the best of them is the rival. One expression over all instants
@@ -128,9 +130,11 @@ def judged(problem: LearningProblem, alpha: Array, *, good: bool) -> Answer:
     torque = float(np.abs(r[:, :n]).max())
     worst = torque / problem.bound if np.isfinite(problem.bound) else torque
     return Answer(
-        alpha=alpha, cost=float(np.sum(r * r)) / len(r), worst=worst,
+        alpha=alpha,
+        cost=float(np.sum(r * r)) / len(r),
+        worst=worst,
         good=good and (worst <= 1.0 + _EXCESS or not np.isfinite(problem.bound)),
-    )  # fmt: skip
+    )
 
 
 def reckon(problem: LearningProblem, p: ArmNumbers, alpha: Array) -> tuple[Array, Array]:
@@ -193,9 +197,13 @@ def ipopt_solver(problem: LearningProblem, setup: str) -> Expression:
     x = ca.MX.sym("alpha", problem.size)
     cost, torque = _expressions(ca, problem, x)
     options: dict[str, object] = {
-        "ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": False,
-        "ipopt.tol": 1e-6, "ipopt.max_cpu_time": 60.0, "ipopt.max_iter": 300,
-    }  # fmt: skip
+        "ipopt.print_level": 0,
+        "ipopt.sb": "yes",
+        "print_time": False,
+        "ipopt.tol": 1e-6,
+        "ipopt.max_cpu_time": 60.0,
+        "ipopt.max_iter": 300,
+    }
     if setup == "lbfgs":
         options["ipopt.hessian_approximation"] = "limited-memory"
     if setup == "supplied":
@@ -256,10 +264,21 @@ def _supplied(ca: ModuleType, problem: LearningProblem) -> dict[str, object]:
     H = ca.reshape(ca.sum2(square.map(count)(*many)), size, size) / count
     lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", n * count)
     return {
-        "grad_f": ca.Function("nlp_grad_f", [alpha, p], [ca.sum2(f) / count, ca.sum2(g) / count],
-                              ["x", "p"], ["f", "grad_f_x"]),
-        "jac_g": ca.Function("nlp_jac_g", [alpha, p], [ca.vec(torque), stacked],
-                             ["x", "p"], ["g", "jac_g_x"]),
-        "hess_lag": ca.Function("nlp_hess_l", [alpha, p, lam_f, lam_g], [ca.triu(lam_f * H)],
-                                ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"]),
-    }  # fmt: skip
+        "grad_f": ca.Function(
+            "nlp_grad_f",
+            [alpha, p],
+            [ca.sum2(f) / count, ca.sum2(g) / count],
+            ["x", "p"],
+            ["f", "grad_f_x"],
+        ),
+        "jac_g": ca.Function(
+            "nlp_jac_g", [alpha, p], [ca.vec(torque), stacked], ["x", "p"], ["g", "jac_g_x"]
+        ),
+        "hess_lag": ca.Function(
+            "nlp_hess_l",
+            [alpha, p, lam_f, lam_g],
+            [ca.triu(lam_f * H)],
+            ["x", "p", "lam_f", "lam_g"],
+            ["triu_hess_gamma_x_x"],
+        ),
+    }

@@ -22,7 +22,8 @@ from mitt.files.rig import CalibratedRig, RigCamera
 from mitt.signals import Array, Image
 
 #: Most views used, and fewest of one camera.
-MOST_VIEWS, FEWEST = 60, 3
+MOST_VIEWS = 60
+FEWEST = 3
 #: Cells across and down the image in which coverage is counted.
 CELLS = (6, 4)
 #: Share of the images without a board from which they are told of.
@@ -177,9 +178,12 @@ class BoardViews:
 
 
 def look_for_board(
-    board: Board, sources: Sequence[Camera], names: tuple[str, ...], *,
+    board: Board,
+    sources: Sequence[Camera],
+    names: tuple[str, ...],
+    *,
     progress: Progress,
-) -> BoardViews:  # fmt: skip
+) -> BoardViews:
     """Find the board in the k-th frames of all sources, k = 0, 1, ..."""
     kept: list[tuple[int, tuple[Sight, ...]]] = []
     sizes: tuple[tuple[int, int], ...] | None = None
@@ -219,12 +223,19 @@ def look_for_board(
     views = [(n, view) for n, view in views if any(view)]
     chosen = np.unique(np.linspace(0, len(views) - 1, min(len(views), MOST_VIEWS)).astype(int))
     return BoardViews(
-        names=names, sizes=sizes, views=tuple(views[k][1] for k in chosen),
-        numbers=tuple(views[k][0] for k in chosen), frames=count, without=tuple(without),
-        instead=tuple(shown_instead(board.spec, x) if n > _MANY * count else ""
-                      for x, n in zip(bare, without, strict=True)), apart=apart,
+        names=names,
+        sizes=sizes,
+        views=tuple(views[k][1] for k in chosen),
+        numbers=tuple(views[k][0] for k in chosen),
+        frames=count,
+        without=tuple(without),
+        instead=tuple(
+            shown_instead(board.spec, x) if n > _MANY * count else ""
+            for x, n in zip(bare, without, strict=True)
+        ),
+        apart=apart,
         pattern=_pattern(legacy=board.legacy, shown=shown and bool(kept)),
-    )  # fmt: skip
+    )
 
 
 def _either(sights: tuple[Sight, ...]) -> View:
@@ -236,9 +247,15 @@ def _pattern(*, legacy: bool, shown: bool) -> str:
     """Return what to say of the pattern of a board; nothing where it is that of today."""
     if legacy:
         return "the board has the pattern of boards drawn before OpenCV 4.6, and is read so"
-    return "" if shown else ("no view shows the board's outer columns: if it was drawn before"
-                             " OpenCV 4.6, the place of the board is a square off; add a view of"
-                             " the whole board")  # fmt: skip
+    return (
+        ""
+        if shown
+        else (
+            "no view shows the board's outer columns: if it was drawn before"
+            " OpenCV 4.6, the place of the board is a square off; add a view of"
+            " the whole board"
+        )
+    )
 
 
 def _apart(a: View, b: View, width: int) -> bool:
@@ -271,10 +288,11 @@ def board_problem(board: Board, seen: BoardViews, free: NDArray[np.bool_]) -> Bo
         mine = [v for view in seen.views if (v := view[k]) is not None]
         if len(mine) < FEWEST:
             raise InputError(
-                f"camera {name}", f"the board in {FEWEST} different views or more",
+                f"camera {name}",
+                f"the board in {FEWEST} different views or more",
                 f"{len(mine)} of {seen.frames} images{_shown(seen, k)}",
                 do="check --board, --square, --dictionary, light and focus",
-            )  # fmt: skip
+            )
         guesses.append((board.lens(mine, size, free), plain(size)))
     starts = [_started(board, seen, free, lenses) for lenses in zip(*guesses, strict=True)]
     return min(starts, key=lambda problem: float(np.abs(problem.residuals()).max()))
@@ -294,9 +312,11 @@ def _left_out(seen: BoardViews) -> list[str]:
         if n > _MANY * seen.frames
     ]
     if seen.apart > 2e-3:
-        said.append(f"images of one view were taken up to {1e3 * seen.apart:.0f} ms apart: start"
-                    " the cameras by one trigger, set their clocks alike, or hold the board"
-                    " still")  # fmt: skip
+        said.append(
+            f"images of one view were taken up to {1e3 * seen.apart:.0f} ms apart: start"
+            " the cameras by one trigger, set their clocks alike, or hold the board"
+            " still"
+        )
     return [*said, seen.pattern] if seen.pattern else said
 
 
@@ -312,8 +332,9 @@ def _started(
     for k, name in enumerate(seen.names[1:], 1):
         both = [(a, b) for p in poses if (a := p[0]) is not None and (b := p[k]) is not None]
         if not both:
-            raise InputError(f"cameras {seen.names[0]} and {name}",
-                             "a view in which both see the board", "none")  # fmt: skip
+            raise InputError(
+                f"cameras {seen.names[0]} and {name}", "a view in which both see the board", "none"
+            )
         T_cam_rig.append(between([a for a, _ in both], [b for _, b in both]))
     boards = []
     for view in poses:
@@ -327,9 +348,13 @@ def _started(
         uv=np.concatenate([v.uv for _, _, v in parts]),
     )
     return BoardProblem(
-        corners=corners, lenses=np.array([lens.numbers for lens in lenses]),
-        T_cam_rig=np.array(T_cam_rig), T_rig_board=np.array(boards), free=free, cameras=seen.names,
-    )  # fmt: skip
+        corners=corners,
+        lenses=np.array([lens.numbers for lens in lenses]),
+        T_cam_rig=np.array(T_cam_rig),
+        T_rig_board=np.array(boards),
+        free=free,
+        cameras=seen.names,
+    )
 
 
 def calibrate_boards(
@@ -339,24 +364,35 @@ def calibrate_boards(
     solved = fit(board_problem(board, seen, free_numbers(coefficients)))
     problem, cameras, few = solved.problem, [], []
     numbers: dict[str, float] = {
-        "views": len(seen.views), "frames": seen.frames, "rms_px": solved.rms,
+        "views": len(seen.views),
+        "frames": seen.frames,
+        "rms_px": solved.rms,
         **{f"{name}_without_board": n for name, n in zip(seen.names, seen.without, strict=False)},
-    }  # fmt: skip
+    }
     r = problem.residuals().reshape(-1, 2)
     for k, (name, size) in enumerate(zip(seen.names, seen.sizes, strict=True)):
         mine, lens = problem.corners.camera == k, problem.lenses[k]
         rms = float(np.sqrt(np.mean(r[mine] ** 2)))
         covered = _coverage(problem.corners.uv[mine], size)
-        cameras.append(RigCamera(
-            name=name, lens=Lens(width=size[0], height=size[1], numbers=lens),
-            T_world_cam=inverse(problem.T_cam_rig[k]), rms_px=rms,
-        ))  # fmt: skip
-        numbers |= {f"{name}_rms_px": rms, f"{name}_coverage": covered,
-                    f"{name}_f_px": float(np.sqrt(np.prod(lens[:2]))),
-                    f"{name}_f_sigma_px": solved.sigma_of(f"{name}.fu")}  # fmt: skip
+        cameras.append(
+            RigCamera(
+                name=name,
+                lens=Lens(width=size[0], height=size[1], numbers=lens),
+                T_world_cam=inverse(problem.T_cam_rig[k]),
+                rms_px=rms,
+            )
+        )
+        numbers |= {
+            f"{name}_rms_px": rms,
+            f"{name}_coverage": covered,
+            f"{name}_f_px": float(np.sqrt(np.prod(lens[:2]))),
+            f"{name}_f_sigma_px": solved.sigma_of(f"{name}.fu"),
+        }
         if covered < 0.6:
-            few.append(f"{name}: corners in {100 * covered:.0f} % of the image only: "
-                       "add views with the board near the edges and corners")  # fmt: skip
+            few.append(
+                f"{name}: corners in {100 * covered:.0f} % of the image only: "
+                "add views with the board near the edges and corners"
+            )
     rig = CalibratedRig(frame="camera", cameras=tuple(cameras))
     if len(cameras) > 1:
         numbers |= _base_line(solved)
@@ -395,10 +431,15 @@ def _limits(rig: CalibratedRig, problem: BoardProblem) -> dict[str, tuple[float,
         reach = float(np.hypot(lens.width, lens.height)) / (2.0 * f)
         wanted = dict.fromkeys(NUMBERS[:2], (0.01 * f, tilted))
         wanted |= dict.fromkeys(NUMBERS[2:4], (0.01 * lens.width, rolled))
-        wanted |= {name: (2.0 / (f * reach**power), edges)
-                   for name, power in zip(NUMBERS[4:], (3, 5, 2, 2, 7), strict=True)}  # fmt: skip
-        limits |= {f"{camera.name}.{name}": wanted[name]
-                   for name, free in zip(NUMBERS, problem.free, strict=True) if free}  # fmt: skip
+        wanted |= {
+            name: (2.0 / (f * reach**power), edges)
+            for name, power in zip(NUMBERS[4:], (3, 5, 2, 2, 7), strict=True)
+        }
+        limits |= {
+            f"{camera.name}.{name}": wanted[name]
+            for name, free in zip(NUMBERS, problem.free, strict=True)
+            if free
+        }
     for k, camera in enumerate(rig.cameras[1:], 1):
         base = float(np.linalg.norm(problem.T_cam_rig[k][:3, 3]))
         for axis in "xyz":

@@ -114,8 +114,12 @@ def optional(module: str) -> ModuleType:
     try:
         return import_module(module)
     except ImportError:
-        raise InputError("cameras", f"the library {module.split('.', maxsplit=1)[0]}", "none",
-                         do="install mitt with its extra: mitt[cameras]") from None  # fmt: skip
+        raise InputError(
+            "cameras",
+            f"the library {module.split('.', maxsplit=1)[0]}",
+            "none",
+            do="install mitt with its extra: mitt[cameras]",
+        ) from None
 
 
 def grey(pixels: Image) -> Image:
@@ -282,8 +286,10 @@ def images_in(path: Path) -> list[Path]:
         raise FileError(str(path), "a folder of images", error.strerror or "an error") from error
     if not found:
         raise FileError(str(path), f"images ({', '.join(SUFFIXES)})", "none")
-    return sorted(found, key=lambda x: [(-1 if (k := whole_of(p)) is None else k, p)
-                                        for p in _PARTS.split(x.stem)])  # fmt: skip
+    return sorted(
+        found,
+        key=lambda x: [(-1 if (k := whole_of(p)) is None else k, p) for p in _PARTS.split(x.stem)],
+    )
 
 
 def stamp(path: Path) -> float:
@@ -296,9 +302,13 @@ def stamp(path: Path) -> float:
         t = int(digits.group(1)) * _UNITS.get(len(digits.group(1)), 0.0)
         if len(digits.group(1)) == 19 or _BELIEVED[0] <= t < _BELIEVED[1]:
             return t
-    raise FileError(str(path), "a name that ends with its time: seconds with a point (1.25.png),"
-                    " or 13, 16 or 19 digits of ms, us or ns since 1970", path.name,
-                    do="say --fps")  # fmt: skip
+    raise FileError(
+        str(path),
+        "a name that ends with its time: seconds with a point (1.25.png),"
+        " or 13, 16 or 19 digits of ms, us or ns since 1970",
+        path.name,
+        do="say --fps",
+    )
 
 
 @final
@@ -384,8 +394,12 @@ def _pixels(name: str, part: Any) -> Image:  # noqa: ANN401 (harvesters has no t
     """Return a grey copy of a component's pixels."""
     channels = _CHANNELS.get(part.data_format)
     if channels is None:
-        raise FileError(name, f"pixels as one of {', '.join(_CHANNELS)}", part.data_format,
-                        do="set PixelFormat of the camera")  # fmt: skip
+        raise FileError(
+            name,
+            f"pixels as one of {', '.join(_CHANNELS)}",
+            part.data_format,
+            do="set PixelFormat of the camera",
+        )
     return grey(part.data.reshape(part.height, part.width, channels).copy().squeeze())
 
 

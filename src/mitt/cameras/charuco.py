@@ -53,11 +53,15 @@ class BoardSpec:
     def __post_init__(self) -> None:
         """Refuse a board that cannot be printed."""
         if min(self.columns, self.rows) < 3 or max(self.columns, self.rows) > 100:
-            raise InputError("--board", "3 to 100 squares either way",
-                             f"{self.columns}x{self.rows}")  # fmt: skip
+            raise InputError(
+                "--board", "3 to 100 squares either way", f"{self.columns}x{self.rows}"
+            )
         if not 0.0 < self.marker < self.square < 10.0:
-            raise InputError("--marker", "0 < marker < square < 10 m",
-                             f"marker {self.marker}, square {self.square}")  # fmt: skip
+            raise InputError(
+                "--marker",
+                "0 < marker < square < 10 m",
+                f"marker {self.marker}, square {self.square}",
+            )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -141,17 +145,24 @@ class Board:
     def lens(self, views: list[Seen], size: tuple[int, int], free: NDArray[np.bool_]) -> Lens:
         """Return a first guess of a lens whose wanted numbers are ``free``, shape (9,)."""
         cv2 = self._cv2
-        fixed = {4: cv2.CALIB_FIX_K1, 5: cv2.CALIB_FIX_K2, 6: cv2.CALIB_ZERO_TANGENT_DIST,
-                 8: cv2.CALIB_FIX_K3}  # fmt: skip
+        fixed = {
+            4: cv2.CALIB_FIX_K1,
+            5: cv2.CALIB_FIX_K2,
+            6: cv2.CALIB_ZERO_TANGENT_DIST,
+            8: cv2.CALIB_FIX_K3,
+        }
         flags = sum(flag for number, flag in fixed.items() if not free[number])
         points = [self.corners[v.ids].astype(np.float32) for v in views]
         images = [v.uv.astype(np.float32) for v in views]
         try:
             _, K, bend, _, _ = cv2.calibrateCamera(points, images, size, None, None, flags=flags)
         except cv2.error as error:
-            raise InputError("board", "views that fix a lens", str(error.err)[:100],
-                             do="add views of a board that is tilted by 20 to 40 degrees",
-                             ) from error  # fmt: skip
+            raise InputError(
+                "board",
+                "views that fix a lens",
+                str(error.err)[:100],
+                do="add views of a board that is tilted by 20 to 40 degrees",
+            ) from error
         numbers = np.array((K[0, 0], K[1, 1], K[0, 2], K[1, 2], *np.ravel(bend)[:5]))
         # A focal length of 15 times the image's width, or a fifteenth of it, is not believed.
         likely = np.all(np.abs(np.log(numbers[:2].clip(1e-9) / size[0])) < np.log(15.0))
@@ -273,8 +284,10 @@ def _other_board(
     """Return which board has markers where an image has them."""
     needed = spec.columns * spec.rows // 2
     if ids.max() >= needed:
-        return (f"markers {ids.min()}..{ids.max()}, a board of {spec.columns}x{spec.rows} has"
-                f" 0..{needed - 1}")  # fmt: skip
+        return (
+            f"markers {ids.min()}..{ids.max()}, a board of {spec.columns}x{spec.rows} has"
+            f" 0..{needed - 1}"
+        )
     for columns, rows in sorted(product(_SIZES, _SIZES), key=lambda size: size[0] * size[1]):
         count = columns * rows // 2
         if count <= ids.max() or len(markers.bytesList) < count:

@@ -34,17 +34,25 @@ MAX_ROWS = 1_000_000
 _LIMITS = dict(zip(POINTS, (1e10, 500.0, 500.0, 500.0), strict=True))
 
 UNKNOWN_BALL = FilterConfig(
-    drag_mean=0.08, drag_sigma=0.05, accel_density=0.005, push_sigma=1.0, push_time=1.0,
-    other_motion=0.3, watchful=True, speaks_after=1,
-)  # fmt: skip
+    drag_mean=0.08,
+    drag_sigma=0.05,
+    accel_density=0.005,
+    push_sigma=1.0,
+    push_time=1.0,
+    other_motion=0.3,
+    watchful=True,
+    speaks_after=1,
+)
 """Any ball, and whatever else moves: the other laws of motion count from the first position."""
 
 
 #: Standard deviation of a position that is assumed at first, of a good pair of cameras at a few
 #: metres, and the smallest that is believed [m].
-_SIGMA_START, _SIGMA_LEAST = 1.5e-3, 5e-5
+_SIGMA_START = 1.5e-3
+_SIGMA_LEAST = 5e-5
 #: Samples of the variance that the first value is worth, and that are remembered.
-_SAMPLES_BEFORE, _SAMPLES_KEPT = 6.0, 100.0
+_SAMPLES_BEFORE = 6.0
+_SAMPLES_KEPT = 100.0
 #: Times the variance that a sample counts for at most: an outlier of 5 sigma is rare.
 _CLIP = 5.0
 
@@ -228,8 +236,10 @@ def read_positions(path: Path) -> Positions:
     columns: tuple[str, ...] = POINTS
     for line, row in read_rows(path, POINTS, optional="flight", max_rows=MAX_ROWS):
         columns = tuple(row)
-        sample = [(number if c == "t_s" else measured)(path, line, c, row[c], limit=limit)
-                  for c, limit in _LIMITS.items()]  # fmt: skip
+        sample = [
+            (number if c == "t_s" else measured)(path, line, c, row[c], limit=limit)
+            for c, limit in _LIMITS.items()
+        ]
         flight = flights.setdefault(row.get("flight", "").strip(), [])
         if flight and sample[0] <= samples[flight[-1]][0]:
             where = f"{path} line {line} column t_s"

@@ -33,7 +33,8 @@ from mitt.signals import Array, Moments, Sighting
 POINT = ("x_m", "y_m", "z_m")
 """Columns of a place [m]."""
 #: Fewest places of the ball that fix a pose, with one to spare, and sightings that fix a clock.
-_FEWEST_PLACES, _FEWEST_SIGHTINGS = 4, 20
+_FEWEST_PLACES = 4
+_FEWEST_SIGHTINGS = 20
 #: Step in which a carried ball's offset is looked for first [s].
 _SEARCH = 0.002
 #: Error of the clock that is worth a warning [s].
@@ -103,8 +104,11 @@ def _first_pose(seen: Array, p_world: Array) -> Array:
         raise InputError("ball in the hand", wanted, len(seen))
     spread = np.linalg.svd(p_world - p_world.mean(axis=0), compute_uv=False)
     if spread[1] < 0.02 * np.sqrt(len(seen)):
-        raise InputError("ball in the hand", "places that do not lie on one line, 0.1 m apart",
-                         f"{1e3 * spread[1] / np.sqrt(len(seen)):.0f} mm across it")  # fmt: skip
+        raise InputError(
+            "ball in the hand",
+            "places that do not lie on one line, 0.1 m apart",
+            f"{1e3 * spread[1] / np.sqrt(len(seen)):.0f} mm across it",
+        )
     weights = np.ones(len(seen))
     for _ in range(20):
         T = laid(p_world, seen, weights)
@@ -159,10 +163,11 @@ def hand_problem(
     found, seen = [], []
     for n, points in enumerate(straight):
         moments = tuple(
-            Moments(t=0.0, camera=k, found=bool(np.isfinite(uv).all()), area=100.0, u=uv[0],
-                    v=uv[1])
+            Moments(
+                t=0.0, camera=k, found=bool(np.isfinite(uv).all()), area=100.0, u=uv[0], v=uv[1]
+            )
             for k, uv in enumerate(points)
-        )  # fmt: skip
+        )
         sighting = triangulator.step(moments)
         if sighting.found:
             found.append(n)
@@ -171,9 +176,13 @@ def hand_problem(
     good = np.isfinite(straight).all(axis=2)
     place, camera = np.nonzero(good)
     return HandProblem(
-        cameras=rig.rig().cameras, camera=camera, p_world=p_world[place], uv=straight[good],
-        radius=radius, T_rig_world=T,
-    )  # fmt: skip
+        cameras=rig.rig().cameras,
+        camera=camera,
+        p_world=p_world[place],
+        uv=straight[good],
+        radius=radius,
+        T_rig_world=T,
+    )
 
 
 def calibrate_hand(
@@ -190,15 +199,20 @@ def calibrate_hand(
             "bright thing in view, or a wrong rig"
         )
     if solved.sigma > 3.0:
-        warnings.append(f"the places fit to {solved.sigma:.1f} px only: check the arm's angles, "
-                        "the ball's radius, and left and right")  # fmt: skip
+        warnings.append(
+            f"the places fit to {solved.sigma:.1f} px only: check the arm's angles, "
+            "the ball's radius, and left and right"
+        )
     sigma = np.sqrt(np.diag(solved.covariance))
     numbers = {
-        "places": len(places), "centroids": len(solved.problem.camera), "rms_px": solved.rms,
-        "sigma_px": solved.sigma, "outliers": solved.outliers,
+        "places": len(places),
+        "centroids": len(solved.problem.camera),
+        "rms_px": solved.rms,
+        "sigma_px": solved.sigma,
+        "outliers": solved.outliers,
         "turn_sigma_mrad": 1e3 * float(sigma[:3].max()),
-        "position_sigma_mm": 1e3 * float(sigma[3:].max())
-    }  # fmt: skip
+        "position_sigma_mm": 1e3 * float(sigma[3:].max()),
+    }
     moved = rig.seen_from(inverse(solved.problem.T_rig_world), "robot")
     return moved, solved, Stage("hand", solved.status, numbers, tuple(warnings))
 
@@ -289,9 +303,13 @@ def clock_problem(
         if inside.sum() < max(min(_FEWEST_SIGHTINGS, len(t_seen)), 0.5 * len(t_seen)):
             continue
         trial = ClockProblem(
-            t_seen=t_seen[inside], seen=seen[inside], t_arm=t_arm, hand=hand,
-            offset=float(offset), gap=np.zeros(3),
-        )  # fmt: skip
+            t_seen=t_seen[inside],
+            seen=seen[inside],
+            t_arm=t_arm,
+            hand=hand,
+            offset=float(offset),
+            gap=np.zeros(3),
+        )
         r = trial.residuals().reshape(-1, 3)
         gap = np.median(r, axis=0)
         cost = float(np.mean(np.abs(r - gap)))
@@ -301,8 +319,9 @@ def clock_problem(
         raise InputError(
             "clock offset",
             f"{_FEWEST_SIGHTINGS} sightings that overlap the arm's log within +-{search:g} s",
-            f"{len(t_seen)} sightings", do="compare the times in both files or widen --search",
-        )  # fmt: skip
+            f"{len(t_seen)} sightings",
+            do="compare the times in both files or widen --search",
+        )
     return best[1]
 
 
@@ -311,30 +330,42 @@ def calibrate_clock(
 ) -> tuple[CalibratedRig, Stage]:
     """Return the rig with the offset of its clock, and what to say about it."""
     if rig.frame != "robot":
-        raise InputError("--arm-log", "a rig in the robot's frame", f"one in the {rig.frame}'s",
-                         do="calibrate with --hand first")  # fmt: skip
+        raise InputError(
+            "--arm-log",
+            "a rig in the robot's frame",
+            f"one in the {rig.frame}'s",
+            do="calibrate with --hand first",
+        )
     if not 0.0 < search <= 60.0:
         raise InputError("--search", "seconds in 0..60", search)
     hand, t_arm = read_places(log, arm, ("t_s",))
     table = read_columns(points, ("t_s", *POINT), seen=POINT)
     t_seen, there = times_of(points, table), np.isfinite(table).all(axis=1)
     problem = clock_problem(
-        t_seen=t_seen[there], seen=table[there, 1:], t_arm=times_of(log, t_arm),
-        hand=hand, search=search,
-    )  # fmt: skip
+        t_seen=t_seen[there],
+        seen=table[there, 1:],
+        t_arm=times_of(log, t_arm),
+        hand=hand,
+        search=search,
+    )
     solved = fit(problem, robust=True)
     advice = "move the hand faster, to and fro, 1 m/s or more"
     warnings = list(weak(solved, {"offset": (_CLOCK, advice)}))
     gap = float(np.linalg.norm(solved.problem.gap))
     if gap > 0.02:
-        warnings.append(f"the ball seen and the hand are {1e3 * gap:.0f} mm apart: "
-                        "calibrate with --hand anew")  # fmt: skip
+        warnings.append(
+            f"the ball seen and the hand are {1e3 * gap:.0f} mm apart: calibrate with --hand anew"
+        )
     offset, sigma = solved.problem.offset, solved.sigma_of("offset")
     speed = np.linalg.norm(np.gradient(hand, problem.t_arm, axis=0), axis=1)
     numbers = {
-        "sightings": len(problem.t_seen), "offset_ms": 1e3 * offset, "sigma_ms": 1e3 * sigma,
-        "rms_mm": 1e3 * solved.rms, "gap_mm": 1e3 * gap, "top_speed_m_s": float(speed.max())
-    }  # fmt: skip
+        "sightings": len(problem.t_seen),
+        "offset_ms": 1e3 * offset,
+        "sigma_ms": 1e3 * sigma,
+        "rms_mm": 1e3 * solved.rms,
+        "gap_mm": 1e3 * gap,
+        "top_speed_m_s": float(speed.max()),
+    }
     known = replace(rig, clock_offset=offset, clock_sigma=sigma if np.isfinite(sigma) else 1e3)
     return known, Stage("clock", solved.status, numbers, tuple(warnings))
 
@@ -366,10 +397,14 @@ def _catch(rows: Rows, points: Sequence[tuple[Sighting, ...]]) -> Catch | None:
         t = np.array([p.t for p in given])
         table = np.array([np.vstack([p.r_o, p.covariance]) for p in given])
     return Catch(
-        t_arm=rows["t_arm"], q=rows["q"], t_seen=t, seen=table[:, 0], covariance=table[:, 1:],
+        t_arm=rows["t_arm"],
+        q=rows["q"],
+        t_seen=t,
+        seen=table[:, 0],
+        covariance=table[:, 1:],
         t_brake=float(rows["t"][braked[0]]),
         t_rest=float(rows["t"][rests[0] if len(rests) else braked[-1]]),
-    )  # fmt: skip
+    )
 
 
 def calibrate_by_catches(rig: CalibratedRig, paths: Sequence[Path]) -> tuple[CalibratedRig, Stage]:
@@ -383,12 +418,18 @@ def calibrate_by_catches(rig: CalibratedRig, paths: Sequence[Path]) -> tuple[Cal
             clock.take(found, used)
             left += [] if found.unknown else [found.residual]
     if clock.count == 0:
-        raise InputError("--catches", "recordings in which a ball rides on the braking hand",
-                         f"{tried} catches that say nothing of the clocks")  # fmt: skip
+        raise InputError(
+            "--catches",
+            "recordings in which a ball rides on the braking hand",
+            f"{tried} catches that say nothing of the clocks",
+        )
     numbers = {
-        "catches": clock.count, "tried": tried, "offset_ms": 1e3 * clock.offset,
-        "sigma_ms": 1e3 * clock.sigma, "rms_mm": 1e3 * float(np.sqrt(np.mean(np.square(left)))),
-    }  # fmt: skip
+        "catches": clock.count,
+        "tried": tried,
+        "offset_ms": 1e3 * clock.offset,
+        "sigma_ms": 1e3 * clock.sigma,
+        "rms_mm": 1e3 * float(np.sqrt(np.mean(np.square(left)))),
+    }
     weak = clock.sigma > _CLOCK
     warnings = ("offset is uncertain: record more catches",) if weak else ()
     known = replace(rig, clock_offset=clock.offset, clock_sigma=clock.sigma)

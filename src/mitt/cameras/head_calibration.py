@@ -56,9 +56,15 @@ class HeadProblem:
         """Pose at zero, then direction and place of each axis."""
         return (
             *POSE,
-            "pan_direction_1", "pan_direction_2", "pan_place_1", "pan_place_2",
-            "tilt_direction_1", "tilt_direction_2", "tilt_place_1", "tilt_place_2",
-        )  # fmt: skip
+            "pan_direction_1",
+            "pan_direction_2",
+            "pan_place_1",
+            "pan_place_2",
+            "tilt_direction_1",
+            "tilt_direction_2",
+            "tilt_place_1",
+            "tilt_place_2",
+        )
 
     def _predicted(self) -> Array:
         """Return the image points [px], shape (n, 2); infinite for a board behind the camera."""
@@ -86,8 +92,11 @@ class HeadProblem:
         tilt_axis, tilt_point = _line(h.tilt_axis, h.tilt_point, step[10:14])
         head = HeadAxes(
             T_world_cam=turned(h.T_world_cam, step[:6]),
-            pan_axis=pan_axis, pan_point=pan_point, tilt_axis=tilt_axis, tilt_point=tilt_point,
-        )  # fmt: skip
+            pan_axis=pan_axis,
+            pan_point=pan_point,
+            tilt_axis=tilt_axis,
+            tilt_point=tilt_point,
+        )
         return replace(self, head=head)
 
 
@@ -118,8 +127,11 @@ def first_head(angles: Array, poses: Array) -> HeadAxes:
     spread = np.rad2deg(angles.std(axis=0))
     for name, size in zip(("pan", "tilt"), spread, strict=True):
         if size < 1.0:
-            raise InputError("head axes", f"views at {name} angles that differ by 5 degrees",
-                             f"{size:.2f} degrees of spread")  # fmt: skip
+            raise InputError(
+                "head axes",
+                f"views at {name} angles that differ by 5 degrees",
+                f"{size:.2f} degrees of spread",
+            )
     start = int(np.argmin(np.linalg.norm(angles, axis=1)))
     pan_axis, tilt_axis = _directions(angles, poses)
     (pan, tilt), T_0 = angles[start], poses[start].copy()
@@ -164,8 +176,9 @@ def read_head_views(
             given = f"{pixels.shape[1]} x {pixels.shape[0]}"
             raise FileError(str(at), f"an image of {size[0]} x {size[1]} pixels", given)
         sights.append(board.sight(pixels))
-        angles.append([number(path, line, name, cells[name], limit=7.0)
-                       for name in ("pan_rad", "tilt_rad")])  # fmt: skip
+        angles.append(
+            [number(path, line, name, cells[name], limit=7.0) for name in ("pan_rad", "tilt_rad")]
+        )
     board.settle(sights)
     views = [sight[board.legacy] for sight in sights]
     kept = [k for k, view in enumerate(views) if view is not None]
@@ -178,11 +191,13 @@ def head_problem(camera: RigCamera, board: Board, angles: Array, views: list[See
     poses = np.array([inverse(board.pose(v, camera.lens)) for v in views]).reshape(-1, 4, 4)
     numbers = [np.full(len(v.ids), k) for k, v in enumerate(views)]
     return HeadProblem(
-        lens=camera.lens, angles=angles, head=first_head(angles, poses),
+        lens=camera.lens,
+        angles=angles,
+        head=first_head(angles, poses),
         view=np.concatenate([np.zeros(0, dtype=np.int64), *numbers]),
         on_board=np.concatenate([np.zeros((0, 3)), *(board.corners[v.ids] for v in views)]),
         uv=np.concatenate([np.zeros((0, 2)), *(v.uv for v in views)]),
-    )  # fmt: skip
+    )
 
 
 def calibrate_head(
@@ -191,15 +206,20 @@ def calibrate_head(
     """Return the camera with its head, the world being the board, z up out of its face."""
     solved = fit(head_problem(camera, board, angles, views))
     wider = (2e-3, "add views at angles farther apart, pan and tilt in turn")
-    limits = {f"{axis}_{what}_{k}": wider for axis in ("pan", "tilt")
-              for what in ("direction", "place") for k in (1, 2)}  # fmt: skip
+    limits = {
+        f"{axis}_{what}_{k}": wider
+        for axis in ("pan", "tilt")
+        for what in ("direction", "place")
+        for k in (1, 2)
+    }
     warnings = tuple(f"{camera.name}: {text}" for text in weak(solved, limits))
     head = solved.problem.head
     apart = abs(float(head.pan_axis @ head.tilt_axis))
     numbers: dict[str, float] = {
-        "views": len(views), "rms_px": solved.rms,
+        "views": len(views),
+        "rms_px": solved.rms,
         "axes_deg": float(np.rad2deg(np.arccos(min(apart, 1.0)))),
-    }  # fmt: skip
+    }
     turned = head.seen_from(FACE_UP)
     moved = replace(camera, T_world_cam=turned.T_world_cam, head=turned, rms_px=solved.rms)
     return moved, solved, Stage(f"head {camera.name}", solved.status, numbers, warnings)

@@ -48,23 +48,32 @@ def _scaled(T: Array, unit: float) -> Array:
 #: What a pose may be instead, in words, what to do about it, and the pose that is meant.
 _TURNS: tuple[tuple[str, str, Change], ...] = (
     ("", "", lambda T: T),
-    ("poses of the world seen from the cameras, as of OpenCV and Kalibr", "write the inverses",
-     inverse),
-    ("poses with the axes of OpenGL, y up and z backwards",
-     "turn the signs of the second and third column", lambda T: T @ _OPENGL),
-    ("poses of the world in cameras with the axes of OpenGL",
-     "turn the signs of the second and third row, then write the inverses",
-     lambda T: inverse(_OPENGL @ T)),
-    ("poses of the cameras' bodies in ROS, x forward and z up",
-     "write those of their optical frames", lambda T: T @ _BODY.T),
+    (
+        "poses of the world seen from the cameras, as of OpenCV and Kalibr",
+        "write the inverses",
+        inverse,
+    ),
+    (
+        "poses with the axes of OpenGL, y up and z backwards",
+        "turn the signs of the second and third column",
+        lambda T: T @ _OPENGL,
+    ),
+    (
+        "poses of the world in cameras with the axes of OpenGL",
+        "turn the signs of the second and third row, then write the inverses",
+        lambda T: inverse(_OPENGL @ T),
+    ),
+    (
+        "poses of the cameras' bodies in ROS, x forward and z up",
+        "write those of their optical frames",
+        lambda T: T @ _BODY.T,
+    ),
     ("poses whose rotations are transposed", "transpose the upper left 3 x 3", _transposed),
-)  # fmt: skip
+)
 _UNITS = (("", 1.0), ("mm", 1e-3), ("cm", 1e-2), ("inches", 0.0254))
 
 
-def meant_rig(
-    points: Array, rig: CalibratedRig, radius: float, config: TriangulatorConfig
-) -> str:  # fmt: skip
+def meant_rig(points: Array, rig: CalibratedRig, radius: float, config: TriangulatorConfig) -> str:
     """Return which poses the rig's seem to be, and what to do; empty where none is right.
 
     Args:
@@ -76,8 +85,13 @@ def meant_rig(
     """
     for unit, size in _UNITS:
         for what, do, change in _TURNS:
-            if (unit or what) and _falls(points, rig, lambda T: change(_scaled(T, size)),  # noqa: B023
-                                         radius, config):  # fmt: skip
+            if (unit or what) and _falls(
+                points,
+                rig,
+                lambda T: change(_scaled(T, size)),  # noqa: B023
+                radius,
+                config,
+            ):
                 words = " and ".join(x for x in (what, unit and f"lengths in {unit}") if x)
                 todo = ", and ".join(x for x in (do, unit and "write metres") if x)
                 return f"T_world_cam holds {words}, as it seems: {todo}"

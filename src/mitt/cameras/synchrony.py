@@ -304,10 +304,14 @@ class _Offsets:
         here = offset[self._window] + self._lost(beside * self._sigma)
         certain = certain or bool(np.any(here != offset[self._window]))
         return Synchrony(
-            t=self._t, slope=self.slope, offset=here, sigma=sigma[self._window],
-            mean=float(mean), mean_sigma=float(np.sqrt(mean_variance)),
+            t=self._t,
+            slope=self.slope,
+            offset=here,
+            sigma=sigma[self._window],
+            mean=float(mean),
+            mean_sigma=float(np.sqrt(mean_variance)),
             shifted=certain and self._explained(left * self._sigma),
-        )  # fmt: skip
+        )
 
     def _lost(self, left: Array) -> Array:
         """Return offsets of less than a window that errors [px] show, whole frames [s], (n,)."""

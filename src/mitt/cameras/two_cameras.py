@@ -29,9 +29,13 @@ _UNKNOWN = 5e-3
 #: Brightest pixel below which a camera sees nothing.
 _DARK = 50
 #: Colours (red, green, blue): both cameras agree, one sees something alone, text, ground.
-_AGREED, _ALONE, _TEXT, _GROUND = (80, 220, 120), (250, 170, 50), (225, 230, 235), (24, 30, 36)
+_AGREED = (80, 220, 120)
+_ALONE = (250, 170, 50)
+_TEXT = (225, 230, 235)
+_GROUND = (24, 30, 36)
 #: Height of the strip of text, and the gap between the pictures [px].
-_STRIP, _GAP = 52, 8
+_STRIP = 52
+_GAP = 8
 
 
 @dataclass(slots=True)
@@ -150,9 +154,10 @@ class Watcher:
         # A real camera's centroid is 0.05 px off besides what its calibration left. The cameras
         # disagree where it is 2 px from the projected ball, or six times what calibration left.
         config = TriangulatorConfig(
-            sigma_floor=float(np.hypot(0.05, worst)), max_skew=max_skew,
+            sigma_floor=float(np.hypot(0.05, worst)),
+            max_skew=max_skew,
             max_residual=max(2.0, 6.0 * worst),
-        )  # fmt: skip
+        )
         self._cameras, self._calibrated, self._radius = rig.cameras, rig, radius
         self._rig, self._config = rig.rig(), config
         self._segmenters = [Segmenter() for _ in rig.cameras]
@@ -203,9 +208,11 @@ class Watcher:
         camera = self._cameras[frame.camera]
         width, height = camera.lens.width, camera.lens.height
         if frame.pixels.shape != (height, width):
-            raise InputError(f"images of camera {camera.name}",
-                             f"{width} x {height} pixels as the rig says",
-                             f"{frame.pixels.shape[1]} x {frame.pixels.shape[0]}")  # fmt: skip
+            raise InputError(
+                f"images of camera {camera.name}",
+                f"{width} x {height} pixels as the rig says",
+                f"{frame.pixels.shape[1]} x {frame.pixels.shape[0]}",
+            )
         return self._segmenters[frame.camera].step(frame)
 
     def _straight(self, m: Moments) -> Moments:
@@ -217,10 +224,19 @@ class Watcher:
 
 
 def see(
-    left: str, right: str, rig: CalibratedRig, seen: Seen, writer: VideoWriter | None, *,
-    ball: str, radius: float, max_skew: float, fps: float | None, frames: int | None,
+    left: str,
+    right: str,
+    rig: CalibratedRig,
+    seen: Seen,
+    writer: VideoWriter | None,
+    *,
+    ball: str,
+    radius: float,
+    max_skew: float,
+    fps: float | None,
+    frames: int | None,
     progress: Progress,
-) -> None:  # fmt: skip
+) -> None:
     """Follow the ball to the end of the frames; what is found stands in ``seen`` as it comes.
 
     ``ball`` is what is assumed of the flight, a key of ``BALLS``, ``radius`` its radius [m]. Frames
@@ -258,14 +274,18 @@ def complaints(seen: Seen, names: tuple[str, ...]) -> tuple[str, ...]:
     said = [] if exchanged or seen.meant else list(_out_of_step(seen))
     a, b = counts.frames
     if counts.ended:
-        said.append(f"{counts.ended} ended first: {a} frames left, {b} right; "
-                    f"{counts.left_over} without a partner are left out")  # fmt: skip
+        said.append(
+            f"{counts.ended} ended first: {a} frames left, {b} right; "
+            f"{counts.left_over} without a partner are left out"
+        )
     alone = min(a, b) - counts.paired
     if alone > 0.05 * max(min(a, b), 1):
         early = "left" if counts.first_gap < 0.0 else "right"
-        said.append(f"{alone} of {min(a, b)} frames have no partner in time, and the first {early}"
-                    f" one is {abs(counts.first_gap):.4g} s early: start both by one trigger, set"
-                    " their clocks alike, say --fps, or a larger --max-skew")  # fmt: skip
+        said.append(
+            f"{alone} of {min(a, b)} frames have no partner in time, and the first {early}"
+            f" one is {abs(counts.first_gap):.4g} s early: start both by one trigger, set"
+            " their clocks alike, say --fps, or a larger --max-skew"
+        )
     if counts.backward:
         said.append(f"{counts.backward} frames dropped, as their time did not rise")
     for name, count, most in zip(names, seen.targets, seen.brightest, strict=True):
@@ -273,16 +293,22 @@ def complaints(seen: Seen, names: tuple[str, ...]) -> tuple[str, ...]:
             why = "is it dark or covered?" if most < _DARK else "is something else as bright?"
             said.append(f"camera {name} saw no ball (brightest pixel {most} of 255): {why}")
     if exchanged:
-        said.append(f"left and right seem exchanged: {len(seen.exchanged)} sightings the other way "
-                    f"round, {seen.agreed} as given, which do not fall as a ball does")  # fmt: skip
+        said.append(
+            f"left and right seem exchanged: {len(seen.exchanged)} sightings the other way "
+            f"round, {seen.agreed} as given, which do not fall as a ball does"
+        )
     elif seen.agreed < _AGREE * seen.both:
         why = "the rig is another's, a camera was moved, or something else is bright"
-        said.append(f"the cameras agree on a ball in {seen.agreed} of {seen.both} instants only: "
-                    f"{seen.meant or why}")  # fmt: skip
+        said.append(
+            f"the cameras agree on a ball in {seen.agreed} of {seen.both} instants only: "
+            f"{seen.meant or why}"
+        )
     elif not seen.out_of_step and (error := fall_error(seen.points) or 0.0) > FALL:
         why = "a hand that carries the ball, or a rig that is another's"
-        said.append(f"what was seen does not fly: its acceleration is {error:.0f} m/s^2 off "
-                    f"gravity; {seen.meant or why}")  # fmt: skip
+        said.append(
+            f"what was seen does not fly: its acceleration is {error:.0f} m/s^2 off "
+            f"gravity; {seen.meant or why}"
+        )
     return tuple(said)
 
 
@@ -291,21 +317,27 @@ def _out_of_step(seen: Seen) -> Iterator[str]:
     found = seen.synchrony
     if found is None:
         if seen.states:
-            yield ("too few instants in a row to tell whether the cameras are in step: the"
-                   " standard deviations hold only if they are")  # fmt: skip
+            yield (
+                "too few instants in a row to tell whether the cameras are in step: the"
+                " standard deviations hold only if they are"
+            )
         return
     if seen.out_of_step:
         worst = found.worst
         offset = float(found.offset[worst])
         frames = abs(offset) / float(np.median(np.diff(found.t)))
         side = "late" if offset > 0.0 else "early"
-        yield (f"the cameras are not in step: about {found.t[worst]:.2f} s the right images are"
-               f" {1e3 * abs(offset):.1f} ms ({frames:.1f} frames) {side}, which moves the ball by"
-               f" {1e3 * found.moved(worst):.0f} mm: a lost frame, or starts, rates or clocks that"
-               " differ; take one trigger, and images named by their own times")  # fmt: skip
+        yield (
+            f"the cameras are not in step: about {found.t[worst]:.2f} s the right images are"
+            f" {1e3 * abs(offset):.1f} ms ({frames:.1f} frames) {side}, which moves the ball by"
+            f" {1e3 * found.moved(worst):.0f} mm: a lost frame, or starts, rates or clocks that"
+            " differ; take one trigger, and images named by their own times"
+        )
     elif found.mean_sigma * found.speed > _UNKNOWN:
-        yield (f"whether the cameras are in step shows to +-{2e3 * found.mean_sigma:.1f} ms only,"
-               f" {2e3 * found.mean_sigma * found.speed:.0f} mm of the ball")  # fmt: skip
+        yield (
+            f"whether the cameras are in step shows to +-{2e3 * found.mean_sigma:.1f} ms only,"
+            f" {2e3 * found.mean_sigma * found.speed:.0f} mm of the ball"
+        )
 
 
 def _exchanged(seen: Seen) -> bool:
@@ -354,9 +386,13 @@ class Overlay:
         self._size = (max(h for h, _ in self._shapes) + _STRIP, max(total, 760))
 
     def draw(
-        self, t: float, frames: tuple[Frame, ...], moments: tuple[Moments, ...],
-        sighting: Sighting, ball: BallState,
-    ) -> Image:  # fmt: skip
+        self,
+        t: float,
+        frames: tuple[Frame, ...],
+        moments: tuple[Moments, ...],
+        sighting: Sighting,
+        ball: BallState,
+    ) -> Image:
         """Return a picture in red, green, blue, shape (height, width, 3); both sizes even."""
         height, width = (n + n % 2 for n in self._size)
         canvas = np.full((height, width, 3), _GROUND, dtype=np.uint8)

@@ -156,8 +156,13 @@ class Batting(Generator):
         anew, and never refused; nor is what is under way: the catcher's commands keep the limits.
         """
         if self.strike is not None:
-            return Verdict(outcome=Outcome.FEASIBLE, binding_limit="", share=0.0,
-                           t_catch=self.t_contact, sigma=self.sharpness(ball))  # fmt: skip
+            return Verdict(
+                outcome=Outcome.FEASIBLE,
+                binding_limit="",
+                share=0.0,
+                t_catch=self.t_contact,
+                sigma=self.sharpness(ball),
+            )
         return self._planned(ball, q, np.zeros(len(q)) if dq is None else dq).verdict
 
     def afresh(self) -> "Batting":
@@ -181,10 +186,19 @@ class Batting(Generator):
             if shares[binding] < best:
                 best, why, at, found = shares[binding], binding, after, (strike, f)
         outcome = Outcome.FEASIBLE if best <= 1.0 else Outcome.UNSETTLED
-        return self.memory.keep(ball, _Plan(Verdict(
-            outcome=outcome, binding_limit=why, share=best, t_catch=ball.t + at,
-            sigma=spread(ball, at) if found else inf,
-        ), found))  # fmt: skip
+        return self.memory.keep(
+            ball,
+            _Plan(
+                Verdict(
+                    outcome=outcome,
+                    binding_limit=why,
+                    share=best,
+                    t_catch=ball.t + at,
+                    sigma=spread(ball, at) if found else inf,
+                ),
+                found,
+            ),
+        )
 
     def _contacts(self, ball: BallState, q: Array) -> list[tuple[float, Strike]]:
         """Return the easiest contacts: times from now and strikes."""
@@ -244,8 +258,9 @@ class Batting(Generator):
             verdict, found = self.memory.of(ball) or self._planned(ball, q, dq)
             if found is None:
                 raise InputError("ball", "one that the paddle can reach", "another")
-            return replace(self, strike=found[0], posed=found[1], t_contact=verdict.t_catch,
-                           t_adapted=ball.t)  # fmt: skip
+            return replace(
+                self, strike=found[0], posed=found[1], t_contact=verdict.t_catch, t_adapted=ball.t
+            )
         ball = replace(ball, led=True)
         left = self.as_map().reference(ball).time_to_catch
         if not self.settings.until <= left < inf:

@@ -45,7 +45,7 @@ _AT_ONCE = 0.5 * TICK
 
 def catch_of(
     state: CatcherState, t_arm: Array, q: Array, seen: tuple[Array, Array, Array]
-) -> Catch:  # fmt: skip
+) -> Catch:
     """Return what arm and eyes said of a catch, in the order of stamps.
 
     Args:
@@ -59,9 +59,14 @@ def catch_of(
     order = order[np.diff(t_arm[order], prepend=-np.inf) > 0.1 * TICK]
     t_seen, r_o, covariance = (x[np.argsort(t_seen, kind="stable")] for x in seen)
     return Catch(
-        t_arm=t_arm[order], q=q[order], t_seen=t_seen, seen=r_o, covariance=covariance,
-        t_brake=s["t_brake"].item(), t_rest=s["t_rest"].item(),
-    )  # fmt: skip
+        t_arm=t_arm[order],
+        q=q[order],
+        t_seen=t_seen,
+        seen=r_o,
+        covariance=covariance,
+        t_brake=s["t_brake"].item(),
+        t_rest=s["t_rest"].item(),
+    )
 
 
 @final
@@ -115,22 +120,30 @@ class CatchNotes:
         clock.take(self.offset(state), 0.0)
         if clock.count > 0 and abs(clock.offset) > WARNED + _SURE * clock.sigma:
             side = "older" if clock.offset < 0.0 else "newer"
-            return (f"sightings are {1e3 * abs(clock.offset):.0f} ms {side} than their stamps, as"
-                    " the ball in the braking hand says: stamp each with the time of its"
-                    " exposure, by the clock of the ticks")  # fmt: skip
+            return (
+                f"sightings are {1e3 * abs(clock.offset):.0f} ms {side} than their stamps, as"
+                " the ball in the braking hand says: stamp each with the time of its"
+                " exposure, by the clock of the ticks"
+            )
         if clock.count == 0 and abs(clock.struck) >= _STRUCK:
             side = "older" if clock.struck < 0 else "newer"
-            return (f"{abs(clock.struck)} balls in a row were struck and lost on one side of the"
-                    f" hand, as where sightings are some ms {side} than their stamps: stamp each"
-                    " with the time of its exposure, by the clock of the ticks")  # fmt: skip
+            return (
+                f"{abs(clock.struck)} balls in a row were struck and lost on one side of the"
+                f" hand, as where sightings are some ms {side} than their stamps: stamp each"
+                " with the time of its exposure, by the clock of the ticks"
+            )
         if not self._flew_on(self._catch(state), state):
             return None
         if self._aged == 0:
-            return ("the ball flew on through the hand, and sightings are stamped as they arrive:"
-                    " stamp each with the time of its exposure")  # fmt: skip
-        return ("the ball flew on through the hand: it was elsewhere, as where stamps are some ms"
-                " off, or positions in another frame; or nothing holds it, in a simulation without"
-                " contact")  # fmt: skip
+            return (
+                "the ball flew on through the hand, and sightings are stamped as they arrive:"
+                " stamp each with the time of its exposure"
+            )
+        return (
+            "the ball flew on through the hand: it was elsewhere, as where stamps are some ms"
+            " off, or positions in another frame; or nothing holds it, in a simulation without"
+            " contact"
+        )
 
     def _flew_on(self, of: Catch, state: CatcherState) -> bool:
         """Say whether the ball, which by its stamps was in the hand, was seen to fly on."""

@@ -70,9 +70,13 @@ class Catcher:
     """
 
     def __init__(
-        self, arm: Arm, generator: GeneratorLike, eyes: Eyes | None = None, *,
+        self,
+        arm: Arm,
+        generator: GeneratorLike,
+        eyes: Eyes | None = None,
+        *,
         settings: CatcherSettings | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Take the arm, what moves it, and the eyes, which are copied.
 
         Args:
@@ -93,9 +97,12 @@ class Catcher:
         # Other generators predict sigma at another catch than the map's: evaluated at each tick.
         plain = isinstance(generator, Direct | Unoptimised)
         self._blank = fresh_state(
-            arm, eyes, settings, self._map,
+            arm,
+            eyes,
+            settings,
+            self._map,
             sigma_ready=settings.sigma_ready if plain else np.inf,
-        )  # fmt: skip
+        )
         self._begin(generator, copy(eyes))
         looks(*self._memory.handles)  # loaded now, not in the middle of a throw
         load_fit(arm)

@@ -258,8 +258,9 @@ class Direct:
             checks.instance("certificate", self.certificate, Verdict)
         weight = self.map.design.match_weight
         if self.refines and weight > 0.0:  # eq. (22) alone would undo what the map has learned
-            raise InputError("a map refined in flight", "match_weight 0", weight,
-                             do="leave --adapt refine out")  # fmt: skip
+            raise InputError(
+                "a map refined in flight", "match_weight 0", weight, do="leave --adapt refine out"
+            )
 
     @property
     def arms(self) -> tuple[Arm, ...]:

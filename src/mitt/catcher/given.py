@@ -26,8 +26,16 @@ _BRIEFEST = 1e-6
 _KEPT = 0.95
 #: Parts of an arm's identity that are limits: what a map was learned for, not what it is made of.
 _TORQUES = ("peak torques", "stall torques")
-_LIMITS = (*_TORQUES, "continuous torques", "transmission", "joint ranges", "joint speeds",
-           "accelerations", "jerks", "torque rates")  # fmt: skip
+_LIMITS = (
+    *_TORQUES,
+    "continuous torques",
+    "transmission",
+    "joint ranges",
+    "joint speeds",
+    "accelerations",
+    "jerks",
+    "torque rates",
+)
 
 GeneratorLike: TypeAlias = Generator | DirectMap | Learned
 """What is taken for a generator: itself; what :func:`mitt.learn` returned, for the default one; or
@@ -103,8 +111,12 @@ def _check_same(arm: Arm, other: Arm, *, limits: bool) -> None:
     """
     unlike = None if other is arm else _difference(arm, other, limits=limits)
     if unlike is not None:
-        raise InputError("generator", f"one for {arm}", f"one for another arm: {unlike}",
-                         do="learn a map for this arm")  # fmt: skip
+        raise InputError(
+            "generator",
+            f"one for {arm}",
+            f"one for another arm: {unlike}",
+            do="learn a map for this arm",
+        )
 
 
 @lru_cache(maxsize=32)
@@ -120,15 +132,19 @@ def _difference(arm: Arm, other: Arm, *, limits: bool) -> str | None:
         reserved = name in _TORQUES and _is_reserve(mine[name], theirs[name])
         if reserved or not limits:
             mine[name] = theirs[name]
-    shapes, others = ([x.base_capsules, *(link.capsules for link in x.links)]
-                      for x in (arm.model.complete(), other.model.complete()))  # fmt: skip
+    shapes, others = (
+        [x.base_capsules, *(link.capsules for link in x.links)]
+        for x in (arm.model.complete(), other.model.complete())
+    )
     return "its shapes differ" if shapes != others else difference(mine, theirs)
 
 
 def _is_reserve(mine: list[float | None], whole: list[float | None]) -> bool:
     """Say whether torques, of which None is infinite, are nearly the whole, and no more."""
-    pairs = [(np.inf if x is None else x, np.inf if y is None else y)
-             for x, y in zip(mine, whole, strict=False)]  # fmt: skip
+    pairs = [
+        (np.inf if x is None else x, np.inf if y is None else y)
+        for x, y in zip(mine, whole, strict=False)
+    ]
     return len(mine) == len(whole) and all(_KEPT * y <= x <= y for x, y in pairs)
 
 

@@ -54,7 +54,8 @@ def load_decisions(arm: Arm, generator: Generator, settings: CatcherSettings) ->
 def _balls(hand: Array) -> list[BallState]:
     """Return a ball of each kind, for a hand that waits somewhere [m], shape (3,)."""
     comes = BallState(t=0.0, r_o=hand - 0.4 * _COMES, dr_o=_COMES)
-    miss = [replace(comes, r_o=comes.r_o + np.array(by))
-            for by in ((0.0, 0.9, 0.0), (0.0, 0.0, -0.5))]  # fmt: skip
+    miss = [
+        replace(comes, r_o=comes.r_o + np.array(by)) for by in ((0.0, 0.9, 0.0), (0.0, 0.0, -0.5))
+    ]
     away = replace(comes, dr_o=-comes.dr_o)
     return [comes, *miss, away, replace(comes, led=True)]

@@ -35,11 +35,16 @@ from mitt.signals import TICK, Array, BallState, JointReference, MapStatus, refe
 from mitt.verdict.feasibility import Approach, Outcome, Verdict
 
 #: Times that are tried, and instants at which a motion is held against its limits.
-_TIMES, _INSTANTS = 24, 24
+_TIMES = 24
+_INSTANTS = 24
 #: A target out of reach at the start is met where its way to the meeting is shorter [m], where it
 #: would be in the work area then at the first share of its speed, and reached by then at the
 #: second; instants looked at. It is given up where the tool would leave its reach within so long.
-_COMES, _SLOWER, _SLOWEST, _LOOKS, _LED = 0.8, 0.8, 0.6, 8, 0.15
+_COMES = 0.8
+_SLOWER = 0.8
+_SLOWEST = 0.6
+_LOOKS = 8
+_LED = 0.15
 #: Halvings of the times between the longest and the shortest.
 _HALVINGS = 3
 #: Least time from one verdict, of a millisecond or two, to the next with nothing to meet [s].
@@ -47,31 +52,40 @@ _PAUSE = 0.0075
 #: Times in which the tool lifts what it has grasped and comes to rest [s].
 _LEAVES = (0.2, 0.3, 0.4, 0.6, 0.9, 1.4, 2.0)
 #: Times in which it comes to rest straight on [s], and the shares of the limits that this may take.
-_STOPS, _HARD = (0.05, 0.07, 0.1, 0.2, 0.4), Tolerance(torque=0.9, speed=1.0, acceleration=0.9)
+_STOPS = (0.05, 0.07, 0.1, 0.2, 0.4)
+_HARD = Tolerance(torque=0.9, speed=1.0, acceleration=0.9)
 #: Share of ``above`` by which it then lifts a part off its belt all the same.
 _HOP = 0.25
 #: Least time from the start until the way down begins [s].
 _LEAST = 0.1
 #: Rates at which the followed target closes up to the estimate, along a belt and across it [1/s].
-_ALONG, _ACROSS = 40.0, 8.0
+_ALONG = 40.0
+_ACROSS = 8.0
 #: The first of them where the tool's speed is limited: what may not be fast need not be quick.
 _SLOWLY = 15.0
 #: Jump of an estimate that is to be closed within the arm's jerks [m].
 _JUMP = 0.01
 #: Tool and estimate are in step if no farther apart [m, m/s].
-_NEAR, _SLOW = 0.003, 0.035
+_NEAR = 0.003
+_SLOW = 0.035
 #: How long they are so at least before the tool closes [s]: the command goes a delay before.
 _FIRM = 0.02
 #: A target is given up that is so far from where it is followed [m], that moves across its belt so
 #: fast, or along the tool's axis away from it, as what falls [m/s].
-_ASTRAY, _STRAYS, _FALLS = 0.1, 0.25, 0.6
+_ASTRAY = 0.1
+_STRAYS = 0.25
+_FALLS = 0.6
 #: How far it may be from there before the way down of a slow tool begins [m].
 _AHEAD = 0.25
 #: How far outside the work area, and how fast outwards, a target is given up [m, m/s].
-_OUTSIDE, _OUTWARDS = 0.03, 0.1
+_OUTSIDE = 0.03
+_OUTWARDS = 0.1
 #: Share of the tool's largest speed that is used, and at which what is followed is given up; how
 #: much faster than planned the way may be, and how long what is followed lags [s].
-_USED, _OVER, _ROUGH, _LAG = 0.97, 1.03, 1.1, 0.4
+_USED = 0.97
+_OVER = 1.03
+_ROUGH = 1.1
+_LAG = 0.4
 #: Shares of the speed that are left along a belt and across it, where both are limited.
 _SPLIT = (0.95, 0.3)
 
@@ -121,9 +135,15 @@ class MeetingSettings(Settings):
 
 @kernel
 def _glide(
-    given: Array, across: Array, dt: float, most: float, slowly: float, rate: float, lead: Array,
+    given: Array,
+    across: Array,
+    dt: float,
+    most: float,
+    slowly: float,
+    rate: float,
+    lead: Array,
     motion: Array,
-) -> None:  # fmt: skip
+) -> None:
     """Let a followed motion go on for one tick towards what is given a time ``dt`` later [s].
 
     Args:
@@ -327,8 +347,13 @@ class Meeting(Generator):
         if self.start < inf:
             if self.glide.ended:
                 return self._refused(ball, self.glide.ended)
-            return Verdict(outcome=Outcome.FEASIBLE, binding_limit="", share=0.0,
-                           t_catch=self.start + self.after, sigma=spread(ball, 0.0))  # fmt: skip
+            return Verdict(
+                outcome=Outcome.FEASIBLE,
+                binding_limit="",
+                share=0.0,
+                t_catch=self.start + self.after,
+                sigma=spread(ball, 0.0),
+            )
         return self._planned(ball, q).verdict
 
     def horizon(self) -> float:
@@ -404,8 +429,13 @@ class Meeting(Generator):
 
     def _refused(self, ball: BallState, why: str) -> Verdict:
         """Return the verdict on a target that no motion was found for."""
-        return Verdict(outcome=Outcome.UNSETTLED, binding_limit=why, share=inf, t_catch=inf,
-                       sigma=spread(ball, 0.0))  # fmt: skip
+        return Verdict(
+            outcome=Outcome.UNSETTLED,
+            binding_limit=why,
+            share=inf,
+            t_catch=inf,
+            sigma=spread(ball, 0.0),
+        )
 
     def _judged(self, ball: BallState, q: Array, T: float) -> _Plan:
         """Return the plan to meet a target after a time [s], by all limits up to the grasp."""
@@ -425,10 +455,12 @@ class Meeting(Generator):
         binding = max(shares, key=lambda name: shares[name])
         verdict = Verdict(
             outcome=Outcome.FEASIBLE if shares[binding] <= 1.0 else Outcome.UNSETTLED,
-            binding_limit=binding, share=shares[binding], t_catch=ball.t + T,
+            binding_limit=binding,
+            share=shares[binding],
+            t_catch=ball.t + T,
             sigma=spread(ball, 0.0),
             approach=Approach(motion=motion, step=step, dr_o=path[-1, 1]),
-        )  # fmt: skip
+        )
         return _Plan(verdict, replace(self, map=f, start=ball.t, after=T))
 
     def _reaches_slower(self, f: MeetingMap, ball: BallState, T: float) -> bool:

@@ -175,9 +175,13 @@ class Planner:
     """
 
     def __init__(
-        self, arm: Arm, generator: Generator, settings: CatcherSettings, state: CatcherState,
+        self,
+        arm: Arm,
+        generator: Generator,
+        settings: CatcherSettings,
+        state: CatcherState,
         result: Result,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Take what a catcher is made of, its state and its result."""
         self._arm, self._given, self._settings = arm, generator, settings
         self._state, self._result = state, result
@@ -339,10 +343,15 @@ class Planner:
         it judged.
         """
         at_once = fits(self.generator, Paced)
-        self._ponder(_Inquiry(
-            asked=asked, ball=ball, begun=self.flight_begun, start=self._state.estimated.copy(),
-            pieces=Pieces(np.inf if at_once else 0),
-        ))  # fmt: skip
+        self._ponder(
+            _Inquiry(
+                asked=asked,
+                ball=ball,
+                begun=self.flight_begun,
+                start=self._state.estimated.copy(),
+                pieces=Pieces(np.inf if at_once else 0),
+            )
+        )
         if at_once:
             self._go_on(ball)
 
@@ -493,7 +502,7 @@ class Planner:
 
     def _considered(
         self, ball: BallState, start: Array, pieces: Pieces
-    ) -> tuple[Verdict, Generator]:  # fmt: skip
+    ) -> tuple[Verdict, Generator]:
         """Return what the generator says of a ball, and the generator that this rests on.
 
         Args:

@@ -31,7 +31,8 @@ from mitt.verdict.impact import GRASP
 #: with 48 V half as much again, and twice as much costs flights that are known exactly a quarter.
 _DISPLACED = 0.03, 0.15
 #: Gauss-Newton steps, and instants of a flight.
-_STEPS, _INSTANTS = 1, 12
+_STEPS = 1
+_INSTANTS = 12
 #: Time before the catch in which the arm can no longer follow [s] (aT^2/4 of 3 mm).
 _BLIND = 0.020
 

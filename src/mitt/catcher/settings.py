@@ -30,7 +30,13 @@ WATCH, FOLLOW, BRAKE, REFUSED, STOPPED = range(len(PHASES))
 #: has left the arm behind, the fingers have closed as far as there is time for, the catcher has
 #: stopped, what is followed is to be reviewed, no catch was foreseen for some time (where the ball
 #: is and goes then says whether it has passed by), a verdict is being worked out.
-DECIDE, LAGS, GRASPS, STOPS, REVIEWS, PASSES, PONDERS = 1, 2, 4, 8, 16, 32, 64
+DECIDE = 1
+LAGS = 2
+GRASPS = 4
+STOPS = 8
+REVIEWS = 16
+PASSES = 32
+PONDERS = 64
 #: Time without a catch ahead after which that is looked into, and for which verdicts have to be
 #: against a ball that is followed until the arm brakes [s]: longer than the estimate needs to
 #: settle after a bounce or a kick.
@@ -96,6 +102,9 @@ class CatcherSettings(Settings):
     def caught(self) -> CaughtBall:
         """What is known of the ball that is to be caught."""
         return CaughtBall(
-            mass=self.ball_mass, radius=self.ball_radius, restitution=self.ball_restitution,
-            friction=self.ball_friction, doubt=self.ball_doubt,
-        )  # fmt: skip
+            mass=self.ball_mass,
+            radius=self.ball_radius,
+            restitution=self.ball_restitution,
+            friction=self.ball_friction,
+            doubt=self.ball_doubt,
+        )

@@ -12,9 +12,11 @@ from mitt.signals import TICK, Array, Sighting
 FAR = 50.0
 #: How far a sighting's stamp may lie behind its tick [s], and time without a sighting [s], from
 #: which something is said.
-_BEHIND, _NOTHING = 0.6, 3.0
+_BEHIND = 0.6
+_NOTHING = 3.0
 #: Sightings in a row that have the same fault, and that are equal.
-_FAULTS, _EQUALS = 5, 20
+_FAULTS = 5
+_EQUALS = 20
 #: Changes of acceleration that are motion and no noise [m/s^3]: drag and spin bring 20 at most, the
 #: hand that throws some hundred.
 _JERK = 200.0
@@ -59,8 +61,10 @@ class Sightings:
     def hint(self) -> str | None:
         """Why no ball may ever be seen, in one line; None where nothing is known to be wrong."""
         if self._t - self._t_seen > _NOTHING:
-            return (f"no sighting for {self._t - self._t_seen:.1f} s: do the points, or the images,"
-                    " reach step, and is the ball in view?")  # fmt: skip
+            return (
+                f"no sighting for {self._t - self._t_seen:.1f} s: do the points, or the images,"
+                " reach step, and is the ball in view?"
+            )
         return self._of_newest[0]
 
     @property
@@ -81,8 +85,10 @@ class Sightings:
         if len(faults) == _FAULTS and all(faults):
             return faults[-1]
         if len(self._newest) == _EQUALS and len({x.r_o.tobytes() for _, x in self._newest}) == 1:
-            return (f"the last {_EQUALS} sightings are at the same place: does the tracker repeat"
-                    " an old one, with a new stamp?")  # fmt: skip
+            return (
+                f"the last {_EQUALS} sightings are at the same place: does the tracker repeat"
+                " an old one, with a new stamp?"
+            )
         return None
 
     def _scatter(self) -> str | None:
@@ -98,9 +104,11 @@ class Sightings:
         ratio, noise = scatter_of(t, r, P)
         if not ratio > _UNDERSTATED:
             return None
-        return (f"sightings scatter by {1e3 * noise:.2g} mm, {ratio:.2g} times what their"
-                " covariance says: is the noise understated, do stamps jitter, or are they of"
-                " several things?")  # fmt: skip
+        return (
+            f"sightings scatter by {1e3 * noise:.2g} mm, {ratio:.2g} times what their"
+            " covariance says: is the noise understated, do stamps jitter, or are they of"
+            " several things?"
+        )
 
 
 def scatter_of(t: Array, r: Array, P: Array) -> tuple[float, float]:
@@ -134,12 +142,18 @@ def _fault(t: float, point: Sighting) -> str:
     ahead, far = point.t - t, float(np.linalg.norm(point.r_o))
     if not -_BEHIND <= ahead <= TICK:
         side = "ahead of" if ahead > 0.0 else "behind"
-        return (f"sightings are stamped {abs(ahead):.6g} s {side} their ticks: stamps and ticks"
-                " need one clock, in seconds")  # fmt: skip
+        return (
+            f"sightings are stamped {abs(ahead):.6g} s {side} their ticks: stamps and ticks"
+            " need one clock, in seconds"
+        )
     if not far <= FAR:
-        return (f"a sighting is {far:.6g} m from the arm's base: positions are in metres, in the"
-                " frame of the base; are these in millimetres?")  # fmt: skip
+        return (
+            f"a sighting is {far:.6g} m from the arm's base: positions are in metres, in the"
+            " frame of the base; are these in millimetres?"
+        )
     if not (spread := float(np.trace(point.covariance))) <= LOOSE:
-        return (f"a sighting's covariance, for errors of {np.sqrt(spread):.3g} m, has no position"
-                " in it: covariances are in m^2; are these in mm^2?")  # fmt: skip
+        return (
+            f"a sighting's covariance, for errors of {np.sqrt(spread):.3g} m, has no position"
+            " in it: covariances are in m^2; are these in mm^2?"
+        )
     return ""

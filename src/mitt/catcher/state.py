@@ -59,7 +59,8 @@ from mitt.signals import (
 from mitt.verdict.feasibility import waiting_height
 
 #: States and reasons in the order of their numbers.
-STATES, REASONS = tuple(State), tuple(Reason)
+STATES = tuple(State)
+REASONS = tuple(Reason)
 #: Time for which command and arm have to have been at rest until the arm is taken to stay there
 #: [s]: four time constants of the tracking error.
 DWELL = 0.05
@@ -104,9 +105,16 @@ _STATE = {
     "flight_sigma": np.inf,  # 1-sigma of the ball's position if it flies on as it did [m]
     "sigma_ready": np.inf,  # of ``CatcherSettings``; infinite where the generator predicts it
     # As of ``CatcherSettings``:
-    "tolerance": 0.0, "max_tracking_error": 0.0, "review": 0.0, "watch": 0.0, "bandwidth": 0.0,
-    "adapt_q": 0.0, "adapt_dq": 0.0, "adapt_until": 0.0, "torque_lead": 0.0,
-}  # fmt: skip
+    "tolerance": 0.0,
+    "max_tracking_error": 0.0,
+    "review": 0.0,
+    "watch": 0.0,
+    "bandwidth": 0.0,
+    "adapt_q": 0.0,
+    "adapt_dq": 0.0,
+    "adapt_until": 0.0,
+    "torque_lead": 0.0,
+}
 
 #: Single numbers of a result, with what they begin as.
 _RESULT = {
@@ -246,9 +254,13 @@ def store(result: Any, ticks: Any, k: int) -> None:  # noqa: ANN401
 
 
 def fresh_state(
-    arm: Arm, eyes: Eyes, settings: CatcherSettings, f: DirectMap | None, *,
+    arm: Arm,
+    eyes: Eyes,
+    settings: CatcherSettings,
+    f: DirectMap | None,
+    *,
     sigma_ready: float = np.inf,
-) -> CatcherState:  # fmt: skip
+) -> CatcherState:
     """Return what a catcher knows and remembers at the start of a throw.
 
     Args:
@@ -260,13 +272,20 @@ def fresh_state(
     """
     s, n, of = settings, arm.n, arm_numbers(arm)
     scalars = _STATE | {
-        "sigma_ready": sigma_ready, "heads": eyes.heads,
+        "sigma_ready": sigma_ready,
+        "heads": eyes.heads,
         "brake_delay": max(brake.delay for brake in arm.brakes),
         "waiting_height": 0.0 if f is None else waiting_height(f),
-        "tolerance": s.tolerance, "max_tracking_error": s.max_tracking_error, "review": s.review,
-        "watch": s.watch, "bandwidth": s.bandwidth, "adapt_q": s.adapt_q, "adapt_dq": s.adapt_dq,
-        "adapt_until": s.adapt_until, "torque_lead": s.torque_lead,
-    }  # fmt: skip
+        "tolerance": s.tolerance,
+        "max_tracking_error": s.max_tracking_error,
+        "review": s.review,
+        "watch": s.watch,
+        "bandwidth": s.bandwidth,
+        "adapt_q": s.adapt_q,
+        "adapt_dq": s.adapt_dq,
+        "adapt_until": s.adapt_until,
+        "torque_lead": s.torque_lead,
+    }
     ready = np.array([arm.q_ready, np.zeros(n), np.zeros(n)])
     return CatcherState(
         scalars=record_of(scalars, _STATE),
@@ -278,16 +297,31 @@ def fresh_state(
         arm=deepcopy(of.tables),
         tracking=tracking_of(arm),
         mass=mass_work(arm),
-        estimated=ready[:2].copy(), desired=ready.copy(), last=ready.copy(), before=ready.copy(),
-        taken=np.zeros((2, n)), waiting=np.zeros((s.setpoint_delay + 1, n)),
-        z=np.zeros(3), R=np.zeros((3, 3)),
-        refused=np.zeros((2, 3)), followed=np.zeros((3, 3)), hand=np.zeros((3, 3)),
+        estimated=ready[:2].copy(),
+        desired=ready.copy(),
+        last=ready.copy(),
+        before=ready.copy(),
+        taken=np.zeros((2, n)),
+        waiting=np.zeros((s.setpoint_delay + 1, n)),
+        z=np.zeros(3),
+        R=np.zeros((3, 3)),
+        refused=np.zeros((2, 3)),
+        followed=np.zeros((3, 3)),
+        hand=np.zeros((3, 3)),
         look_at=np.zeros((2, 3)),
-        bounce=np.zeros(3), gap=np.zeros((2, 3)), pose=np.zeros(n), rest=ready[0].copy(),
-        chain=joint_records(arm.chain), palm=palm_of(arm), palm_now=np.zeros(3),
-        jump=np.zeros(n), impact_dq=np.zeros(n), limits=of.limits.copy(),
-        map=map_arrays(f), eyes=eyes.memory,
-    )  # fmt: skip
+        bounce=np.zeros(3),
+        gap=np.zeros((2, 3)),
+        pose=np.zeros(n),
+        rest=ready[0].copy(),
+        chain=joint_records(arm.chain),
+        palm=palm_of(arm),
+        palm_now=np.zeros(3),
+        jump=np.zeros(n),
+        impact_dq=np.zeros(n),
+        limits=of.limits.copy(),
+        map=map_arrays(f),
+        eyes=eyes.memory,
+    )
 
 
 def palm_of(arm: Arm) -> Array:
@@ -429,8 +463,9 @@ class Memory:
         out = self.result.scalars
         self._clock, self._hand, self._brakes = out["t"], out["hand"], out["brakes"]
         self.handles: tuple[StateHandle, ResultHandle] = (
-            state_handle(self.state), result_handle(self.result)
-        )  # fmt: skip
+            state_handle(self.state),
+            result_handle(self.result),
+        )
 
     @property
     def t(self) -> float:
@@ -464,8 +499,12 @@ class Memory:
         """
         q, dq, n = given.q, given.dq, arm.n
         if q.shape != (n,) or dq.shape != (n,):
-            raise ShapeError("senses.arm.q, .dq", f"({n},)", q.shape if len(q) != n else dq.shape,
-                             do=f"give the active joints {', '.join(arm.names)}")  # fmt: skip
+            raise ShapeError(
+                "senses.arm.q, .dq",
+                f"({n},)",
+                q.shape if len(q) != n else dq.shape,
+                do=f"give the active joints {', '.join(arm.names)}",
+            )
         self.q[:], self.dq[:] = q, dq
 
     def command(self, gaze: Array | None) -> Command:
@@ -548,18 +587,28 @@ def ball_in(result: Result) -> BallState:
     s, P = result.scalars[0], result.covariance.copy()
     sound = bool(np.isfinite(P).all())
     return BallState(
-        t=s["t_ball"].item(), tracked=s["tracked"].item() and sound, r_o=result.ball[0].copy(),
-        dr_o=result.ball[1].copy(), ddr_o=result.ball[2].copy(), drag=s["drag"].item(),
-        covariance=P if sound else np.zeros((6, 6)), t_seen=s["t_seen"].item(),
-        t_first=s["t_first"].item(), led=s["led"].item(),
-    )  # fmt: skip
+        t=s["t_ball"].item(),
+        tracked=s["tracked"].item() and sound,
+        r_o=result.ball[0].copy(),
+        dr_o=result.ball[1].copy(),
+        ddr_o=result.ball[2].copy(),
+        drag=s["drag"].item(),
+        covariance=P if sound else np.zeros((6, 6)),
+        t_seen=s["t_seen"].item(),
+        t_first=s["t_first"].item(),
+        led=s["led"].item(),
+    )
 
 
 def _reference_of(result: Result) -> JointReference:
     """Return the generator's reference in a copied result."""
     s = result.scalars[0]
-    return reference_of(s["t"].item(), result.reference, inside=bool(s["inside"]),
-                        time_to_catch=s["time_to_catch"].item())  # fmt: skip
+    return reference_of(
+        s["t"].item(),
+        result.reference,
+        inside=bool(s["inside"]),
+        time_to_catch=s["time_to_catch"].item(),
+    )
 
 
 def stopped_by(

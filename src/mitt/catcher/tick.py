@@ -74,11 +74,13 @@ from mitt.verdict.feasibility import level
 #: Time to the catch from which the hand comes so near the ball's images that its own light and the
 #: rim that it hides move their centroids [s], until ``SOON`` after it, and what that adds to a
 #: sighting's error [m].
-BESIDE, TOUCHED = 0.08, 0.002
+BESIDE = 0.08
+TOUCHED = 0.002
 #: Time after the catch until which the ball may strike, once the fingers close [s], and multiple of
 #: the hardest impact by :mod:`mitt.verdict.impact` that is still no fault of an encoder: choices
 #: of this project.
-STRIKES, NO_FAULT = 0.03, 1.5
+STRIKES = 0.03
+NO_FAULT = 1.5
 #: How far a ball that was refused is from where it was foreseen [m], and how much faster or slower
 #: [m/s], beyond so many standard deviations of its estimate, when it flies otherwise: less changes
 #: no verdict that is not on the edge.
@@ -223,9 +225,13 @@ def _measure(dt: float, state: CatcherState, result: Result) -> None:
     for k in range(len(impact_dq)):
         impact_dq[k] = NO_FAULT * abs(state.jump[k]) if may_strike else 0.0
     s.encoder_fault = estimate_joints(
-        state.monitor, state.taken, s.braked, impact_dq, Reading(s.passed, dt, s.lag),
+        state.monitor,
+        state.taken,
+        s.braked,
+        impact_dq,
+        Reading(s.passed, dt, s.lag),
         state.estimated,
-    )  # fmt: skip
+    )
 
 
 @kernel
@@ -386,9 +392,14 @@ def act(brake: Array, state: CatcherState, result: Result) -> int:
     _close(state, result)
     in_time = min(s.passed, IN_TIME)
     derate(
-        tracking, arm, monitor, estimated[1], state.jump, s.torque_lead + max(in_time - TICK, 0.0),
+        tracking,
+        arm,
+        monitor,
+        estimated[1],
+        state.jump,
+        s.torque_lead + max(in_time - TICK, 0.0),
         state.fingers[0].t_begun < np.inf,
-    )  # fmt: skip
+    )
     out.saturated = track(
         tracking, arm, state.safety.bounds, s.bandwidth, estimated, command, in_time
     )
@@ -619,7 +630,7 @@ def _afterwards(state: CatcherState, result: Result) -> int:
     if has_closed(state.fingers[0], out.t + TICK, True) and (
         has_closed(state.fingers[0], out.t + TICK, False)
         or short_of_room(state.arm, state.limits, result.command, state.mass)
-    ):  # fmt: skip
+    ):
         todo |= GRASPS
     return todo
 

@@ -34,8 +34,9 @@ try:
     from cyclonedds.sub import DataReader
     from cyclonedds.topic import Topic
 except ImportError as missing:
-    raise InputError("driver ros2", "Cyclone DDS", f"{missing}",
-                     do='install it with pip install "mitt[ros2]"') from None  # fmt: skip
+    raise InputError(
+        "driver ros2", "Cyclone DDS", f"{missing}", do='install it with pip install "mitt[ros2]"'
+    ) from None
 
 Kind = Literal["command", "sensor"]
 """QoS as ROS 2 users set it: reliable, or best effort."""
@@ -73,8 +74,12 @@ def _message(package: str, name: str, /, **fields: Any) -> Any:  # noqa: ANN401 
 
 
 _sequence: Any = idl.sequence
-_float, _uint32, _floats = idl.float64, idl.uint32, _sequence[idl.float64]
-_std, _geometry, _diagnostic = "std_msgs", "geometry_msgs", "diagnostic_msgs"
+_float = idl.float64
+_uint32 = idl.uint32
+_floats = _sequence[idl.float64]
+_std = "std_msgs"
+_geometry = "geometry_msgs"
+_diagnostic = "diagnostic_msgs"
 Time = _part("builtin_interfaces", "Time", sec=idl.int32, nanosec=_uint32)
 Duration = _part("builtin_interfaces", "Duration", sec=idl.int32, nanosec=_uint32)
 Header = _part(_std, "Header", stamp=Time, frame_id=str)
@@ -82,26 +87,44 @@ Point = _part(_geometry, "Point", x=_float, y=_float, z=_float)
 Quaternion = _part(_geometry, "Quaternion", x=_float, y=_float, z=_float, w=_float)
 Pose = _part(_geometry, "Pose", position=Point, orientation=Quaternion)
 TrajectoryPoint = _part(
-    "trajectory_msgs", "JointTrajectoryPoint", positions=_floats, velocities=_floats,
-    accelerations=_floats, effort=_floats, time_from_start=Duration,
-)  # fmt: skip
+    "trajectory_msgs",
+    "JointTrajectoryPoint",
+    positions=_floats,
+    velocities=_floats,
+    accelerations=_floats,
+    effort=_floats,
+    time_from_start=Duration,
+)
 Dimension = _part(_std, "MultiArrayDimension", label=str, size=_uint32, stride=_uint32)
 Layout = _part(_std, "MultiArrayLayout", dim=_sequence[Dimension], data_offset=_uint32)
 KeyValue = _part(_diagnostic, "KeyValue", key=str, value=str)
 Status = _part(
-    _diagnostic, "DiagnosticStatus", level=idl.byte, name=str, message=str, hardware_id=str,
+    _diagnostic,
+    "DiagnosticStatus",
+    level=idl.byte,
+    name=str,
+    message=str,
+    hardware_id=str,
     values=_sequence[KeyValue],
-)  # fmt: skip
+)
 JointState = _message(
-    "sensor_msgs", "JointState", header=Header, name=_sequence[str], position=_floats,
-    velocity=_floats, effort=_floats,
-)  # fmt: skip
+    "sensor_msgs",
+    "JointState",
+    header=Header,
+    name=_sequence[str],
+    position=_floats,
+    velocity=_floats,
+    effort=_floats,
+)
 PointStamped = _message(_geometry, "PointStamped", header=Header, point=Point)
 PoseStamped = _message(_geometry, "PoseStamped", header=Header, pose=Pose)
 JointTrajectory = _message(
-    "trajectory_msgs", "JointTrajectory", header=Header, joint_names=_sequence[str],
+    "trajectory_msgs",
+    "JointTrajectory",
+    header=Header,
+    joint_names=_sequence[str],
     points=_sequence[TrajectoryPoint],
-)  # fmt: skip
+)
 MultiArray = _message(_std, "Float64MultiArray", layout=Layout, data=_floats)
 Bool = _message(_std, "Bool", data=bool)
 String = _message(_std, "String", data=str)
@@ -178,8 +201,12 @@ def kept_to(interface: str) -> Iterator[None]:
     use. So bound, the kernel drops what comes in by any other interface.
     """
     if sys.platform != "linux":
-        raise InputError("robot.options.interface", "Linux for the loopback alone", sys.platform,
-                         do="name another interface")  # fmt: skip
+        raise InputError(
+            "robot.options.interface",
+            "Linux for the loopback alone",
+            sys.platform,
+            do="name another interface",
+        )
     before = _sockets()
     yield
     for fd, place in _sockets().items():
@@ -193,8 +220,12 @@ def kept_to(interface: str) -> Iterator[None]:
                 one.setsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, name)
             except OSError as error:
                 do = "needs Linux 5.7 or the capability CAP_NET_RAW; or name another interface"
-                raise InputError("robot.options.interface", f"sockets bound to {interface}",
-                                 error.strerror, do=do) from None  # fmt: skip
+                raise InputError(
+                    "robot.options.interface",
+                    f"sockets bound to {interface}",
+                    error.strerror,
+                    do=do,
+                ) from None
 
 
 def _qos(kind: Kind) -> Any:  # noqa: ANN401 (Cyclone's)
@@ -249,8 +280,9 @@ class Subscriber:
     def heard(self, most: int = 64) -> list[tuple[int, bytes]]:
         """Return such messages, each with a number of the publisher that it comes from."""
         found = self._reader.take(most)
-        return [(m.sample_info.publication_handle, m.cdr) for m in found
-                if m.sample_info.valid_data]  # fmt: skip
+        return [
+            (m.sample_info.publication_handle, m.cdr) for m in found if m.sample_info.valid_data
+        ]
 
     def speakers(self) -> int:
         """Return how many publish."""
@@ -274,8 +306,9 @@ class Node:
             try:
                 self._participant = DomainParticipant(number)
             except DDSException as error:
-                raise InputError("DDS", f"domain {number} on interface {interface}",
-                                 f"{error}"[:120]) from error  # fmt: skip
+                raise InputError(
+                    "DDS", f"domain {number} on interface {interface}", f"{error}"[:120]
+                ) from error
         self._waiting = WaitSet(self._participant)
 
     def publish(self, topic: str, kind: type[Any], qos: Kind) -> Publisher:

@@ -18,12 +18,15 @@ from mitt.world.throws import Throw
 from mitt.world.truth import Truth
 
 #: How near to the tool a part that it holds is, and how far it has to be moved [m].
-_KEPT, _MOVED = 0.03, 0.05
+_KEPT = 0.03
+_MOVED = 0.05
 #: How far beyond the work area a part is out of reach, and from its place one that was put down
 #: [m].
-_BEYOND, _OFF = 0.15, 0.03
+_BEYOND = 0.15
+_OFF = 0.03
 #: Time without a touch after which a part counts as let go, and longest time that one is there [s].
-_LET_GO, _THERE = 0.5, 60.0
+_LET_GO = 0.5
+_THERE = 60.0
 
 
 class Feed(Protocol):

@@ -37,10 +37,13 @@ _FOLDER = Path("/dev/shm")  # noqa: S108  # nosec B108
 _MAGIC = 0x6D697474_0001
 #: Frames in a ring: what a reader may be late by [ticks].
 SLOTS = 64
-_HEADER = np.dtype({
-    "names": ["magic", "cameras", "height", "width", "slots", "written"],
-    "formats": [np.int64] * 6, "itemsize": 64,
-})  # fmt: skip
+_HEADER = np.dtype(
+    {
+        "names": ["magic", "cameras", "height", "width", "slots", "written"],
+        "formats": [np.int64] * 6,
+        "itemsize": 64,
+    }
+)
 #: Before the images of a slot.
 _EXPOSURE = np.dtype([("before", np.int64), ("stamp", np.float64), ("after", np.int64)])
 #: Time without an image after which the cameras are lost [s]: six frames of 120 a second.
@@ -100,17 +103,24 @@ class FrameWriter:
             # Whole and locked, or not there. With a folder Python follows the link (linkat).
             os.link(f"/proc/self/fd/{self._fd}", self._file, src_dir_fd=self._fd)
         except OSError as error:
-            raise InputError("source.memory", f"a shared memory called {name}", error.strerror,
-                             do="choose another name") from None  # fmt: skip
+            raise InputError(
+                "source.memory",
+                f"a shared memory called {name}",
+                error.strerror,
+                do="choose another name",
+            ) from None
 
     def _remove_left(self) -> None:
         """Remove a ring of that name whose writer is dead; refuse anything else."""
         try:
             with self._file.open("rb") as left:
                 if int.from_bytes(left.read(8), sys.byteorder) != _MAGIC:
-                    raise InputError("source.memory", "a name of its own",
-                                     f"a memory called {self._file.name} of another program",
-                                     do="choose another name")  # fmt: skip
+                    raise InputError(
+                        "source.memory",
+                        "a name of its own",
+                        f"a memory called {self._file.name} of another program",
+                        do="choose another name",
+                    )
                 flock(left, LOCK_EX | LOCK_NB)
                 # Another may have replaced it since it was opened; its own ring is locked.
                 if os.path.samestat(self._file.lstat(), os.fstat(left.fileno())):
@@ -118,8 +128,12 @@ class FrameWriter:
         except FileNotFoundError:
             return
         except BlockingIOError:
-            raise InputError("source.memory", "one writer", f"another one of {self._file.name}",
-                             do="end it, or choose another name") from None  # fmt: skip
+            raise InputError(
+                "source.memory",
+                "one writer",
+                f"another one of {self._file.name}",
+                do="end it, or choose another name",
+            ) from None
 
     def write(self, t: float, images: Sequence[Image]) -> None:
         """Write images that were exposed together at a stamp [s]."""
@@ -160,8 +174,12 @@ class FrameReader:
             )
         except OSError:
             given = f"none called {name}"
-            raise InputError("source.memory", "a shared memory that the cameras write", given,
-                             do="start the cameras first") from None  # fmt: skip
+            raise InputError(
+                "source.memory",
+                "a shared memory that the cameras write",
+                given,
+                do="start the cameras first",
+            ) from None
         try:
             self._shape, self._slots, written = _checked_head(self._fd, shapes)
         except InputError:
@@ -213,8 +231,12 @@ def _checked_head(
     """Return the images' shape, slots and frames so far of a ring, from its header."""
     of = os.fstat(fd)
     if not S_ISREG(of.st_mode) or of.st_uid not in (os.geteuid(), 0):
-        raise InputError("source.memory", "a shared memory of this user", "another one's",
-                         do="run the cameras as the same user")  # fmt: skip
+        raise InputError(
+            "source.memory",
+            "a shared memory of this user",
+            "another one's",
+            do="run the cameras as the same user",
+        )
     raw = os.pread(fd, _HEADER.itemsize, 0)
     if len(raw) < _HEADER.itemsize:
         raise InputError("source.memory", "a ring of frames", f"{of.st_size} bytes")
@@ -226,8 +248,12 @@ def _checked_head(
         raise InputError("source.memory", "a whole ring of frames", f"{of.st_size} bytes")
     wanted = [len(shapes), *shapes[0]]
     if shape != wanted or len(set(shapes)) != 1:
-        raise InputError("images in source.memory", f"cameras, height, width {wanted}", shape,
-                         do="take the rig of these cameras")  # fmt: skip
+        raise InputError(
+            "images in source.memory",
+            f"cameras, height, width {wanted}",
+            shape,
+            do="take the rig of these cameras",
+        )
     return (shape[0], shape[1], shape[2]), slots, written
 
 
@@ -298,9 +324,9 @@ class Sight:
         if seen.t != self._stamp:  # one that hangs writes its last image again
             self._came, self._stamp = now, seen.t
         if self._straighten:
-            seen = seen._replace(images=tuple(
-                make(x) for make, x in zip(self._straighten, seen.images, strict=True)
-            ))  # fmt: skip
+            seen = seen._replace(
+                images=tuple(make(x) for make, x in zip(self._straighten, seen.images, strict=True))
+            )
         return seen
 
     def silent(self, now: float) -> str:

@@ -34,7 +34,8 @@ _GONE = 0.4
 _NEAR = 0.03
 #: Speed of a joint that no slow motion has [rad/s]: it is told 1 rad/s at most; fastest setpoint
 #: then, which corrects gaps too.
-_TOO_FAST, _TO_READY = 2.5, 1.5
+_TOO_FAST = 2.5
+_TO_READY = 1.5
 _SLOW = "joint states repeat: the robot is slower than its publisher"
 _FROZEN = "joint states repeat while the arm moves: the robot is not read any more"
 #: Time within which a stop has to end [s].
@@ -98,12 +99,21 @@ class LiveLoop:
     """
 
     def __init__(
-        self, link: RobotLink, arm: Arm, first: Catcher, again: Callable[[Catcher], Catcher],
-        *, ready_speed: float, silence: float, frames: FrameSource | None = None,
-        lenses: Sequence[Lens] = (), recorder: Recorder | None = None,
-        clock: Callable[[], float] = monotonic, period: float = TICK,
+        self,
+        link: RobotLink,
+        arm: Arm,
+        first: Catcher,
+        again: Callable[[Catcher], Catcher],
+        *,
+        ready_speed: float,
+        silence: float,
+        frames: FrameSource | None = None,
+        lenses: Sequence[Lens] = (),
+        recorder: Recorder | None = None,
+        clock: Callable[[], float] = monotonic,
+        period: float = TICK,
         placing: PutDown | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Take the robot, the arm as it is driven, and a first catcher.
 
         ``again`` returns a fresh one for another throw. ``ready_speed`` is the share of the speeds
@@ -118,10 +128,12 @@ class LiveLoop:
         self.mode, self.why = Mode.WAITING, ""
         self.counts, self.notes, self.brakes = Counts(), dict[str, str](), ""
         self._positions = Positions(self.counts)
-        self._watch = Watch(arm, link.robot, self._lag, self._positions, clock=clock,
-                            silence=silence)  # fmt: skip
-        self._ticks = Ticks(first, again, self._sight, self._positions, self.counts, recorder, arm,
-                            period=period)  # fmt: skip
+        self._watch = Watch(
+            arm, link.robot, self._lag, self._positions, clock=clock, silence=silence
+        )
+        self._ticks = Ticks(
+            first, again, self._sight, self._positions, self.counts, recorder, arm, period=period
+        )
         self.age, self._until, self._fastest, self._missed = 0.0, np.inf, 0.0, False
         self._unread, self._placing, self._leg, self._empty = 0, placing, Leg.BACK, 0
         self._rules = Rules() if placing is None else _PARTS
@@ -481,8 +493,10 @@ class LiveLoop:
         unused = sum(counts.unused.values())
         self.notes.pop("unused", None)
         if unused > max(_UNUSED * (counts.used + unused), 5.0):
-            self.notes["unused"] = (f"of the last ball's {counts.used + unused} sightings"
-                                    f" {unused} were not used: {counts.words}")  # fmt: skip
+            self.notes["unused"] = (
+                f"of the last ball's {counts.used + unused} sightings"
+                f" {unused} were not used: {counts.words}"
+            )
 
     def _halt(self) -> None:
         """Engage the brakes and stay; a ball in flight then is one that was not caught."""

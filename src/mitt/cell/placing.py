@@ -48,8 +48,9 @@ def _turn(arm: Arm, put: Array) -> tuple[float, float]:
     here, there = np.arctan2(away[:, 1], away[:, 0])
     turn = float(np.sign(up) * (there - here))
     low, high = arm.q_min[0] - arm.q_ready[0], arm.q_max[0] - arm.q_ready[0]
-    turn = min((turn + k * 2.0 * np.pi for k in (-1, 0, 1)),
-               key=lambda x: (not low < x < high, abs(x)))  # fmt: skip
+    turn = min(
+        (turn + k * 2.0 * np.pi for k in (-1, 0, 1)), key=lambda x: (not low < x < high, abs(x))
+    )
     return turn, turn * float(np.sign(up))
 
 

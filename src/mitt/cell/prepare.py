@@ -113,26 +113,42 @@ def prepare(cell: Cell) -> PreparedCell:
     learned = None if cell.map is None else read_map(Path(cell.map), arm)
     design = default_design(arm) if learned is None else learned.map.design
     return PreparedCell(
-        cell=cell, arm=arm, around=around, rig=rig_of(cell), lenses=lenses_of(cell),
+        cell=cell,
+        arm=arm,
+        around=around,
+        rig=rig_of(cell),
+        lenses=lenses_of(cell),
         work=Catching(file=file, design=design, learned=learned),
-    )  # fmt: skip
+    )
 
 
 def _meeting(cell: Cell, task: MeetTask) -> PreparedCell:
     """Return a cell where parts are met."""
     tool = replace(TOOLS[task.tool], delay=task.gripper_delay)
     at = station(
-        cell.arm.file, tool, task.target, scene_of_cell(cell, None), tip=cell.arm.tip,
-        joints=cell.arm.joints, limits=cell.arm.limits, speed=task.tool_speed,
+        cell.arm.file,
+        tool,
+        task.target,
+        scene_of_cell(cell, None),
+        tip=cell.arm.tip,
+        joints=cell.arm.joints,
+        limits=cell.arm.limits,
+        speed=task.tool_speed,
         speed_scale=cell.motion.speed_scale,
-    )  # fmt: skip
+    )
     check_names(cell, at.arm)
     if task.area is not None:
         settings = replace(at.settings, low=task.area.low, high=task.area.high)
         at = replace(at, settings=settings)
     placing = PutDown(at.map, np.array(task.put), pause=task.gripper_delay, speed=task.tool_speed)
-    return PreparedCell(cell=cell, arm=at.arm, around=around_of(cell, at.arm), work=at,
-                        rig=rig_of(cell), placing=placing)  # fmt: skip
+    return PreparedCell(
+        cell=cell,
+        arm=at.arm,
+        around=around_of(cell, at.arm),
+        work=at,
+        rig=rig_of(cell),
+        placing=placing,
+    )
 
 
 def map_of(prepared: PreparedCell) -> CellMap:
@@ -161,8 +177,14 @@ def _kept_map(prepared: PreparedCell, design: MapDesign) -> Path | None:
         return None
     model = prepared.arm.model
     tables = [None if x is None else x.tolist() for x in (model.aim, model.arrivals)]
-    of = [identity_of(prepared.arm), asdict(design), prepared.cell.ball.drag, __version__,
-          prepared.arm.limits.name, *tables]  # fmt: skip
+    of = [
+        identity_of(prepared.arm),
+        asdict(design),
+        prepared.cell.ball.drag,
+        __version__,
+        prepared.arm.limits.name,
+        *tables,
+    ]
     name = hashlib.sha256(json.dumps(of, sort_keys=True).encode()).hexdigest()[:24]
     return folder / "maps" / f"{name}.json"
 
@@ -173,13 +195,17 @@ def about_of(prepared: PreparedCell, f: CellMap) -> About:
     task, ball = cell.task, cell.ball
     ball = ball if task is None else BallPart(mass=task.mass, drag=0.0)
     settings = CatcherSettings(
-        ball_mass=ball.mass, ball_radius=ball.radius,
-        ball_restitution=rebound_in(arm, ball.restitution), ball_friction=ball.friction,
+        ball_mass=ball.mass,
+        ball_radius=ball.radius,
+        ball_restitution=rebound_in(arm, ball.restitution),
+        ball_friction=ball.friction,
         flight=filter_settings(ball.drag, ball.mass, spread=ball.drag_spread),
-        around=prepared.around, encoders=Encoders(step=tuple(arm.encoder_step.tolist())),
-        torque_lead=cell.robot.delay, bandwidth=bandwidth_of(cell.robot.takes, cell.robot.servo),
+        around=prepared.around,
+        encoders=Encoders(step=tuple(arm.encoder_step.tolist())),
+        torque_lead=cell.robot.delay,
+        bandwidth=bandwidth_of(cell.robot.takes, cell.robot.servo),
         setpoint_delay=0 if cell.robot.takes == "torque" else round(_delay_of(cell) / TICK),
-    )  # fmt: skip
+    )
     floor = float(np.hypot(TriangulatorConfig().sigma_floor, cell.source.calibration_px))
     config = EyesConfig(ball_radius=ball.radius, triangulator=TriangulatorConfig(sigma_floor=floor))
     notes = {"cell": cell.name}
@@ -187,11 +213,16 @@ def about_of(prepared: PreparedCell, f: CellMap) -> About:
         settings, notes = work.for_parts(settings), notes | work.notes
     g = generator_of(prepared, f)
     return About(
-        arm=arm, generator="direct" if isinstance(g, Family) else "meeting",
+        arm=arm,
+        generator="direct" if isinstance(g, Family) else "meeting",
         maps=tuple(x.map for x in g.maps) if isinstance(g, Family) else (),
-        meeting=g if isinstance(g, Meeting) else None, settings=settings, rig=prepared.rig,
-        eyes=config, driven=reserved(arm).limits, notes=notes,
-    )  # fmt: skip
+        meeting=g if isinstance(g, Meeting) else None,
+        settings=settings,
+        rig=prepared.rig,
+        eyes=config,
+        driven=reserved(arm).limits,
+        notes=notes,
+    )
 
 
 def generator_of(prepared: PreparedCell, f: CellMap) -> Family | Meeting:
@@ -237,8 +268,12 @@ def scene_of_cell(cell: Cell, scene: str | None) -> Scene:
     if scene is not None:
         read = read_scene(scene)
         if read.actuation.takes != "torque":  # what a cell's robot takes is said by the cell
-            raise InputError("actuation.takes of the scene", "torque", read.actuation.takes,
-                             do="say robot.takes in the cell's file")  # fmt: skip
+            raise InputError(
+                "actuation.takes of the scene",
+                "torque",
+                read.actuation.takes,
+                do="say robot.takes in the cell's file",
+            )
         return read if cell.task is None else _with_parts(cell.name, cell.task, read)
     lab, ball = named_scene("lab"), cell.ball
     same = {"radius": ball.radius, "mass": ball.mass, "drag": ball.drag}

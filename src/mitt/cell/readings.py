@@ -53,7 +53,9 @@ _STANDS = 0.05
 WINDOW = 25
 #: By how much all may be stamped ahead of the joint states before it is said, and before it is a
 #: fault [s]; and by how much behind before it is said: 3 ms of flight are 15 mm.
-_ODD, _FAULT, _LATE = 0.0015, 0.005, 0.008
+_ODD = 0.0015
+_FAULT = 0.005
+_LATE = 0.008
 _CLOCKS = "the joint states: both need one clock, or synchronised ones"
 #: How far outside its range a joint may be read before a unit is doubted [rad].
 _OUTSIDE = 0.5
@@ -292,8 +294,10 @@ class Positions:
         self.fault, self.note, self._judged = "", "", newest
         if (nearest := min(of.squares)) > FAR**2:
             far = nearest**0.5
-            self.fault = (f"the positions are {far:.3g} m away or more:"
-                          " they are in metres (REP 103); are these millimetres?")  # fmt: skip
+            self.fault = (
+                f"the positions are {far:.3g} m away or more:"
+                " they are in metres (REP 103); are these millimetres?"
+            )
         elif (least := min(gaps)) > _FAULT:
             self.fault = f"the positions are stamped {_long(least)} ahead of {_CLOCKS}"
         elif least > _ODD:
@@ -301,8 +305,10 @@ class Positions:
         elif (most := max(gaps)) < -STRAY:
             self.fault = f"the positions are stamped {_long(-most)} behind {_CLOCKS}"
         elif most < -_LATE:
-            self.note = (f"the positions come {-1e3 * most:.0f} ms after their stamps: where"
-                         " that is not how long they take, their clock is behind")  # fmt: skip
+            self.note = (
+                f"the positions come {-1e3 * most:.0f} ms after their stamps: where"
+                " that is not how long they take, their clock is behind"
+            )
         elif same == len(gaps):
             self.note = (
                 "the positions are one and the same: their source is stuck, or the ball rests"
@@ -323,8 +329,9 @@ def _checked(point: Sighting) -> Array:
     if not isinstance(point, Sighting) or np.shape(point.r_o) != (3,):
         raise InputError("a position of the ball", "a Sighting of three numbers", repr(point)[:80])
     if np.shape(point.covariance) != (3, 3) or not isinstance(point.t, float | int):
-        raise InputError("a position of the ball", "a time, a covariance of shape (3, 3)",
-                         repr(point)[:80])  # fmt: skip
+        raise InputError(
+            "a position of the ball", "a time, a covariance of shape (3, 3)", repr(point)[:80]
+        )
     return np.asarray(point.r_o, dtype=np.float64)
 
 
@@ -386,9 +393,15 @@ class Watch:
     """
 
     def __init__(
-        self, arm: Arm, robot: Robot, lag: Lag, positions: Positions, *,
-        clock: Callable[[], float], silence: float,
-    ) -> None:  # fmt: skip
+        self,
+        arm: Arm,
+        robot: Robot,
+        lag: Lag,
+        positions: Positions,
+        *,
+        clock: Callable[[], float],
+        silence: float,
+    ) -> None:
         """Take what it reads and tells, and the steady clock by which readings arrive [s].
 
         ``silence`` is the time without a reading after which the robot is lost [s].

@@ -60,20 +60,29 @@ from mitt.interrupts import safe_path
 from mitt.signals import Array, Command, Frame, Senses, all_of
 
 #: Kinds of entries: a tick, what the catcher was told, what happened, the background.
-TICK, CALL, NOTICE, GROUND = 1, 2, 3, 4
+TICK = 1
+CALL = 2
+NOTICE = 3
+GROUND = 4
 #: Number of a tick, of its points, of its frames.
 COUNTS = struct.Struct("<QII")
 #: What can be told to a catcher besides its senses.
 CALLS = ("stop", "recover", "recover checked", "again")
 #: Time without progress after which a writer is ended [s], and between two chunks [s].
-_PATIENCE, _CHUNK = 20.0, 0.1
+_PATIENCE = 20.0
+_CHUNK = 0.1
 #: Counters before the ring: bytes put, bytes taken, entries refused, largest fill [bytes].
-_COUNTERS = np.dtype({
-    "names": ["put", "taken", "refused", "fullest"], "formats": [np.int64] * 4, "itemsize": 64,
-})  # fmt: skip
+_COUNTERS = np.dtype(
+    {
+        "names": ["put", "taken", "refused", "fullest"],
+        "formats": [np.int64] * 4,
+        "itemsize": 64,
+    }
+)
 #: What entries are aligned to [bytes].
 _ALIGN = 8
-_START, _HEAD = _COUNTERS.itemsize, struct.Struct("<II")
+_START = _COUNTERS.itemsize
+_HEAD = struct.Struct("<II")
 
 
 @final
@@ -201,19 +210,30 @@ class Recorder(AbstractContextManager["Recorder"]):
         path, about = checks.path("path", path), checks.instance("about", about, About)
         self.path, self.count, self._images = path, 0, checks.flag("images", images)
         given = {} if metadata is None else checks.mapping("metadata", metadata)
-        texts = {checks.text("metadata", key): checks.text(f"metadata {key}", value)
-                 for key, value in given.items()}  # fmt: skip
+        texts = {
+            checks.text("metadata", key): checks.text(f"metadata {key}", value)
+            for key, value in given.items()
+        }
         # Room for 4 s of ticks, or for 1.5 s of two images of 128 x 128.
         self._ring = Ring.new(64_000_000 if images else 8_000_000)
         self._lay_out(about)
         heading = asdict(heading_of(about, texts))
         with safe_path():
             self._process = subprocess.Popen(  # noqa: S603 (this interpreter, our module)
-                [sys.executable, "-m", "mitt.cell.recorder", str(self._ring.fd),
-                 str(self._ring.size), str(path.resolve())],
-                stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
-                pass_fds=(self._ring.fd,), start_new_session=True,
-            )  # fmt: skip
+                [
+                    sys.executable,
+                    "-m",
+                    "mitt.cell.recorder",
+                    str(self._ring.fd),
+                    str(self._ring.size),
+                    str(path.resolve()),
+                ],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL,
+                pass_fds=(self._ring.fd,),
+                start_new_session=True,
+            )
         assert self._process.stdin is not None
         self._process.stdin.write(json.dumps(heading).encode() + b"\n")
         self._process.stdin.flush()
@@ -229,10 +249,16 @@ class Recorder(AbstractContextManager["Recorder"]):
         self._row = row = of.ticks(about.arm.n, len(about.rig.heads))
         names = [name for name in row.dtype.names or () if name.startswith("out_")]
         fields: Any = row.dtype.fields
-        self._out = row.view(np.dtype({
-            "names": names, "formats": [fields[x][0] for x in names],
-            "offsets": [fields[x][1] for x in names], "itemsize": row.dtype.itemsize,
-        }))  # fmt: skip
+        self._out = row.view(
+            np.dtype(
+                {
+                    "names": names,
+                    "formats": [fields[x][0] for x in names],
+                    "offsets": [fields[x][1] for x in names],
+                    "itemsize": row.dtype.itemsize,
+                }
+            )
+        )
 
     def tick(self, senses: Senses, command: Command, result: Result) -> None:
         """Keep a tick: what the catcher took, what it commanded, and ``catcher.result``.

@@ -27,7 +27,8 @@ from mitt.files.cell import Cell
 from mitt.signals import TICK, ArmState, Array, Command, Sighting
 
 #: Groups of the entry points: drivers, and their checks.
-GROUP, CHECKS = "mitt.robots", "mitt.robot_checks"
+GROUP = "mitt.robots"
+CHECKS = "mitt.robot_checks"
 #: Where the example drivers are.
 _EXAMPLES = (
     " (franka or ur: pip install './examples/drivers[franka]' or '[ur]' in the repository of mitt)"
@@ -190,8 +191,10 @@ def check_brakes(brakes: bool, *, unbraked: bool) -> None:
         InputError: It has none.
     """
     if not brakes and not unbraked:
-        do = ("if the arm stays where it is without its drives, say unbraked=True, in a cell's"
-              " file robot.options.unbraked = true")  # fmt: skip
+        do = (
+            "if the arm stays where it is without its drives, say unbraked=True, in a cell's"
+            " file robot.options.unbraked = true"
+        )
         raise InputError("robot", "brakes that a stop can engage", "none", do=do)
 
 
@@ -233,18 +236,21 @@ def _entry(name: str, group: str) -> Any:  # noqa: ANN401 (whatever the package 
     added = {entry.name: entry for entry in entry_points(group=group)}
     if name not in added:
         raise UnknownNameError(
-            "robot.driver", name, ("ros2", "sim", *sorted(added)),
+            "robot.driver",
+            name,
+            ("ros2", "sim", *sorted(added)),
             do="a driver comes with a package: pip install it into the Python of mitt"
             + (_EXAMPLES if name in ("franka", "ur") else ""),
-        )  # fmt: skip
+        )
     entry, where = added[name], f"driver {name!r}"
     try:
         return entry.load()
     except (ImportError, AttributeError) as error:
         if isinstance(error, ImportError) and not entry.module.startswith(error.name or ""):
             raise _lacking(where, error) from error
-        raise InputError(where, f"the entry point {entry.value} to load", error,
-                         do="repair that package") from error  # fmt: skip
+        raise InputError(
+            where, f"the entry point {entry.value} to load", error, do="repair that package"
+        ) from error
 
 
 @contextmanager
@@ -259,14 +265,18 @@ def _libraries(where: str) -> Iterator[None]:
 def _lacking(where: str, error: ImportError) -> InputError:
     """Return the error of a library that is not there."""
     missing = error.name or str(error)
-    return InputError(where, f"the library {missing}", "a Python without it",
-                      do=f"pip install what has {missing}, into the Python of mitt")  # fmt: skip
+    return InputError(
+        where,
+        f"the library {missing}",
+        "a Python without it",
+        do=f"pip install what has {missing}, into the Python of mitt",
+    )
 
 
 def _added(name: str, driver: Driver, cell: Cell, arm: Arm) -> Robot:
     """Return the robot that a driver of another package makes, its exceptions named after it."""
     with answered_by(name), _libraries(name):
-        robot = checks.instance("robot", driver(cell, arm), Robot)  # type: ignore[type-abstract]
+        robot = checks.instance("robot", driver(cell, arm), Robot)
     return _Added(name, robot)
 
 

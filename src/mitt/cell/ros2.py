@@ -41,12 +41,23 @@ from mitt.signals import TICK, ArmState, Array, Command, Image, Sighting
 
 #: Where a simulated cell says how a throw ended; never read inside the loop.
 RESULTS = "/mitt/throw_result"
-_KNOWN = {"state": "/joint_states", "command": "/joint_trajectory", "controller": "", "hand": "",
-          "hand_command": "/hand_controller/commands", "brake": "", "diagnostics": "/diagnostics",
-          "status": "", "others": "", "interface": "lo", "unbraked": False}  # fmt: skip
+_KNOWN = {
+    "state": "/joint_states",
+    "command": "/joint_trajectory",
+    "controller": "",
+    "hand": "",
+    "hand_command": "/hand_controller/commands",
+    "brake": "",
+    "diagnostics": "/diagnostics",
+    "status": "",
+    "others": "",
+    "interface": "lo",
+    "unbraked": False,
+}
 #: Time between two looks at who publishes, and for which nobody else may have been found before
 #: commands are published [s].
-_LOOK, _ALONE = 0.2, 1.0
+_LOOK = 0.2
+_ALONE = 1.0
 #: Time after which a publisher that was not found is missed [s].
 _FOUND = 0.5
 #: Time for which a publisher that was heard last counts as there [s].
@@ -88,9 +99,14 @@ def check_cell(cell: Cell, arm: Arm) -> Orders:
     """
     of = options_of(cell)
     dds.check_network(of["interface"])
-    topics = [cell.source.topic, of["state"], of["command"], of["brake"],
-              of["diagnostics"] if of["status"] else "",
-              of["hand_command"] if of["hand"] else ""]  # fmt: skip
+    topics = [
+        cell.source.topic,
+        of["state"],
+        of["command"],
+        of["brake"],
+        of["diagnostics"] if of["status"] else "",
+        of["hand_command"] if of["hand"] else "",
+    ]
     for name in topics:
         if name:
             dds.check_topic(name)
@@ -192,13 +208,17 @@ class Joints:
         if np.all(silent) and self._whole > -inf:  # the robot is away
             return ""
         if not np.any(silent):
-            return (f"parts of the joint states are stamped {1e3 * self._apart:.3g} ms apart:"
-                    " publish all joints of the arm at one rate")  # fmt: skip
+            return (
+                f"parts of the joint states are stamped {1e3 * self._apart:.3g} ms apart:"
+                " publish all joints of the arm at one rate"
+            )
         lacks = [name for name, x in zip(self.names, silent, strict=True) if x]
         told = {x: None for names in self._places for x in names if x not in lacks}
-        return (f"joint states do not tell of {', '.join(lacks)}, but of"
-                f" {', '.join(told)[:200] or 'no joint'}: say how the robot calls the arm's joints"
-                " in robot.joints")  # fmt: skip
+        return (
+            f"joint states do not tell of {', '.join(lacks)}, but of"
+            f" {', '.join(told)[:200] or 'no joint'}: say how the robot calls the arm's joints"
+            " in robot.joints"
+        )
 
     def twice(self, now: float) -> str:
         """Return the joint that two publishers tell of, nothing where none does now."""
@@ -214,11 +234,15 @@ class Joints:
             if name in self._found:
                 found = self._found[name]
                 if not abs(found - angle) <= _HELD:
-                    return (f"{name} is at {found:.2f} rad, and the arm's model holds it at"
-                            f" {angle:.2f}: move it there, or say so in the arm")  # fmt: skip
+                    return (
+                        f"{name} is at {found:.2f} rad, and the arm's model holds it at"
+                        f" {angle:.2f}: move it there, or say so in the arm"
+                    )
             elif name in needed and self._whole > -inf:
-                return (f"joint states do not say where {name} is, which its controller moves:"
-                        " publish it, or leave it out of robot.options.controller")  # fmt: skip
+                return (
+                    f"joint states do not say where {name} is, which its controller moves:"
+                    " publish it, or leave it out of robot.options.controller"
+                )
         return ""
 
 
@@ -250,8 +274,9 @@ class Ros2Robot:
         self._state = node.subscribe(of["state"], dds.JointState, "sensor", wakes=True)
         kind = dds.PointStamped if source.message == "point" else dds.PoseStamped
         self._ball = node.subscribe(source.topic, kind, "sensor")
-        self._diagnostics = (node.subscribe(of["diagnostics"], dds.Diagnostics, "command")
-                             if of["status"] else None)  # fmt: skip
+        self._diagnostics = (
+            node.subscribe(of["diagnostics"], dds.Diagnostics, "command") if of["status"] else None
+        )
         self._search: Iterator[tuple[int, str] | None] | None = None
         self._results = node.subscribe(RESULTS, dds.String, "command")
         self._orders = orders
@@ -288,8 +313,10 @@ class Ros2Robot:
         end = monotonic() + timeout
         while True:
             now = monotonic()
-            found = [self._joints.take(messages.read_joint_state(raw), who, now)
-                     for who, raw in self._state.heard()]  # fmt: skip
+            found = [
+                self._joints.take(messages.read_joint_state(raw), who, now)
+                for who, raw in self._state.heard()
+            ]
             readings = [x for x in found if x is not None]
             if readings or not (now < end and self._node.wait(end - now)):
                 return readings
@@ -300,12 +327,22 @@ class Ros2Robot:
         for raw in self._ball.take():
             t, frame, r_o = messages.read_point(raw)
             if frame != source.frame:
-                raise InputError(f"frame of {source.topic}", source.frame, repr(frame)[:60],
-                                 do="say it in source.frame")  # fmt: skip
+                raise InputError(
+                    f"frame of {source.topic}",
+                    source.frame,
+                    repr(frame)[:60],
+                    do="say it in source.frame",
+                )
             seen = self._R @ r_o + self._place
             good = bool(np.all(np.isfinite(seen)))
-            found.append(Sighting(t=t - source.latency, found=good, covariance=self._covariance,
-                                  r_o=seen if good else np.zeros(3)))  # fmt: skip
+            found.append(
+                Sighting(
+                    t=t - source.latency,
+                    found=good,
+                    covariance=self._covariance,
+                    r_o=seen if good else np.zeros(3),
+                )
+            )
         return found
 
     def write(self, command: Command, answers: float) -> None:
@@ -388,8 +425,9 @@ class Ros2Robot:
         self._twice_since = min(self._twice_since, now)
         if now - self._twice_since > _LEASE:
             given = "another one that commands the arm" if foreign else "more"
-            raise InputError(f"publishers on {topic if foreign else twice}", "one", given,
-                             do="end the others")  # fmt: skip
+            raise InputError(
+                f"publishers on {topic if foreign else twice}", "one", given, do="end the others"
+            )
         if foreign:
             return f"another program commands the arm on {topic}: end it"
         return f"two publishers of {twice}: end one"
@@ -423,8 +461,10 @@ class Ros2Robot:
         if not self._commands().listeners():
             return f"nobody takes commands on {of['command']}"
         if self._brake is not None and not self._brake.listeners():
-            return (f"nobody takes {of['brake']}: start what engages the brakes, or name its topic"
-                    " in robot.options.brake")  # fmt: skip
+            return (
+                f"nobody takes {of['brake']}: start what engages the brakes, or name its topic"
+                " in robot.options.brake"
+            )
         if self._hand is not None and not self._hand.listeners():
             return (
                 f"nobody takes {of['hand_command']}: start the hand's controller, or name its"
@@ -436,12 +476,16 @@ class Ros2Robot:
         """Say who does not say how the robot is, or where the ball is."""
         of, source = self._of, self._cell.source
         if self._diagnostics is not None and now - self._status > _STALE_STATUS:
-            return (f"no entry {of['status']} on {of['diagnostics']} for {_STALE_STATUS:.0f} s: a"
-                    " protective stop would not be known; name the robot's entry in"
-                    " robot.options.status, or leave that out")  # fmt: skip
+            return (
+                f"no entry {of['status']} on {of['diagnostics']} for {_STALE_STATUS:.0f} s: a"
+                " protective stop would not be known; name the robot's entry in"
+                " robot.options.status, or leave that out"
+            )
         if source.kind == "points" and not self._ball.speakers():
-            return (f"nobody publishes {source.topic}: start what sees the ball, or name its topic"
-                    " in source.topic")  # fmt: skip
+            return (
+                f"nobody publishes {source.topic}: start what sees the ball, or name its topic"
+                " in source.topic"
+            )
         return ""
 
     def _unheard(self) -> str:

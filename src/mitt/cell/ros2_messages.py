@@ -226,8 +226,12 @@ def _controlled(cell: Cell, arm: Arm, said: str) -> tuple[str, ...]:
     missing = [x for x in able if x not in held and x not in named]
     if missing or set(named) - set(able) or len(set(named)) != len(named):
         do = "name the joints of the controller in its order; it moves no others"
-        raise InputError("robot.options.controller", f"each once of {', '.join(able)}",
-                         ", ".join(named)[:200], do=do)  # fmt: skip
+        raise InputError(
+            "robot.options.controller",
+            f"each once of {', '.join(able)}",
+            ", ".join(named)[:200],
+            do=do,
+        )
     return named
 
 
@@ -306,8 +310,7 @@ class Orders:
     def read_hand(self, raw: bytes) -> float:
         """Return the angle that the hand is told [rad]; NaN where the message says none."""
         try:
-            row = (read_array(raw)[1] if self.plain_hand
-                   else read_trajectory(raw)[2][0])  # fmt: skip
+            row = read_array(raw)[1] if self.plain_hand else read_trajectory(raw)[2][0]
         except MittError:
             return nan
         return float(row[0]) if len(row) == 1 else nan
@@ -324,14 +327,20 @@ class Orders:
             said += ", allow_nonzero_velocity_at_trajectory_end true"
         lines = [f"{topic}: wants a {said}"]
         if not self.plain and self._takes == "torque":
-            lines.append(f"{topic}: most joint_trajectory_controllers refuse efforts; mitt sim"
-                         " takes them; else end the topic in /commands")  # fmt: skip
+            lines.append(
+                f"{topic}: most joint_trajectory_controllers refuse efforts; mitt sim"
+                " takes them; else end the topic in /commands"
+            )
         elif self.plain:
-            lines.append(f"{topic}: such a controller keeps its last command for ever: what stops"
-                         " the arm after robot.watchdog has to be elsewhere")  # fmt: skip
+            lines.append(
+                f"{topic}: such a controller keeps its last command for ever: what stops"
+                " the arm after robot.watchdog has to be elsewhere"
+            )
         else:
-            lines.append(f"{topic}: such a controller begins each command anew from where the arm"
-                         " is; a topic that ends in /commands follows more closely")  # fmt: skip
+            lines.append(
+                f"{topic}: such a controller begins each command anew from where the arm"
+                " is; a topic that ends in /commands follows more closely"
+            )
         if self.hand:
             lines.append(f"{self._of['hand_command']}: wants a controller of the joint {self.hand}")
         return lines

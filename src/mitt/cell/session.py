@@ -78,11 +78,17 @@ def loop_of(
     unbraked = cell.robot.options.get("unbraked") is True
     return LiveLoop(
         RobotLink(connection.robot, unbraked=unbraked, setpoints=setpoints_of(prepared)),
-        prepared.arm, *catchers(prepared, f),
-        ready_speed=cell.motion.ready_speed, silence=cell.robot.watchdog,
-        frames=connection.frames, lenses=prepared.lenses, recorder=recorder, clock=connection.clock,
-        period=period_of(cell), placing=prepared.placing,
-    )  # fmt: skip
+        prepared.arm,
+        *catchers(prepared, f),
+        ready_speed=cell.motion.ready_speed,
+        silence=cell.robot.watchdog,
+        frames=connection.frames,
+        lenses=prepared.lenses,
+        recorder=recorder,
+        clock=connection.clock,
+        period=period_of(cell),
+        placing=prepared.placing,
+    )
 
 
 def made_ready(prepared: PreparedCell, tell: Callable[[str], None]) -> CellMap:
@@ -180,10 +186,17 @@ class Session:
     """
 
     def __init__(
-        self, loop: LiveLoop, robot: Robot, person: Person, tell: Callable[[str], None],
-        *, throws: int | None, shown: Numbers | None = None, said: Any = None,  # noqa: ANN401
+        self,
+        loop: LiveLoop,
+        robot: Robot,
+        person: Person,
+        tell: Callable[[str], None],
+        *,
+        throws: int | None,
+        shown: Numbers | None = None,
+        said: Any = None,  # noqa: ANN401
         recorder: Recorder | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Take the loop, its robot, whom to ask, and what takes lines for a person.
 
         ``throws`` are to be made, None without an end; the live table reads ``shown`` and ``said``;
@@ -262,8 +275,11 @@ class Session:
             other = trouble != told and passed > 0.5
             if passed > _LINES or other or (not trouble and not asked and not agreed):
                 spoken, asked, told = monotonic(), asked or not trouble, trouble
-                self._tell(f"waiting: {trouble}" if trouble
-                           else "press Enter and the arm moves to its ready pose")  # fmt: skip
+                self._tell(
+                    f"waiting: {trouble}"
+                    if trouble
+                    else "press Enter and the arm moves to its ready pose"
+                )
             if not self._person.can_speak and (not trouble or self._loop.disturbed):
                 self._tell(
                     "nobody can say that the arm may move: say --yes"
@@ -335,10 +351,16 @@ class Session:
         loop, counts = self._loop, self._loop.counts
         passed = max(monotonic() - self._begun, 1e-3)
         self.shown[:] = [
-            STATES.index(loop.mode.value), counts.ticks / passed, 1e6 * loop.age, counts.late,
-            counts.lost, counts.throws, self._told["caught"] + self._told["met"],
-            sum(self._told[end] for end in _ENDS), self._told["placed"],
-        ]  # fmt: skip
+            STATES.index(loop.mode.value),
+            counts.ticks / passed,
+            1e6 * loop.age,
+            counts.late,
+            counts.lost,
+            counts.throws,
+            self._told["caught"] + self._told["met"],
+            sum(self._told[end] for end in _ENDS),
+            self._told["placed"],
+        ]
         self.words.value = self._odd.encode()[: _WORDS - 1]
 
     @property
@@ -412,9 +434,13 @@ class Server:
     """A simulated cell that is served in real time."""
 
     def __init__(
-        self, prepared: PreparedCell, scene: Scene, feed: Feed, tell: Callable[[str], None],
+        self,
+        prepared: PreparedCell,
+        scene: Scene,
+        feed: Feed,
+        tell: Callable[[str], None],
         port: Callable[[], Port],
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Take the cell; ``port`` joins the network when the loop begins."""
         self._prepared, self._scene, self._feed = prepared, scene, feed
         self._tell, self._port = tell, port

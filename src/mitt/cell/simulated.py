@@ -36,7 +36,8 @@ _BANDWIDTH = 80.0
 #: Speed at which a joint counts as at rest [rad/s].
 _REST = 0.02
 #: Youngest age that is told apart [s], and ratio from one class to the next.
-_LEAST, _RATIO = 1e-6, 1.01
+_LEAST = 1e-6
+_RATIO = 1.01
 #: Number of classes: up to 12 s.
 _CLASSES = 1640
 #: Relative error of a rate by stamps that are times of the day: they are rounded to 2.4e-7 s.
@@ -229,9 +230,15 @@ class SimulatedCell:
     """
 
     def __init__(
-        self, prepared: PreparedCell, scene: Scene, feed: Feed, port: Port,
-        *, clock: Callable[[], float], started: float = 0.0,
-    ) -> None:  # fmt: skip
+        self,
+        prepared: PreparedCell,
+        scene: Scene,
+        feed: Feed,
+        port: Port,
+        *,
+        clock: Callable[[], float],
+        started: float = 0.0,
+    ) -> None:
         """Set the cell up: the arm on its brakes in its ready pose.
 
         Commands age by the steady ``clock`` [s]; ``started`` is the stamp of the first reading [s].
@@ -359,11 +366,18 @@ class SimulatedCell:
         self._next += 1
         self._put(self._aside)
         self._settled, self.done = 0, self._next >= self._feed.count
-        self._port.result(json.dumps({
-            "throw": self._next - 1, **ended, "limit_violations": self.violations,
-            "peak_contact_force_n": self.forces[-1],
-            "command_age_us": self.ages.percentiles_us(), "done": self.done,
-        }))  # fmt: skip
+        self._port.result(
+            json.dumps(
+                {
+                    "throw": self._next - 1,
+                    **ended,
+                    "limit_violations": self.violations,
+                    "peak_contact_force_n": self.forces[-1],
+                    "command_age_us": self.ages.percentiles_us(),
+                    "done": self.done,
+                }
+            )
+        )
 
     def _put(self, ball: Throw | BallPath | Ride) -> None:
         """Put a ball or a part somewhere; arm and hand stay as they are."""

@@ -32,7 +32,8 @@ _MOVED = 5e-5
 _SETTLES = 0.03
 #: Age to which a sighting says where a part is [s], and how far from the tool one that it holds may
 #: be seen [m].
-_RECENT, _AT_TOOL = 0.3, 0.06
+_RECENT = 0.3
+_AT_TOOL = 0.06
 
 
 @final
@@ -52,10 +53,17 @@ class Ticks:
     """
 
     def __init__(
-        self, first: Catcher, again: Callable[[Catcher], Catcher], sight: Sight,
-        positions: Positions, counts: Counts, recorder: Recorder | None, arm: Arm,
-        *, period: float = TICK,
-    ) -> None:  # fmt: skip
+        self,
+        first: Catcher,
+        again: Callable[[Catcher], Catcher],
+        sight: Sight,
+        positions: Positions,
+        counts: Counts,
+        recorder: Recorder | None,
+        arm: Arm,
+        *,
+        period: float = TICK,
+    ) -> None:
         """Take a first catcher, what returns a fresh one for another throw, and what they need.
 
         Its readings come a ``period`` apart [s].
@@ -125,7 +133,7 @@ class Ticks:
 
     def answer(
         self, readings: Sequence[ArmState], arrived: float, shown: FrameSet | None
-    ) -> tuple[Command, float] | None:  # fmt: skip
+    ) -> tuple[Command, float] | None:
         """Make a tick from the newest of readings that came together; its command is to be sent.
 
         What is returned is that command and the stamp of the reading that it answers [s]; None

@@ -74,9 +74,13 @@ def bat(options: BatOptions) -> int:
     """Run ``mitt bat``; return its exit status."""
     asked = _asked(options)
     station = bat_station(
-        options.arm, scene=asked.scene, target=asked.target, limits=asked.limits,
-        around=coming(asked.speed, asked.recordings), learns=not options.check,
-    )  # fmt: skip
+        options.arm,
+        scene=asked.scene,
+        target=asked.target,
+        limits=asked.limits,
+        around=coming(asked.speed, asked.recordings),
+        learns=not options.check,
+    )
     source = _source(options, asked, station)
     check_record(options)
     if options.check:
@@ -87,9 +91,12 @@ def bat(options: BatOptions) -> int:
         tell_of_kernels()
         with progress() as report:
             runner = BatRunner(
-                station, source, pixels=options.vision == "pixels", generator=options.generator,
+                station,
+                source,
+                pixels=options.vision == "pixels",
+                generator=options.generator,
                 keeps=options.record != "none",
-            )  # fmt: skip
+            )
 
             def said() -> dict[str, Any]:
                 head = _head(options, asked, station) | incomplete(len(trials), source.count)
@@ -113,8 +120,9 @@ def bat(options: BatOptions) -> int:
                 page = PAGE
                 report("report", 0, 1)
                 typed = shlex.join(["mitt", "bat", *repeated(options, files=_FILES)])
-                content = BatContent(result=result, arm=station.arm, scene=asked.scene, log=log,
-                                     command=typed)  # fmt: skip
+                content = BatContent(
+                    result=result, arm=station.arm, scene=asked.scene, log=log, command=typed
+                )
                 write_bat_page(asked.out / page, content)
                 report("report", 1, 1)
     if options.json:
@@ -171,16 +179,24 @@ def _recordings(name: str | None) -> tuple[Recording, ...]:
 def _source(options: BatOptions, asked: _Asked, station: BatStation) -> Source:
     """Return the balls of a run."""
     source = source_of(
-        station.arm, seed=options.seed, drag=asked.scene.ball.drag, count=options.throws,
-        recordings=asked.recordings, ranges=throw_ranges(asked.speed, station),
-    )  # fmt: skip
+        station.arm,
+        seed=options.seed,
+        drag=asked.scene.ball.drag,
+        count=options.throws,
+        recordings=asked.recordings,
+        ranges=throw_ranges(asked.speed, station),
+    )
     return replace(source, shares=tuple(strike_share(x) for x in asked.recordings))
 
 
 def _run(
-    runner: BatRunner, count: int, report: Progress, trials: list[BatTrial],
-    keep: Callable[[BatTrial], None], kept: Callable[[], None],
-) -> tuple[TrialLog | None, int]:  # fmt: skip
+    runner: BatRunner,
+    count: int,
+    report: Progress,
+    trials: list[BatTrial],
+    keep: Callable[[BatTrial], None],
+    kept: Callable[[], None],
+) -> tuple[TrialLog | None, int]:
     """Run all trials, each kept when it ends.
 
     Returns the log of the first that was hit, and the status of an interrupt or 0.
@@ -224,18 +240,23 @@ def _show(options: BatOptions, trials: list[BatTrial], said: dict[str, Any], pag
     rows = table(
         f"{options.arm}, {'shield' if options.shield else 'to a target'}, {options.generator}",
         ("trial", "status", "beyond [ms]", "t [s]", "miss [cm]", "back [m/s]", "[N]", "why"),
-        left=("status", "why"), no_wrap=True,
-    )  # fmt: skip
+        left=("status", "why"),
+        no_wrap=True,
+    )
     for t in worth_a_row(trials, "hit"):
         cells = (
-            number(t.t_hit_s, 2), number(None if t.miss_m is None else 100.0 * t.miss_m, 1),
-            number(t.return_speed_m_s, 1), number(t.peak_contact_force_n, 0),
-        )  # fmt: skip
+            number(t.t_hit_s, 2),
+            number(None if t.miss_m is None else 100.0 * t.miss_m, 1),
+            number(t.return_speed_m_s, 1),
+            number(t.peak_contact_force_n, 0),
+        )
         why = "" if t.status == "hit" else t.binding_limit or ""
         rows.add_row(str(t.index), t.status, str(t.limit_violations), *cells, why)
     show(rows)
     show(f"{'stopped' if options.shield else 'hit'} {rate_words(said, 'hit', 'throws')}")
     if said["median_miss_m"] is not None:
-        show(f"miss: {100.0 * said['median_miss_m']:.1f} cm in the median, "
-             f"90 % within {100.0 * said['p90_miss_m']:.1f} cm")  # fmt: skip
+        show(
+            f"miss: {100.0 * said['median_miss_m']:.1f} cm in the median, "
+            f"90 % within {100.0 * said['p90_miss_m']:.1f} cm"
+        )
     show(*beyond_words(trials), f"written: {page}")

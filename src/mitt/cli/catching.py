@@ -125,15 +125,22 @@ def _prepared(options: CatchOptions) -> Prepared:
     chosen = spec_of(options).read()
     arm = chosen.arm
     if arm.model.hand is None:
-        raise InputError("--arm", "an arm with a hand or a basket", "none",
-                         do='say name = "three-finger" or "basket" in [hand]')  # fmt: skip
+        raise InputError(
+            "--arm",
+            "an arm with a hand or a basket",
+            "none",
+            do='say name = "three-finger" or "basket" in [hand]',
+        )
     scene = read_scene(options.scene or DEFAULT_SCENE, flights=options.flights is not None)
     check_scene(arm, scene)
     if options.cameras is not None:
         sensing = scene.sensing.model_copy(update={"cameras": options.cameras})
         scene = scene.model_copy(update={"sensing": sensing})
-    given = [f"--{name.replace('_', '-')}" for name, value in asdict(options).items()
-             if name in _OF_THE_MAP and value is not None]  # fmt: skip
+    given = [
+        f"--{name.replace('_', '-')}"
+        for name, value in asdict(options).items()
+        if name in _OF_THE_MAP and value is not None
+    ]
     if options.map is not None and given:
         raise InputError("--map", "no option that the map itself decides", " and ".join(given))
     learned = None if options.map is None else read_map(options.map, arm)
@@ -153,8 +160,15 @@ def _prepared(options: CatchOptions) -> Prepared:
         check_ours(out, LEAVES)
     said = asdict(options)
     settings = RunSettings(**{x.name: said[x.name] for x in fields(RunSettings)})
-    return Prepared(settings=settings, arm=arm, design=design, scene=scene, source=source,
-                    learned=learned, out=out)  # fmt: skip
+    return Prepared(
+        settings=settings,
+        arm=arm,
+        design=design,
+        scene=scene,
+        source=source,
+        learned=learned,
+        out=out,
+    )
 
 
 def _run(prepared: Prepared, report: Progress) -> FinishedRun:
@@ -208,9 +222,19 @@ def table_of(title: str, trials: Sequence[Trial]) -> Table:
     """Return the table of some throws."""
     out = table(
         title,
-        ("throw", "status", "catch [s]", "miss [mm]", "rel. [m/s]", "force [N]", "speed [%]",
-         "asks most, stopped by"), left=("status", "asks most, stopped by"), no_wrap=True,
-    )  # fmt: skip
+        (
+            "throw",
+            "status",
+            "catch [s]",
+            "miss [mm]",
+            "rel. [m/s]",
+            "force [N]",
+            "speed [%]",
+            "asks most, stopped by",
+        ),
+        left=("status", "asks most, stopped by"),
+        no_wrap=True,
+    )
     for trial in trials:
         out.add_row(*_row(trial))
     return out
@@ -249,16 +273,18 @@ def learn(options: LearnOptions) -> int:
         report("learning", 1, 1)
     save_map(options.out, learned)
     if options.json:
-        print_json({
-            "schema": "mitt.learn/1",
-            "version": mitt.__version__,
-            "map": str(options.out),
-            "status": learned.status,
-            "flights": learned.flights,
-            "left_out": learned.left_out,
-            "cost_torque": [step.cost_torque for step in learned.steps],
-            "cost_speed": [step.cost_speed for step in learned.steps],
-        })  # fmt: skip
+        print_json(
+            {
+                "schema": "mitt.learn/1",
+                "version": mitt.__version__,
+                "map": str(options.out),
+                "status": learned.status,
+                "flights": learned.flights,
+                "left_out": learned.left_out,
+                "cost_torque": [step.cost_torque for step in learned.steps],
+                "cost_speed": [step.cost_speed for step in learned.steps],
+            }
+        )
     else:
         _show_learned(learned, options.out)
     return 0
@@ -266,11 +292,18 @@ def learn(options: LearnOptions) -> int:
 
 def _show_learned(learned: Learned, out: Path) -> None:
     """Print the cost at each step, the numbers behind fig. 7."""
-    costs = table("cost over the optimisation (fig. 7)",
-                  ("step", "torque", "speed", "sum", "largest share of a limit"))  # fmt: skip
+    costs = table(
+        "cost over the optimisation (fig. 7)",
+        ("step", "torque", "speed", "sum", "largest share of a limit"),
+    )
     for k, step in enumerate(learned.steps):
         numbers = step.cost_torque, step.cost_speed, step.cost_torque + step.cost_speed
-        costs.add_row("alpha = 0" if k == 0 else str(k - 1), *(f"{x:.4f}" for x in numbers),
-                      f"{step.worst:.2f}")  # fmt: skip
-    show(costs, f"{learned.status}: {learned.flights} flights, {learned.left_out} left out; "
-                f"written: {out}")  # fmt: skip
+        costs.add_row(
+            "alpha = 0" if k == 0 else str(k - 1),
+            *(f"{x:.4f}" for x in numbers),
+            f"{step.worst:.2f}",
+        )
+    show(
+        costs,
+        f"{learned.status}: {learned.flights} flights, {learned.left_out} left out; written: {out}",
+    )

@@ -70,8 +70,16 @@ def run(options: RunOptions) -> int:
             robot = connection.robot
             with closing(robot):
                 loop = loop_of(prepared, f, connection, recorder)
-                session = Session(loop, robot, person, tell, throws=throws, shown=shown,
-                                  said=said, recorder=recorder)  # fmt: skip
+                session = Session(
+                    loop,
+                    robot,
+                    person,
+                    tell,
+                    throws=throws,
+                    shown=shown,
+                    said=said,
+                    recorder=recorder,
+                )
                 with in_time as granted, pinned(_CORE):
                     tell(f"{_about(prepared)}; {granted}")
                     done = session.run()
@@ -87,8 +95,11 @@ def _show_session(session: Session, *, json: bool) -> None:
     if json:
         print_json(summary)
     else:
-        said = {_named(name, summary): _value_in_words(value) for name, value in summary.items()
-                if name not in ("schema", "command_age_us", "force_n", "clock")}  # fmt: skip
+        said = {
+            _named(name, summary): _value_in_words(value)
+            for name, value in summary.items()
+            if name not in ("schema", "command_age_us", "force_n", "clock")
+        }
         force = summary["force_n"]
         pressed = "not measured" if force is None else spread_words(force)
         words = [f"{name} {value}" for name, value in said.items()]
@@ -162,8 +173,13 @@ def sim(options: SimOptions) -> int:
     except KeyboardInterrupt as stop:
         notice()
         status = status_of(stop)
-    said = {"schema": "mitt.sim/1", "version": mitt.__version__, "cell": prepared.cell.name,
-            "seed": options.seed, **served.summary()}  # fmt: skip
+    said = {
+        "schema": "mitt.sim/1",
+        "version": mitt.__version__,
+        "cell": prepared.cell.name,
+        "seed": options.seed,
+        **served.summary(),
+    }
     if options.json:
         print_json(said)
     else:
@@ -174,16 +190,20 @@ def sim(options: SimOptions) -> int:
 def _in_words(said: dict[str, Any]) -> str:
     """Return what came and what became of it as a line for a person."""
     ages = said.get("command_age_us")
-    ends = [f"{said[name]} {name}"
-            for name in ("caught", "dropped", "met", "placed", "slipped", "missed", "aborted")
-            if said.get(name)]  # fmt: skip
+    ends = [
+        f"{said[name]} {name}"
+        for name in ("caught", "dropped", "met", "placed", "slipped", "missed", "aborted")
+        if said.get(name)
+    ]
     come = f"{said['throws']} {_named('throws', said)}"
     parts = [f"{said['cell']}, seed {said['seed']}: {come}", *ends]
     if said.get("force_n"):
         parts.append(f"contact force {spread_words(said['force_n'])}")
     if "limit_violations" in said:
-        parts += [f"{said['limit_violations']} ticks beyond a limit",
-                  f"{said['late_ticks']} late ticks, {said['slipped_ticks']} slipped"]  # fmt: skip
+        parts += [
+            f"{said['limit_violations']} ticks beyond a limit",
+            f"{said['late_ticks']} late ticks, {said['slipped_ticks']} slipped",
+        ]
     if ages is not None:
         parts.append(f"commands {ages['p50']:.0f} us old (median), {ages['max']:.0f} at most")
     return ", ".join(parts)

@@ -60,8 +60,14 @@ def design(options: DesignOptions) -> int:
     file = _given(options)
     origin = origin_of(options, file)
     hand = hand_of(origin.hand, origin.hand_tilt, origin.hand_force, origin.hand_depth)
-    whole = whole_arm(origin.arm, tip=origin.tip, limits=origin.limits, hand=hand,
-                      mount=origin.hand_mount, joints=_named(options))  # fmt: skip
+    whole = whole_arm(
+        origin.arm,
+        tip=origin.tip,
+        limits=origin.limits,
+        hand=hand,
+        mount=origin.hand_mount,
+        joints=_named(options),
+    )
     with_notes_logged(whole, options.arm)
     joints = _joints(options, whole)
     start = None if file is None or options.effort != "refine" else candidate_of(whole, file)
@@ -87,9 +93,16 @@ def design(options: DesignOptions) -> int:
     try:
         with finally_do(last_words), progress() as report:
             found = search_design(
-                whole, task, effort, progress=report, joints=joints, engine=engine, rate=rate,
-                answers=answers, start=start,
-            )  # fmt: skip
+                whole,
+                task,
+                effort,
+                progress=report,
+                joints=joints,
+                engine=engine,
+                rate=rate,
+                answers=answers,
+                start=start,
+            )
     except KeyboardInterrupt as stop:
         notice()
         tell(f"{words_of(status_of(stop))}; {last_words()}")
@@ -142,10 +155,14 @@ def _keep(best: Design | None, origin: ArmFile, options: DesignOptions) -> str:
     ):
         return f"the earlier design in {options.out} stays; {go_on}"
     caught = f"{best.best.clean} of {best.best.thrown}"
-    write_arm_file(options.out, best.arm_file(origin), comment=(
-        f"{_BROKEN_OFF}, the best so far. Within every limit it caught {caught} of the\n"
-        "throws of the search."
-    ))  # fmt: skip
+    write_arm_file(
+        options.out,
+        best.arm_file(origin),
+        comment=(
+            f"{_BROKEN_OFF}, the best so far. Within every limit it caught {caught} of the\n"
+            "throws of the search."
+        ),
+    )
     return f"the best so far, {caught} caught, is in {options.out}; {go_on}"
 
 
@@ -161,15 +178,21 @@ def _task(options: DesignOptions, whole: Arm, scene: Scene) -> Task:
         if aim is not None:
             box = np.array([aim, AROUND_FLIGHTS])
         balls = arrivals.balls(aim=box, around=AROUND_FLIGHTS)
-        return Task(balls=balls, scene=scene, seed=seed, arrivals=arrivals.ranges(),
-                    recordings=recordings)  # fmt: skip
+        return Task(
+            balls=balls, scene=scene, seed=seed, arrivals=arrivals.ranges(), recordings=recordings
+        )
     if options.throws_file is not None:
         throws = read_throws(options.throws_file)
         box = box_of(seen(throws), drag, None if aim is None else np.array(aim), 0.75 * reach)
         of_throws(throws, float(box[0, 0]), drag)  # refuses one that does not pass there
         arrivals = of_throws(seen(throws), float(box[0, 0]), drag)
-        return Task(balls=arrivals.balls(aim=box), scene=scene, seed=seed,
-                    arrivals=arrivals.ranges(), throws=throws)  # fmt: skip
+        return Task(
+            balls=arrivals.balls(aim=box),
+            scene=scene,
+            seed=seed,
+            arrivals=arrivals.ranges(),
+            throws=throws,
+        )
     return Task(balls=default_balls(aim, reach), scene=scene, seed=seed)
 
 
@@ -189,9 +212,12 @@ def _check_outputs(options: DesignOptions) -> None:
     answers = _search(options)
     check_own("answers beside --out", answers)
     if os.path.lexists(answers) and not (options.resume or options.overwrite or options.check):
-        raise InputError("--out", "a design that is not begun",
-                         f"{answers}, of a search that was broken off or still runs",
-                         do="say --resume to go on with it, or --overwrite")  # fmt: skip
+        raise InputError(
+            "--out",
+            "a design that is not begun",
+            f"{answers}, of a search that was broken off or still runs",
+            do="say --resume to go on with it, or --overwrite",
+        )
     files = {"--out": options.out, "page of --out": options.out.with_suffix(".html")}
     replaced = options.overwrite or (options.resume and answers.exists())
     check_new_files(options, files, overwrite=replaced)
@@ -222,13 +248,21 @@ def _given(options: DesignOptions) -> ArmFile | None:
     refines = options.effort == "refine"
     file = design_of(options.arm) if refines or is_arm_file(options.arm) else None
     if refines and (file is None or options.joints or options.aim):
-        raise InputError("--effort refine", "an arm with a design, without --joints and --aim",
-                         options.arm, do="say --effort full")  # fmt: skip
+        raise InputError(
+            "--effort refine",
+            "an arm with a design, without --joints and --aim",
+            options.arm,
+            do="say --effort full",
+        )
     if file is None:
         return None
     if file.hand == "none" and options.hand is None:
-        raise InputError(options.arm, "an arm with a hand", 'hand = "none"',
-                         do="say --hand three-finger or basket")  # fmt: skip
+        raise InputError(
+            options.arm,
+            "an arm with a hand",
+            'hand = "none"',
+            do="say --hand three-finger or basket",
+        )
     file.load()  # holds it to its digest
     return file
 
@@ -250,20 +284,26 @@ def origin_of(options: DesignOptions, file: ArmFile | None) -> ArmFile:
     limits_file = Path(limits) if limits is not None and limits.endswith(".toml") else limits
     if file is None:
         origin = ArmFile(
-            arm=options.arm if options.arm in arm_names() else Path(options.arm), tip=options.tip,
-            limits=limits_file, hand=options.hand or "three-finger",
-            hand_mount=options.mount or "plate", hand_tilt=options.tilt or 0.0,
-        )  # fmt: skip
+            arm=options.arm if options.arm in arm_names() else Path(options.arm),
+            tip=options.tip,
+            limits=limits_file,
+            hand=options.hand or "three-finger",
+            hand_mount=options.mount or "plate",
+            hand_tilt=options.tilt or 0.0,
+        )
     else:
         hand = options.hand or file.hand
         own_tilt = file.hand_tilt if hand == "basket" else 0.0
         origin = replace(
-            file, tip=options.tip or file.tip, limits=limits_file or file.limits, hand=hand,
+            file,
+            tip=options.tip or file.tip,
+            limits=limits_file or file.limits,
+            hand=hand,
             hand_mount=options.mount or file.hand_mount,
             hand_tilt=own_tilt if options.tilt is None else options.tilt,
             hand_force=file.hand_force if hand == file.hand else None,
             hand_depth=file.hand_depth if hand == file.hand else None,
-        )  # fmt: skip
+        )
     if origin.hand_tilt and origin.hand != "basket":
         raise InputError("--tilt", "--hand basket", origin.hand)
     if not abs(origin.hand_tilt) <= MOST_TILT:
@@ -327,13 +367,20 @@ def _taken(found: Design) -> str:
 def _show(found: Design, out: Path, written: Sequence[Path]) -> None:
     """Print what was found."""
     if found.rows:
-        rows = table("caught within every limit, by the speed of the throws",
-                     ("m/s", "caught", "of", "force [N]", "why not"),
-                     left=("why not",))  # fmt: skip
+        rows = table(
+            "caught within every limit, by the speed of the throws",
+            ("m/s", "caught", "of", "force [N]", "why not"),
+            left=("why not",),
+        )
         for row in found.rows:
             force = "" if row.force_n is None else f"{row.force_n:.0f}"
-            rows.add_row(f"{row.speed_m_s:g}", str(row.feasible), str(row.throws), force,
-                         row.binding_limit or "")  # fmt: skip
+            rows.add_row(
+                f"{row.speed_m_s:g}",
+                str(row.feasible),
+                str(row.throws),
+                force,
+                row.binding_limit or "",
+            )
         show(rows)
     best, name = found.best, found.whole.model.name
     if best is not None and found.usable:

@@ -19,7 +19,8 @@ from mitt.interrupts import safe_path
 from mitt.numerals import real_of, whole_of
 
 #: Columns of a screen, and of what an option is called.
-_WIDE, _CALLED = 80, 22
+_WIDE = 80
+_CALLED = 22
 
 
 def run(words: list[str]) -> int:
@@ -117,8 +118,9 @@ class Option:
         """Return the number that a word stands for, within the option's range."""
         value, arg = whole_of(given) if self.kind is int else real_of(given), self.arg
         if value is None:
-            raise InputError(self.name, "a whole number" if self.kind is int else "a number",
-                             repr(given))  # fmt: skip
+            raise InputError(
+                self.name, "a whole number" if self.kind is int else "a number", repr(given)
+            )
         if arg.range is not None and not arg.range[0] <= value <= arg.range[1]:
             raise InputError(self.name, f"a number in {arg.range[0]}..{arg.range[1]}", value)
         return value
@@ -136,12 +138,20 @@ def options_of(command: type[Options]) -> list[Option]:
         literal = next((x for x in (hint, *kinds) if get_origin(x) is Literal), None)
         choices = get_args(literal)
         value = arg.value or (f"{{{','.join(map(str, choices))}}}" if choices else "")
-        found.append(Option(
-            name=value if arg.place else f"--{(arg.name or field.name).replace('_', '-')}",
-            field=field.name, value=value, text=said.get(field.name, ""),
-            kind=str if choices else kinds[0], choices=choices, default=field.default,
-            required=field.default is MISSING, many=get_origin(hint) is tuple, arg=arg,
-        ))  # fmt: skip
+        found.append(
+            Option(
+                name=value if arg.place else f"--{(arg.name or field.name).replace('_', '-')}",
+                field=field.name,
+                value=value,
+                text=said.get(field.name, ""),
+                kind=str if choices else kinds[0],
+                choices=choices,
+                default=field.default,
+                required=field.default is MISSING,
+                many=get_origin(hint) is tuple,
+                arg=arg,
+            )
+        )
     return sorted(found, key=lambda x: (not x.place, x.field in common))
 
 
@@ -178,8 +188,7 @@ def parse(words: Sequence[str]) -> tuple[str, Options]:
     values |= _by_place(name, placed, [x for x in options if x.place])
     missing = [x.called for x in options if x.required and x.field not in values]
     if missing:
-        raise InputError(name, " and ".join(missing), "none",
-                         do=f"see mitt {name} --help")  # fmt: skip
+        raise InputError(name, " and ".join(missing), "none", do=f"see mitt {name} --help")
     return name, COMMANDS[name](**values)  # type: ignore[arg-type]  # as the options have them
 
 
@@ -190,8 +199,7 @@ def _option(name: str, word: str, options: Sequence[Option]) -> tuple[Option, st
     option = known.get(called.replace("_", "-"))
     if option is None:
         near = meant(called, (*known, "--help"))
-        raise InputError(name, "options of its own", called,
-                         do=near or f"see mitt {name} --help")  # fmt: skip
+        raise InputError(name, "options of its own", called, do=near or f"see mitt {name} --help")
     return option, given if equals else None
 
 
@@ -201,22 +209,32 @@ def _by_place(name: str, placed: Sequence[str], places: Sequence[Option]) -> dic
         return {places[-1].field: tuple(map(places[-1].read, placed))} if placed else {}
     if len(placed) > len(places):
         wanted = " and ".join(x.name for x in places) or "options alone"
-        raise InputError(name, wanted, f"{placed[len(places)]!r} as well",
-                         do=f"see mitt {name} --help")  # fmt: skip
+        raise InputError(
+            name, wanted, f"{placed[len(places)]!r} as well", do=f"see mitt {name} --help"
+        )
     return {x.field: x.read(given) for x, given in zip(places, placed, strict=False)}
 
 
 def overview() -> str:
     """Return what ``mitt --help`` says: all commands, a line each."""
     rows = [(name, paragraphs(options)[0]) for name, options in COMMANDS.items()]
-    return "\n".join([
-        "usage: mitt COMMAND [options]", "",
-        "Lets a robot arm catch what is thrown at it.", "",
-        "examples:", "  mitt catch", f"  {COMMANDS['catch'].examples[0]}", "",
-        "commands:", *_table(rows), "",
-        "mitt COMMAND --help    the options of a command, and examples",
-        "mitt --version         the version",
-    ])  # fmt: skip
+    return "\n".join(
+        [
+            "usage: mitt COMMAND [options]",
+            "",
+            "Lets a robot arm catch what is thrown at it.",
+            "",
+            "examples:",
+            "  mitt catch",
+            f"  {COMMANDS['catch'].examples[0]}",
+            "",
+            "commands:",
+            *_table(rows),
+            "",
+            "mitt COMMAND --help    the options of a command, and examples",
+            "mitt --version         the version",
+        ]
+    )
 
 
 def screen(name: str) -> str:
@@ -225,11 +243,19 @@ def screen(name: str) -> str:
     rows = [(x.called, text_of(x)) for x in options]
     first = " ".join(x.name for x in options if x.place)
     about = "\n\n".join("\n".join(wrap(part, _WIDE - 1)) for part in paragraphs(command))
-    return "\n".join([
-        f"usage: mitt {name} {first} [options]".replace("  ", " "), "", about, "",
-        "examples:", *(f"  {line}" for line in command.examples), "",
-        "options:", *_table(rows),
-    ])  # fmt: skip
+    return "\n".join(
+        [
+            f"usage: mitt {name} {first} [options]".replace("  ", " "),
+            "",
+            about,
+            "",
+            "examples:",
+            *(f"  {line}" for line in command.examples),
+            "",
+            "options:",
+            *_table(rows),
+        ]
+    )
 
 
 def text_of(option: Option) -> str:
@@ -267,7 +293,12 @@ def _table(rows: list[tuple[str, str]]) -> list[str]:
         if len(name) > column:
             lines.append(head.rstrip())
             head = left
-        told = wrap(text.removesuffix("."), _WIDE - 1, initial_indent=head,
-                    subsequent_indent=left, break_on_hyphens=False)  # fmt: skip
+        told = wrap(
+            text.removesuffix("."),
+            _WIDE - 1,
+            initial_indent=head,
+            subsequent_indent=left,
+            break_on_hyphens=False,
+        )
         lines += told or [head.rstrip()]
     return lines

@@ -20,11 +20,20 @@ def arms(options: ArmsOptions) -> int:
     if options.check:
         return checked(f"{len(found)} arms")
     if options.json:
-        print_json({"schema": "mitt.arms/1", "version": __version__,
-                    "arms": [_as_json(arm) for arm in found]})  # fmt: skip
+        print_json(
+            {
+                "schema": "mitt.arms/1",
+                "version": __version__,
+                "arms": [_as_json(arm) for arm in found],
+            }
+        )
         return 0
-    rows = table("", ("--arm", "arm", "joints", "hand", "caught", "m/s", "N"),
-                 left=("--arm", "arm", "hand"), no_wrap=True)  # fmt: skip
+    rows = table(
+        "",
+        ("--arm", "arm", "joints", "hand", "caught", "m/s", "N"),
+        left=("--arm", "arm", "hand"),
+        no_wrap=True,
+    )
     rows.title, rows.box, rows.show_edge = None, box.SIMPLE_HEAD, False
     rows.collapse_padding, rows.pad_edge = True, False
     for arm in found:
@@ -39,10 +48,14 @@ def _row(arm: ShippedArm) -> tuple[str, ...]:
     if of is None:
         return _said(arm), arm.title, "", "?" if arm.designed else "none"
     return (
-        _said(arm), arm.title, str(len(of.joints)), _HANDS.get(of.hand, of.hand),
-        f"{100.0 * of.caught / of.throws:.1f} %", f"{of.relative_speed_m_s:.1f}",
+        _said(arm),
+        arm.title,
+        str(len(of.joints)),
+        _HANDS.get(of.hand, of.hand),
+        f"{100.0 * of.caught / of.throws:.1f} %",
+        f"{of.relative_speed_m_s:.1f}",
         f"{of.force_n:.0f}",
-    )  # fmt: skip
+    )
 
 
 def _said(arm: ShippedArm) -> str:
@@ -53,12 +66,17 @@ def _said(arm: ShippedArm) -> str:
 def _words(found: tuple[ShippedArm, ...]) -> list[str]:
     """Return what the columns are, and what to do about an arm that has no design."""
     throws = max((x.figures.throws for x in found if x.figures is not None), default=0)
-    words = [f"caught: of {throws} throws that no search has seen, in the scene lab, by images",
-             "m/s, N: of ball and hand when they meet, the largest contact force; medians",
-             "limits: those of the vendor, but for the WAM's; --json has all"]  # fmt: skip
+    words = [
+        f"caught: of {throws} throws that no search has seen, in the scene lab, by images",
+        "m/s, N: of ball and hand when they meet, the largest contact force; medians",
+        "limits: those of the vendor, but for the WAM's; --json has all",
+    ]
     words += _commands(found)
-    words += [f"{_said(x)}: {x.figures.beyond} beyond a limit of the arm, or of the force on it"
-              for x in found if x.figures is not None and x.figures.beyond]  # fmt: skip
+    words += [
+        f"{_said(x)}: {x.figures.beyond} beyond a limit of the arm, or of the force on it"
+        for x in found
+        if x.figures is not None and x.figures.beyond
+    ]
     if not all(x.designed for x in found):
         words.append("hand none: no design yet; mitt design NAME --out NAME.toml looks for one")
     return words
@@ -70,8 +88,10 @@ def _commands(found: tuple[ShippedArm, ...]) -> list[str]:
     for arm in found:
         robot = _robot(arm.arm)
         groups.setdefault((robot.takes, robot.rate), {})[arm.name] = None
-    return [f"takes {takes} at {rate:g} Hz: {', '.join(names)}"
-            for (takes, rate), names in groups.items()]  # fmt: skip
+    return [
+        f"takes {takes} at {rate:g} Hz: {', '.join(names)}"
+        for (takes, rate), names in groups.items()
+    ]
 
 
 def _robot(arm: str) -> RobotPart:

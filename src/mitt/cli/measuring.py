@@ -124,8 +124,10 @@ def _ended(folder: Folder, finished: "FinishedStudy") -> int:
         more = f" and {len(finished.lost) - 1} more" if len(finished.lost) > 1 else ""
         say(f"{finished.lost[0]}{more}; the rest is kept, --resume tries again")
     if finished.interrupt is not None:
-        say(f"{words_of(finished.interrupt)}; {finished.thrown} of {finished.total} trials are "
-             f"kept in {folder.path}, --resume goes on")  # fmt: skip
+        say(
+            f"{words_of(finished.interrupt)}; {finished.thrown} of {finished.total} trials are "
+            f"kept in {folder.path}, --resume goes on"
+        )
     return finished.status
 
 
@@ -163,8 +165,11 @@ def _show_study(study: Study, folder: Folder, finished: "FinishedStudy") -> None
     rows = {(row["condition"], row["generator"]): row for row in finished.rows}
     for first in range(0, len(study.generators), 4):
         generators = study.generators[first : first + 4]
-        rates = table(f"{study.name}: caught [%], contact force [N] (median)",
-                      ("condition", *generators), left=("condition",))  # fmt: skip
+        rates = table(
+            f"{study.name}: caught [%], contact force [N] (median)",
+            ("condition", *generators),
+            left=("condition",),
+        )
         for condition in study.conditions:
             cells = [_rate(rows[condition.name, generator]) for generator in generators]
             rates.add_row(condition.name, *cells)
@@ -236,8 +241,11 @@ def _page_of_run(options: ReportOptions) -> int:
     """Write the page of a run of ``mitt catch`` that was broken off, and its result if it died."""
     folder, kept = options.folder, read_kept(options.folder)
     if (folder / PAGE).exists():
-        raise FileError(str(folder), "the folder of a study, or of a run that was broken off",
-                        f"one of mitt catch; its page is {folder / PAGE}")  # fmt: skip
+        raise FileError(
+            str(folder),
+            "the folder of a study, or of a run that was broken off",
+            f"one of mitt catch; its page is {folder / PAGE}",
+        )
     said = f"{len(kept.trials)} throws of a run that was broken off"
     if options.check:
         return checked(said)
@@ -255,8 +263,13 @@ def _page_of_run(options: ReportOptions) -> int:
         prepared = prepared_again(folder, kept)
         if prepared.learned is None:
             raise FileError(str(folder), "the map of the run", "none")
-        done = FinishedRun(prepared=prepared, learned=prepared.learned, trials=kept.trials,
-                           stopwatch=Stopwatch(), interrupt=None)  # fmt: skip
+        done = FinishedRun(
+            prepared=prepared,
+            learned=prepared.learned,
+            trials=kept.trials,
+            stopwatch=Stopwatch(),
+            interrupt=None,
+        )
         write_page(done, result, progress=report)
     return _written(
         options, folder / PAGE, f"{said}, {result['summary']['caught']} of them caught; "
@@ -302,9 +315,11 @@ def bench(options: BenchOptions) -> int:
 def _show_times(result: dict[str, Any]) -> None:
     """Print the table."""
     tick = result["tick_us"]["p50"]
-    times = table(f"speed, mitt {result['version']}, {result['machine']}",
-                  ("what", "median", "p99", "p99.9", "unit", "ticks of ours"),
-                  left=("what",))  # fmt: skip
+    times = table(
+        f"speed, mitt {result['version']}, {result['machine']}",
+        ("what", "median", "p99", "p99.9", "unit", "ticks of ours"),
+        left=("what",),
+    )
     rows = [(words, result[key], unit) for key, words, unit in _ROWS if result[key] is not None]
     rows += [(name, time, "us") for name, time in result["rivals_us"].items()]
     for words, time, unit in rows:
@@ -313,5 +328,7 @@ def _show_times(result: dict[str, Any]) -> None:
     show(times, f"{result['throws_per_s_core']:.1f} throws per second and core")
     if result["learn_ipopt_ms"] is not None:
         ratio = result["learn_ipopt_ms"]["p50"] / result["learn_solver_ms"]["p50"]
-        show(f"solver of learning: {ratio:.0f} times faster than IPOPT, "
-             f"cost {result['learn_cost_gap']:+.1e}")  # fmt: skip
+        show(
+            f"solver of learning: {ratio:.0f} times faster than IPOPT, "
+            f"cost {result['learn_cost_gap']:+.1e}"
+        )

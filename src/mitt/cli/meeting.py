@@ -44,9 +44,11 @@ from mitt.world.scene import read_scene
 _FILES = ("arm", "scene", "limits", "target")
 #: Speeds of belt and hand where none is said [m/s]; and of the tool near a person: the reduced
 #: speed of manual mode (ISO 10218-1: 0.25 m/s), which says nothing of forces (ISO/TS 15066).
-_SPEEDS, _NEAR_PERSON = {"belt": 0.3, "hand": 0.8}, 0.25
+_SPEEDS = {"belt": 0.3, "hand": 0.8}
+_NEAR_PERSON = 0.25
 #: Trials where none are said, and longest recorded motion [s].
-_TRIALS, _LONGEST = 10, 60.0
+_TRIALS = 10
+_LONGEST = 60.0
 
 
 def meet(options: MeetOptions) -> int:
@@ -57,12 +59,19 @@ def meet(options: MeetOptions) -> int:
     scene = PARTS_SCENE if options.scene is None else read_scene(options.scene)
     tool = replace(TOOLS[options.tool], delay=options.gripper_delay)
     at = station(
-        options.arm, tool, "belt" if options.target == "belt" else "hand", scene, tip=options.tip,
-        joints=joint_names(options.joints), limits=options.limits, speed=_tool_speed(options),
-    )  # fmt: skip
+        options.arm,
+        tool,
+        "belt" if options.target == "belt" else "hand",
+        scene,
+        tip=options.tip,
+        joints=joint_names(options.joints),
+        limits=options.limits,
+        speed=_tool_speed(options),
+    )
     generator = at.generator(options.generator, rate=options.plan_rate)
-    runner = MeetRunner(at, seed=options.seed, speed=_speed(options), generator=generator,
-                        recordings=recordings)  # fmt: skip
+    runner = MeetRunner(
+        at, seed=options.seed, speed=_speed(options), generator=generator, recordings=recordings
+    )
     check_record(options)
     if options.check:
         return checked(f"{count} trials, output to {out}")
@@ -101,9 +110,13 @@ def meet(options: MeetOptions) -> int:
 
 
 def _run(
-    runner: MeetRunner, count: int, report: Progress, trials: list[MeetTrial],
-    keep: Callable[[MeetTrial], None], kept: Callable[[], None],
-) -> tuple[Course | None, int]:  # fmt: skip
+    runner: MeetRunner,
+    count: int,
+    report: Progress,
+    trials: list[MeetTrial],
+    keep: Callable[[MeetTrial], None],
+    kept: Callable[[], None],
+) -> tuple[Course | None, int]:
     """Run the trials, each kept when it ends.
 
     Returns the course of the first, and the status of an interrupt or 0.
@@ -131,13 +144,15 @@ def _recordings(target: str) -> tuple[Recording, ...]:
     if not path.is_file() and path.suffix.lower() == ".csv":
         raise FileError(f"--target {target}", "a CSV file of motions", "no such file")
     if not path.is_file():
-        raise InputError("--target", f"{', '.join(TARGETS)}, or a CSV file", target,
-                         do=meant(target, TARGETS))  # fmt: skip
+        raise InputError(
+            "--target", f"{', '.join(TARGETS)}, or a CSV file", target, do=meant(target, TARGETS)
+        )
     recordings = read_flights(path)
     for x in recordings:
         if x.t[-1] > _LONGEST:
-            raise FileError(f"{path} flight {x.name!r}", f"at most {_LONGEST:g} s",
-                            f"{x.t[-1]:g} s")  # fmt: skip
+            raise FileError(
+                f"{path} flight {x.name!r}", f"at most {_LONGEST:g} s", f"{x.t[-1]:g} s"
+            )
     return recordings
 
 
@@ -175,16 +190,28 @@ def _show(options: MeetOptions, trials: list[MeetTrial], said: dict[str, Any], p
     """Print the table of a run, and what it comes to."""
     rows = table(
         f"{options.arm}, {options.tool}, {Path(options.target).name}, {options.generator}",
-        ("trial", "status", "beyond [ms]", "t [s]", "in step [ms]", "off [mm]", "rel. [m/s]", "[N]",
-         "why"),
-        left=("status", "why"), no_wrap=True,
-    )  # fmt: skip
+        (
+            "trial",
+            "status",
+            "beyond [ms]",
+            "t [s]",
+            "in step [ms]",
+            "off [mm]",
+            "rel. [m/s]",
+            "[N]",
+            "why",
+        ),
+        left=("status", "why"),
+        no_wrap=True,
+    )
     for t in worth_a_row(trials, "met"):
         cells = (
-            number(t.t_met_s, 2), f"{1e3 * t.in_sync_s:.0f}", number(t.position_error_mm, 1),
+            number(t.t_met_s, 2),
+            f"{1e3 * t.in_sync_s:.0f}",
+            number(t.position_error_mm, 1),
             number(t.velocity_error_m_s, 2),
             number(t.peak_contact_force_n, 0) + ("!" if t.over_force else ""),
-        )  # fmt: skip
+        )
         why = t.binding_limit or ""
         if t.status == "met":
             why = "not placed" if t.placed is False else ""

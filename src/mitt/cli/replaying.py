@@ -56,9 +56,11 @@ def _read(path: Path, options: ReplayOptions) -> tuple[Recorded, Any]:
     """Return a recording, and what makes the catcher of its replay."""
     recorded = Recorded(path)
     about = changed(
-        recorded.about, map_file=options.map, settings=options.settings,
+        recorded.about,
+        map_file=options.map,
+        settings=options.settings,
         generator=options.generator,
-    )  # fmt: skip
+    )
     return recorded, about
 
 
@@ -110,15 +112,26 @@ def _page(out: Path, x: Replayed, count: int, k: int) -> None:
 
 def _show(rows: list[dict[str, Any]], options: ReplayOptions) -> None:
     """Print a table, and the cause of a single one."""
-    out = table("replays", ("recording", "ticks", "begins", "commands", "status", "why"),
-                left=("recording", "begins", "commands", "status", "why"))  # fmt: skip
+    out = table(
+        "replays",
+        ("recording", "ticks", "begins", "commands", "status", "why"),
+        left=("recording", "begins", "commands", "status", "why"),
+    )
     for row in rows:
         first = row["first_difference"]
-        said = "identical" if row["identical"] else (
-            "ticks missing" if first is None else f"differ from tick {first}"
-        )  # fmt: skip
-        out.add_row(Path(row["file"]).name, str(row["ticks"]), row["begins"], said, row["status"],
-                    row["cause"])  # fmt: skip
+        said = (
+            "identical"
+            if row["identical"]
+            else ("ticks missing" if first is None else f"differ from tick {first}")
+        )
+        out.add_row(
+            Path(row["file"]).name,
+            str(row["ticks"]),
+            row["begins"],
+            said,
+            row["status"],
+            row["cause"],
+        )
     same = sum(row["identical"] for row in rows)
     show(out, f"{same} of {len(rows)} identical to the bit")
     if options.out is not None:
@@ -133,8 +146,9 @@ def view(options: ViewOptions) -> int:
     """Run ``mitt view``; return its exit status."""
     place = options.recording or _RUNS
     if options.recording is None and not place.is_dir():
-        raise FileError(str(place), "a folder with recordings", "none",
-                        do="name a recording or a folder")  # fmt: skip
+        raise FileError(
+            str(place), "a folder with recordings", "none", do="name a recording or a folder"
+        )
     if place.is_dir() and not os.access(place, os.R_OK | os.X_OK):
         raise FileError(str(place), "a folder that can be read", "one that may not be")
     if options.check:
@@ -151,7 +165,10 @@ def view(options: ViewOptions) -> int:
 
     watch(
         lambda: newest(place) if place.is_dir() else place,
-        host=options.host, port=options.port, ready=ready, until=options.seconds,
+        host=options.host,
+        port=options.port,
+        ready=ready,
+        until=options.seconds,
         loads=lambda path: say(f"loading {path}"),
-    )  # fmt: skip
+    )
     return 0

@@ -84,12 +84,17 @@ def check_new_files(
         if path.is_dir():
             raise InputError(name, "a file", f"{path}, which is a folder")
         if any(overlaps(path, other) for other in (*read, *(x for _, x in files[:k]))):
-            raise InputError(name, "a file of its own", f"{path}, which is read or written too",
-                             do="choose another")  # fmt: skip
+            raise InputError(
+                name,
+                "a file of its own",
+                f"{path}, which is read or written too",
+                do="choose another",
+            )
         there, named = os.path.lexists(path), path in _named(options)
         if there and not overwrite and not options.check:
-            raise InputError(name, "a new file", f"{path}, which exists",
-                             do="choose another or say --overwrite")  # fmt: skip
+            raise InputError(
+                name, "a new file", f"{path}, which exists", do="choose another or say --overwrite"
+            )
         if overwrite or not named:
             check_own(name, path)
         check_folder(path.parent, overwrite=True)
@@ -131,8 +136,12 @@ def run_folder(options: CatchOptions | MeetOptions | BatOptions, name: str) -> P
 def check_record(options: MeetOptions | BatOptions) -> None:
     """Refuse recordings of a rival: only what the map did can be replayed."""
     if options.record != "none" and options.generator != "direct":
-        raise InputError("--record", "none beside a rival", options.record,
-                         do="only what the map did can be replayed")  # fmt: skip
+        raise InputError(
+            "--record",
+            "none beside a rival",
+            options.record,
+            do="only what the map did can be replayed",
+        )
 
 
 def worth_a_row(trials: Sequence[_Trial], good: str) -> list[_Trial]:
@@ -144,8 +153,10 @@ def rate_words(said: Mapping[str, Any], good: str, of: str) -> str:
     """Return in words how many trials of a summary were ``good``, of those counted as ``of``."""
     low, high = said["ci95"]
     share = 100.0 * said[good] / max(said[of], 1)
-    return (f"{said[good]} of {said[of]}: {share:.1f} % "
-            f"(95 % interval {100.0 * low:.1f} to {100.0 * high:.1f} %)")  # fmt: skip
+    return (
+        f"{said[good]} of {said[of]}: {share:.1f} % "
+        f"(95 % interval {100.0 * low:.1f} to {100.0 * high:.1f} %)"
+    )
 
 
 def beyond_words(trials: Sequence[_Limited]) -> list[str]:
@@ -218,8 +229,13 @@ def progress() -> Iterator[Progress]:
             words, _, more = said.removesuffix(" than was said").partition(", ")
             if more:  # a line of its own: the bar has no room
                 bar.console.print(f"{work}: {said}")
-            bar.update(tasks[work], description=part, completed=done, total=of,
-                       left=words.removesuffix(" left"))  # fmt: skip
+            bar.update(
+                tasks[work],
+                description=part,
+                completed=done,
+                total=of,
+                left=words.removesuffix(" left"),
+            )
 
         yield report
 
@@ -259,12 +275,21 @@ def table(
 
     With ``no_wrap`` only the last column may break into lines.
     """
-    out = _Table(title=printable(title), title_justify="left", box=SIMPLE_HEAD,
-                 pad_edge=False, collapse_padding=True)  # fmt: skip
+    out = _Table(
+        title=printable(title),
+        title_justify="left",
+        box=SIMPLE_HEAD,
+        pad_edge=False,
+        collapse_padding=True,
+    )
     for name in columns:
         justify: JustifyMethod = "left" if name in left else "right"
-        out.add_column(_heading(name), justify=justify, overflow="fold",
-                       no_wrap=no_wrap and name != columns[-1])  # fmt: skip
+        out.add_column(
+            _heading(name),
+            justify=justify,
+            overflow="fold",
+            no_wrap=no_wrap and name != columns[-1],
+        )
     return out
 
 

@@ -82,17 +82,19 @@ def track(options: TrackOptions) -> int:
     track = follow_all(positions.samples, positions.rows.values(), ahead=ahead or 0.0, sigma=sigma)
     write_track(options.out, positions, track, ahead=ahead is not None)
     if options.json:
-        print_json({
-            "schema": "mitt.track/1",
-            "version": mitt.__version__,
-            "rows": rows,
-            "flights": flights,
-            "ahead_s": ahead,
-            "sigma_m": sigma,
-            "unused": track.unused,
-            "warnings": warnings,
-            "out": str(options.out),
-        })  # fmt: skip
+        print_json(
+            {
+                "schema": "mitt.track/1",
+                "version": mitt.__version__,
+                "rows": rows,
+                "flights": flights,
+                "ahead_s": ahead,
+                "sigma_m": sigma,
+                "unused": track.unused,
+                "warnings": warnings,
+                "out": str(options.out),
+            }
+        )
     else:
         unused = ", ".join(f"{count} {why}" for why, count in track.unused.items())
         left = f", not used: {unused}" if unused else ""
@@ -120,10 +122,18 @@ def see(options: SeeOptions) -> int:
             nullcontext() if video is None else VideoWriter(video, rate=WATCHED) as writer,
         ):
             follow(
-                options.left, options.right, rig, seen, writer, ball=options.ball,
-                radius=options.ball_radius, max_skew=options.max_skew, fps=options.fps,
-                frames=options.frames, progress=report,
-            )  # fmt: skip
+                options.left,
+                options.right,
+                rig,
+                seen,
+                writer,
+                ball=options.ball,
+                radius=options.ball_radius,
+                max_skew=options.max_skew,
+                fps=options.fps,
+                frames=options.frames,
+                progress=report,
+            )
     except KeyboardInterrupt:
         notice()
         raise
@@ -134,8 +144,9 @@ def see(options: SeeOptions) -> int:
                 write_table(options.points, POINTS, seen.points)
     said = complaints(seen, tuple(c.name for c in rig.cameras))
     if not seen.points:
-        raise InputError("cameras", "a ball that both see", said[0] if said else "none",
-                         do="; ".join(said[1:]))  # fmt: skip
+        raise InputError(
+            "cameras", "a ball that both see", said[0] if said else "none", do="; ".join(said[1:])
+        )
     _show_seen(options, rig, seen, said, video)
     return 0
 
@@ -146,9 +157,12 @@ def _checked_rig(options: SeeOptions) -> CalibratedRig:
     if len(rig.cameras) != 2:
         raise InputError(str(options.rig), "two cameras", len(rig.cameras))
     if rig.frame == "camera":
-        raise InputError(str(options.rig), "poses in a frame with z up, for gravity",
-                         "poses in the left camera's frame",
-                         do="calibrate with --level or --hand")  # fmt: skip
+        raise InputError(
+            str(options.rig),
+            "poses in a frame with z up, for gravity",
+            "poses in the left camera's frame",
+            do="calibrate with --level or --hand",
+        )
     if options.left == options.right:
         raise InputError("LEFT and RIGHT", "two different cameras", f"{options.left} twice")
     if not 0.0 < options.ball_radius < 1.0:
@@ -173,27 +187,31 @@ def _show_seen(
     counts, status = seen.counts, status_of(seen)
     left, right = counts.frames
     if options.json:
-        print_json({
-            "schema": "mitt.see/1",
-            "version": mitt.__version__,
-            "status": status,
-            "track": str(options.out),
-            "points": None if options.points is None else str(options.points),
-            "video": None if video is None else str(video),
-            "frame": rig.frame,
-            "frames": {"left": left, "right": right, "paired": counts.paired},
-            "targets": {"left": seen.targets[0], "right": seen.targets[1], "both": seen.both},
-            "sightings": seen.agreed,
-            "rows": len(seen.states),
-            "rate_hz": rate_of(seen.points),
-            "offset_s": None if seen.synchrony is None else seen.synchrony.mean,
-            "offset_sigma_s": None if seen.synchrony is None else seen.synchrony.mean_sigma,
-            "warnings": list(said),
-        })  # fmt: skip
+        print_json(
+            {
+                "schema": "mitt.see/1",
+                "version": mitt.__version__,
+                "status": status,
+                "track": str(options.out),
+                "points": None if options.points is None else str(options.points),
+                "video": None if video is None else str(video),
+                "frame": rig.frame,
+                "frames": {"left": left, "right": right, "paired": counts.paired},
+                "targets": {"left": seen.targets[0], "right": seen.targets[1], "both": seen.both},
+                "sightings": seen.agreed,
+                "rows": len(seen.states),
+                "rate_hz": rate_of(seen.points),
+                "offset_s": None if seen.synchrony is None else seen.synchrony.mean,
+                "offset_sigma_s": None if seen.synchrony is None else seen.synchrony.mean_sigma,
+                "warnings": list(said),
+            }
+        )
         return
-    show(f"{left} and {right} frames, {counts.paired} pairs; the ball in "
-         f"{seen.targets[0]} and {seen.targets[1]} of them, {seen.agreed} sightings, "
-         f"{len(seen.states)} rows")  # fmt: skip
+    show(
+        f"{left} and {right} frames, {counts.paired} pairs; the ball in "
+        f"{seen.targets[0]} and {seen.targets[1]} of them, {seen.agreed} sightings, "
+        f"{len(seen.states)} rows"
+    )
     warn(said)
     files = ", ".join(str(p) for p in (options.out, options.points, video) if p is not None)
     show(f"status {status}; written: {files}")
@@ -241,16 +259,18 @@ def calibrate(options: CalibrateOptions) -> int:
         _draw_coverage(picture, *job.boards)
     warnings = [text for stage in job.stages for text in stage.warnings]
     if options.json:
-        print_json({
-            "schema": "mitt.calibrate/1",
-            "version": mitt.__version__,
-            "rig": str(options.out),
-            "picture": None if picture is None else str(picture),
-            "frame": rig.frame,
-            "cameras": [c.name for c in rig.cameras],
-            "stages": {s.name: {"status": s.status, **_finite(s.numbers)} for s in job.stages},
-            "warnings": warnings,
-        })  # fmt: skip
+        print_json(
+            {
+                "schema": "mitt.calibrate/1",
+                "version": mitt.__version__,
+                "rig": str(options.out),
+                "picture": None if picture is None else str(picture),
+                "frame": rig.frame,
+                "cameras": [c.name for c in rig.cameras],
+                "stages": {s.name: {"status": s.status, **_finite(s.numbers)} for s in job.stages},
+                "warnings": warnings,
+            }
+        )
     else:
         for stage in job.stages:
             _show_stage(stage)
@@ -292,16 +312,27 @@ def _prepare(options: CalibrateOptions) -> Calibration:
     """Check what can be checked without the work, and return the calibration to be made."""
     o = options
     heads = [path for path in (o.left_head, o.right_head) if path is not None]
-    stages = [name for name, given in (("boards", o.left), ("heads", heads), ("hand", o.hand),
-              ("clock", o.arm_log or o.catches)) if given]  # fmt: skip
+    stages = [
+        name
+        for name, given in (
+            ("boards", o.left),
+            ("heads", heads),
+            ("hand", o.hand),
+            ("clock", o.arm_log or o.catches),
+        )
+        if given
+    ]
     if o.right is not None and o.left is None:
         raise InputError("--right", "--left as well (one camera alone is --left)", "--right alone")
     if not stages:
         wanted = "--left and --right, --left-head, --hand, --arm-log or --catches"
         raise InputError("mitt calibrate", wanted, "none of them", do="see docs/rig.md")
     if (o.rig is None) == (o.left is None):
-        raise InputError("mitt calibrate", "either --left (boards) or --rig (a rig to begin with)",
-                         "both" if o.rig else "neither")  # fmt: skip
+        raise InputError(
+            "mitt calibrate",
+            "either --left (boards) or --rig (a rig to begin with)",
+            "both" if o.rig else "neither",
+        )
     if (o.arm_log is None) != (o.points is None):
         raise InputError("--arm-log and --points", "both or neither", "one of them")
     if o.arm_log is not None and o.catches:
@@ -341,9 +372,12 @@ def _spec(options: CalibrateOptions) -> BoardSpec:
     if not cross or across is None or down is None:
         raise InputError("--board", "squares across and down as 9x6", repr(options.board))
     return BoardSpec(
-        columns=across, rows=down, square=options.square, marker=options.marker,
+        columns=across,
+        rows=down,
+        square=options.square,
+        marker=options.marker,
         dictionary=options.dictionary,
-    )  # fmt: skip
+    )
 
 
 def _calibrate(job: Calibration, report: Progress) -> CalibratedRig:
@@ -389,8 +423,11 @@ def _with_heads(job: Calibration, rig: CalibratedRig, board: Board) -> Calibrate
     tables = {name: path for name, path in given if path is not None}
     missing = [c.name for c in rig.cameras if c.name not in tables]
     if missing:
-        raise InputError("heads", "views of every camera of the rig, of one board in one place",
-                         f"none of {', '.join(missing)}")  # fmt: skip
+        raise InputError(
+            "heads",
+            "views of every camera of the rig, of one board in one place",
+            f"none of {', '.join(missing)}",
+        )
     cameras = []
     for camera in rig.cameras:
         size = (camera.lens.width, camera.lens.height)
@@ -416,8 +453,12 @@ def _with_hand(job: Calibration, rig: CalibratedRig, arm: Arm, hand: Path) -> Ca
         with open_cameras(specs, fps=1.0) as sources:
             centroids = centroids_in(sources, len(places))
     else:
-        raise FileError(f"{hand} line 1", f"columns {','.join(columns)}", "none of them",
-                        do="add them or say --hand-left and --hand-right")  # fmt: skip
+        raise FileError(
+            f"{hand} line 1",
+            f"columns {','.join(columns)}",
+            "none of them",
+            do="add them or say --hand-left and --hand-right",
+        )
     rig, _, stage = calibrate_hand(rig, places, centroids, radius=o.ball_radius)
     job.stages.append(stage)
     return rig

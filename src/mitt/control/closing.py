@@ -31,7 +31,8 @@ TOUCH_BEFORE = -0.004
 LONGEST_INSIDE = 0.03
 #: How far from the palm's axis a ball may pass between the fingertips, beyond ``_FREE``, for each
 #: of the times ``takes`` [m]; what is within the errors of a good catch needs no other time.
-_ASIDE, _FREE = np.linspace(0.0, 0.04, 9), 0.004
+_ASIDE = np.linspace(0.0, 0.04, 9)
+_FREE = 0.004
 
 FINGERS = np.dtype(
     [
@@ -99,7 +100,7 @@ def may_begin(f: Fields, time_to_catch: float, later: float) -> bool:
 @kernel
 def close(
     f: Fields, t: float, time_to_catch: float, gap: Array, palm: Array, later: float
-) -> float:  # fmt: skip
+) -> float:
     """Return the closing angle to command at ``t`` [rad].
 
     Args:

@@ -102,24 +102,32 @@ ENCODER = np.dtype(
 IN_A_ROW = 3
 #: Ticks without a number after which an encoder is silent, for one that has read well and for one
 #: that loses readings or has not been read yet.
-SILENT_TICKS, LOSSY_TICKS = 6, 15
+SILENT_TICKS = 6
+LOSSY_TICKS = 15
 #: Share of a gap that is forgotten in a tick, of one that still counts, and of a new encoder.
-_HEALS, _GAP, _NEW = 0.002, 0.3, 0.37
+_HEALS = 0.002
+_GAP = 0.3
+_NEW = 0.37
 #: How far outside a joint's range a first reading may lie [rad].
 BEYOND = 0.5
 #: Share of the modelled acceleration that may be wrong.
 _MODEL = 0.2
 #: Sigmas within which an estimate, and those of an innovation within which a reading, is believed;
 #: the model's largest error is as many.
-SIGMAS, _GATE = 3.0, 6.0
+SIGMAS = 3.0
+_GATE = 6.0
 #: Ticks for which readings in a row have to be refused at least before they are explained.
 _APART = 1.5
 #: Share of the unevenness of readings that may be their stamps', the most that may be [s], and what
 #: of it is forgotten in a tick.
-_STAMPED, _MOST_STAMPED, _CALMS = 0.25, 2e-4, 0.02
+_STAMPED = 0.25
+_MOST_STAMPED = 2e-4
+_CALMS = 0.02
 #: Ticks of good readings after which a faulty encoder counts as good again, how near they have
 #: to be to where the joint is predicted [rad], and counts that a stuck one has to move.
-GOOD_TICKS, _NEAR, _MOVES = 50, 0.1, 3.0
+GOOD_TICKS = 50
+_NEAR = 0.1
+_MOVES = 3.0
 #: What a sum of ticks may be off by because it was rounded.
 TRIFLE = 1e-6
 #: Excess over a speed limit that is none of the joint.
@@ -132,21 +140,26 @@ _LASTING = 5.0
 #: Room before the end of a joint's range in which the end stop may hold it [rad].
 _STOP = 0.03
 #: Mirror image of a velocity: smallest speed [rad/s], and how alike the two have to be.
-_MIRROR, _ALIKE = 0.3, 0.05
+_MIRROR = 0.3
+_ALIKE = 0.05
 #: Share of the speed a few ticks ago that a joint still has whose sign turns at once: one that a
 #: wall throws back has lost its speed by then.
 _STEADY = 0.8
 #: Multiple of the unknown acceleration from which torques give a sign, ticks that the speed has to
 #: grow against them, and by how much [rad/s].
-_SURE, _TICKS_AGAINST, _GAINED = 2.0, 10, 0.1
+_SURE = 2.0
+_TICKS_AGAINST = 10
+_GAINED = 0.1
 #: Share of the largest speed of late that is forgotten in a tick: what gave way then gives it back.
 _FORGETS = 0.005
 #: Share of the largest speed of late that is kept in a tick.
 _KEEPS = 0.85
 #: Share of a joint's largest torque that friction and contact may always take, and the largest.
-_LEAST_UNKNOWN, _MOST_UNKNOWN = 0.1, 0.3
+_LEAST_UNKNOWN = 0.1
+_MOST_UNKNOWN = 0.3
 #: Longest tick that counts as in time, and longest that is bridged at all [s].
-IN_TIME, BRIDGED_TIME = 0.005, 0.020
+IN_TIME = 0.005
+BRIDGED_TIME = 0.020
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -221,9 +234,14 @@ def monitor_of(arm: Arm, encoders: Encoders) -> Monitor:
     """Return what is known before the first reading."""
     n = arm.n
     return Monitor(
-        encoders.of(arm), bounds_of(arm, commanded=False), np.zeros(n), np.zeros((n, n)),
-        np.zeros((3, n)), np.zeros((n, n)), np.zeros((n, n)),
-    )  # fmt: skip
+        encoders.of(arm),
+        bounds_of(arm, commanded=False),
+        np.zeros(n),
+        np.zeros((n, n)),
+        np.zeros((3, n)),
+        np.zeros((n, n)),
+        np.zeros((n, n)),
+    )
 
 
 class Reading(NamedTuple):
@@ -258,8 +276,12 @@ def check_recovered(names: Sequence[str], joints: Record) -> None:
     """Refuse encoders of which one has a fault and has not read well since; name the joints."""
     pairs = zip(names, recovered(joints), strict=True)
     if bad := ", ".join(name for name, fine in pairs if not fine):
-        raise InputError("recover", "encoders that read well", f"doubt about {bad}",
-                         do="check the encoder, then recover(checked=True)")  # fmt: skip
+        raise InputError(
+            "recover",
+            "encoders that read well",
+            f"doubt about {bad}",
+            do="check the encoder, then recover(checked=True)",
+        )
 
 
 @kernel
@@ -387,9 +409,14 @@ def _held_alone(
 
 @kernel
 def _observe(
-    m: Fields, b: Fields, q: float, push: float, impact_dq: float,
-    alone: tuple[float, float, float, float], time: tuple[float, bool],
-) -> int:  # fmt: skip
+    m: Fields,
+    b: Fields,
+    q: float,
+    push: float,
+    impact_dq: float,
+    alone: tuple[float, float, float, float],
+    time: tuple[float, bool],
+) -> int:
     """Predict a measured joint, correct it by its reading, and say what is wrong with that.
 
     ``alone`` is of :func:`_held_alone`, ``time`` the ticks that have passed, and whether brakes
@@ -493,9 +520,13 @@ def _explain_refused(m: Fields, b: Fields, q: float, impact_dq: float) -> int:
 
 @kernel
 def _stands_still(
-    m: Fields, b: Fields, q: float, alone: tuple[float, float, float, float], ticks: float,
+    m: Fields,
+    b: Fields,
+    q: float,
+    alone: tuple[float, float, float, float],
+    ticks: float,
     anew: bool,
-) -> bool:  # fmt: skip
+) -> bool:
     """Say whether a reading stands still that must have moved, whether or not the ball struck.
 
     ``ticks`` have passed; the look begins ``anew`` where nobody knows what the joint did in them.

@@ -65,7 +65,8 @@ BOUNDS = np.dtype(
 
 #: Share of a speed limit that the emitted motion keeps, and the same where torque rates let
 #: feedback come late.
-_SPEED_SHARE, _SLOW_SHARE = 0.995, 0.96
+_SPEED_SHARE = 0.995
+_SLOW_SHARE = 0.96
 #: Time in which a joint may close in on a speed limit [s]; a few ticks.
 _APPROACH = 0.006
 #: Poses over which the largest of something is looked for.
@@ -74,16 +75,20 @@ _POSES = 256
 _CLOSING = 50.0
 #: Share of the jerk that ends an acceleration, and shares of jerk and acceleration that close a gap
 #: of position: they leave room for the former.
-_ENDING, _CLOSING_JERK, _CLOSING_DDQ = 0.5, 0.1, 0.3
+_ENDING = 0.5
+_CLOSING_JERK = 0.1
+_CLOSING_DDQ = 0.3
 #: How far into its range a joint that is beyond an end is led at least [rad].
 _WITHIN = 0.001
 #: Ticks in which a joint has to come to rest.
 LONGEST = 5000
 #: Halvings between wish and brake, and rounding of a speed [rad/s].
-_HALVINGS, _ROUNDING = 10, 1e-12
+_HALVINGS = 10
+_ROUNDING = 1e-12
 #: What positions [rad] and speeds [rad/s] of a caller's motion may be off by, as numbers of a file
 #: are; by the former as a share, a limit may be exceeded.
-_ROUNDED, _ROUNDED_SPEED = 1e-6, 1e-4
+_ROUNDED = 1e-6
+_ROUNDED_SPEED = 1e-4
 
 
 def bounds_of(arm: Arm, *, commanded: bool = True) -> Record:
@@ -442,9 +447,12 @@ def check_motion(names: Sequence[str], b: Record, last: Array, motion: Array) ->
     if not len(motion):
         raise InputError("motion", "one row or more", "none")
     if (k := _worst(np.abs(q[:1] - last[0]), _ROUNDED)) is not None:
-        raise InputError("motion", f"a start at the last command, {names[k[1]]} at"
-                         f" {last[0, k[1]]:.6g}", f"{q[k]:.6g}",
-                         do="begin at command.q of the last tick")  # fmt: skip
+        raise InputError(
+            "motion",
+            f"a start at the last command, {names[k[1]]} at {last[0, k[1]]:.6g}",
+            f"{q[k]:.6g}",
+            do="begin at command.q of the last tick",
+        )
     speeds = np.abs(dq[[0, -1]])
     if (k := _worst(speeds, _ROUNDED_SPEED)) is not None:
         where = "an end" if k[0] else "a start"
@@ -454,18 +462,25 @@ def check_motion(names: Sequence[str], b: Record, last: Array, motion: Array) ->
     far = np.maximum(low - q, q - high)
     if (k := _worst(far, _ROUNDED)) is not None:
         joint = k[1]
-        raise InputError("motion", f"positions of {names[joint]} in {low[joint]:.4g}.."
-                         f"{high[joint]:.4g} rad", f"{q[k]:.4g} at tick {k[0]}",
-                         do="commands keep a gap to the ends of the range")  # fmt: skip
+        raise InputError(
+            "motion",
+            f"positions of {names[joint]} in {low[joint]:.4g}..{high[joint]:.4g} rad",
+            f"{q[k]:.4g} at tick {k[0]}",
+            do="commands keep a gap to the ends of the range",
+        )
     for name, value, most, unit in (
         ("speed", np.abs(dq), b["dq_max"], "rad/s"),
         ("acceleration", np.abs(ddq), b["ddq_max"], "rad/s^2"),
         ("jerk", np.abs(np.diff(ddq, axis=0, prepend=ddq[:1])) / TICK, b["jerk"], "rad/s^3"),
-    ):  # fmt: skip
+    ):
         if (k := _worst(value - most * (1.0 + _ROUNDED), _ROUNDED)) is not None:
             given = f"{value[k]:.4g} {unit} at tick {k[0]}"
-            raise InputError("motion", f"a {name} of {names[k[1]]} of at most {most[k[1]]:.4g}",
-                             given, do="plan one within the limits")  # fmt: skip
+            raise InputError(
+                "motion",
+                f"a {name} of {names[k[1]]} of at most {most[k[1]]:.4g}",
+                given,
+                do="plan one within the limits",
+            )
 
 
 def _check_steps(names: Sequence[str], q: Array, dq: Array, ddq: Array) -> None:
@@ -482,9 +497,13 @@ def _check_steps(names: Sequence[str], q: Array, dq: Array, ddq: Array) -> None:
         if (k := _worst(off, 0.0)) is not None:
             step = np.diff(x, axis=0)[k]
             wanted = f"{what} a tick apart that change as their rates say"
-            raise InputError("motion", wanted, f"a step of {step:.4g} of {names[k[1]]} after tick"
-                             f" {k[0]}, at a rate of {rate[k]:.4g}",
-                             do="give q, dq, ddq each millisecond")  # fmt: skip
+            raise InputError(
+                "motion",
+                wanted,
+                f"a step of {step:.4g} of {names[k[1]]} after tick"
+                f" {k[0]}, at a rate of {rate[k]:.4g}",
+                do="give q, dq, ddq each millisecond",
+            )
 
 
 def _worst(excess: Array, slack: float) -> tuple[int, int] | None:

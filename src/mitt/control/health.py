@@ -60,8 +60,25 @@ class Reason(Enum):
     FAILED = "generator or planning failed"
 
 
-(_NONE, _UNSEEN, _ONE_CAMERA, _LATE, _BRIDGED, _BLOCKED, LOST, _SILENT, _JUMPED, _STUCK, _REVERSED,
- CLOCK, OVERRUN, _TRACKING, REQUESTED, _FAST, FAILED) = range(len(Reason))  # fmt: skip
+(
+    _NONE,
+    _UNSEEN,
+    _ONE_CAMERA,
+    _LATE,
+    _BRIDGED,
+    _BLOCKED,
+    LOST,
+    _SILENT,
+    _JUMPED,
+    _STUCK,
+    _REVERSED,
+    CLOCK,
+    OVERRUN,
+    _TRACKING,
+    REQUESTED,
+    _FAST,
+    FAILED,
+) = range(len(Reason))
 
 #: Reason for each state of an encoder, in the order of :mod:`mitt.control.encoders`.
 _OF_ENCODER = (_NONE, _BRIDGED, _SILENT, _JUMPED, _STUCK, _REVERSED, _FAST)
@@ -71,7 +88,8 @@ ENCODER_REASONS = (Reason.SILENT, Reason.JUMPED, Reason.STUCK, Reason.REVERSED, 
 #: Age beyond which a reading of the encoders is none [s].
 OLD_READING = IN_TIME
 #: Age of the last measurement from which the ball is predicted, and from which it can be lost [s].
-_FRESH, _OLD = IN_TIME, BRIDGED_TIME
+_FRESH = IN_TIME
+_OLD = BRIDGED_TIME
 #: Ticks in a row without usable time, or far from the commanded motion, after which the catcher
 #: stops: as long as is bridged at all.
 _MOST_TICKS = round(BRIDGED_TIME / TICK)
@@ -173,7 +191,7 @@ def is_lost(age: float, sigma: float, tolerance: float) -> bool:
 @kernel
 def assess(
     m: Fields, s: Fields, out: Fields, blocked: bool, near: bool, one_camera: bool, gap: float
-) -> tuple[int, int]:  # fmt: skip
+) -> tuple[int, int]:
     """Return state and reason of a tick.
 
     Args:
@@ -247,8 +265,15 @@ class StoppedBy:
         read = {"q_read": self.q_read, "dq_read": self.dq_read}
         rows = {"q": self.q, "dq": self.dq, **read, **rows}
         lists = {name: _listed(row) for name, row in rows.items()}
-        return {"state": self.state.value, "reason": self.reason.value, "joint": self.joint,
-                "t": self.t, "brakes": self.brakes, "hint": self.hint, **lists}  # fmt: skip
+        return {
+            "state": self.state.value,
+            "reason": self.reason.value,
+            "joint": self.joint,
+            "t": self.t,
+            "brakes": self.brakes,
+            "hint": self.hint,
+            **lists,
+        }
 
 
 def hint_of(arm: Arm, reason: Reason, q_read: Array, age: float | None = None) -> str:
@@ -269,15 +294,19 @@ def hint_of(arm: Arm, reason: Reason, q_read: Array, age: float | None = None) -
     if age is not None:
         side = "before" if age >= 0.0 else "after"
         stamped = f"stamped {abs(age):.4g} s {side} its tick" if np.isfinite(age) else "not stamped"
-        return (f"the last reading was {stamped}, wanted at most {OLD_READING:g} s before or"
-                f" {TICK:g} s after, and a later stamp than the reading before: is the bus frozen,"
-                " or are Senses.t and ArmState.t of two clocks?")  # fmt: skip
+        return (
+            f"the last reading was {stamped}, wanted at most {OLD_READING:g} s before or"
+            f" {TICK:g} s after, and a later stamp than the reading before: is the bus frozen,"
+            " or are Senses.t and ArmState.t of two clocks?"
+        )
     if not len(outside):
         return ""
     k = int(outside[0])
-    return (f"{arm.names[k]} reads {q_read[k]:.4g}, wanted {arm.q_min[k]:.2f} to"
-            f" {arm.q_max[k]:.2f} rad: readings are in radians, in the order of arm.names; are"
-            " these in degrees, or of another joint?")  # fmt: skip
+    return (
+        f"{arm.names[k]} reads {q_read[k]:.4g}, wanted {arm.q_min[k]:.2f} to"
+        f" {arm.q_max[k]:.2f} rad: readings are in radians, in the order of arm.names; are"
+        " these in degrees, or of another joint?"
+    )
 
 
 def _listed(row: Array) -> list[float | None]:

@@ -34,7 +34,9 @@ from mitt.signals import TICK, Array, Command
 #: Row of a command that a robot follows.
 ROWS = {"torque": 3, "velocity": 1, "position": 0}
 #: Largest bandwidth [rad/s], delay [s] and time between two setpoints [s] that are taken for meant.
-_QUICKEST, _LATEST, _LONGEST = 1e5, 1.0, 10.0
+_QUICKEST = 1e5
+_LATEST = 1.0
+_LONGEST = 10.0
 
 
 @final

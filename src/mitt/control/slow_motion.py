@@ -12,7 +12,8 @@ from mitt.signals import TICK, Array
 
 #: Fastest that a joint moves [rad/s]: the reduced speed of ISO 10218-1 is 0.25 m/s at the tool, a
 #: quarter of a metre from the joint; and time to that speed [s].
-_FASTEST, _RAMP = 1.0, 0.25
+_FASTEST = 1.0
+_RAMP = 0.25
 #: Share of what the drives can accelerate with, and of the limits of acceleration and jerk, that
 #: is used.
 _GENTLE = 0.3

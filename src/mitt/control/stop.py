@@ -52,14 +52,17 @@ from mitt.signals import TICK, Array
 SHARE = 0.98
 
 #: Kinds of stops that are tried: shares of the largest deceleration, then of the gentle one.
-_HARD, _MILD = (1.0, 0.7, 0.5, 0.35), (1.0, 0.5, 0.25)
+_HARD = (1.0, 0.7, 0.5, 0.35)
+_MILD = (1.0, 0.5, 0.25)
 #: Where trying begins: the hardest stop first, or the gentlest kinds, which mostly are possible.
-HARDEST, EASIEST = 0, len(_HARD)
+HARDEST = 0
+EASIEST = len(_HARD)
 #: How many kinds there are.
 _KINDS = len(_HARD) + len(_MILD)
 #: Instants in equal steps of a stop at constant rates at which its torque is looked at, its end
 #: included; and how far before and after a joint's rest it is, in times of its way there.
-EQUAL_STEPS, _BESIDE = 5, 1e-9
+EQUAL_STEPS = 5
+_BESIDE = 1e-9
 
 #: Time in which a deceleration builds up [s].
 ONSET = 0.002
@@ -68,7 +71,9 @@ INSTANTS = 7
 #: Gap to the end of its range below which an ideal brake of one joint alone is short of room [rad].
 _NEAR = 0.45
 #: Halvings of the interval in which the hardest stop lies, and the interval: shares of the rate.
-_HALVINGS, _LEAST, _MOST = 5, 0.2, 1.6
+_HALVINGS = 5
+_LEAST = 0.2
+_MOST = 1.6
 
 
 class StopWork(NamedTuple):
@@ -171,7 +176,7 @@ def _share_of_stop(arm: Tables, loaded: Record, motion: Array, w: StopWork) -> f
 @kernel
 def choose_stop(
     arm: Tables, loaded: Record, b: Record, motion: Array, first: int, w: StopWork
-) -> float:  # fmt: skip
+) -> float:
     """Find a stop that the drives can make; its decelerations are ``w.rates``.
 
     Args:
@@ -217,7 +222,7 @@ def stop_by(b: Record, last: Array, rates: Array, desired: Array) -> None:
 @kernel
 def clamp_to_reserve(
     arm: Tables, loaded: Record, b: Record, last: Array, desired: Array, w: StopWork
-) -> bool:  # fmt: skip
+) -> bool:
     """Replace a motion that the drives could not stop any more by braking; say whether it was.
 
     One that takes no more torque to stop than the last motion does may pass in any case: it leads
@@ -339,8 +344,9 @@ def plan_brake(arm: Arm, t: float, motion: Array) -> Brake:
     arm, t = checks.instance("arm", arm, Arm), checks.number("t", t, finite=True)
     motion = checks.array("motion", motion, (3, arm.n), finite=True)
     if np.abs(motion).max() > 1e6:
-        raise InputError("motion", "numbers of at most 1e+06", "larger ones",
-                         do="give rad, rad/s and rad/s^2")  # fmt: skip
+        raise InputError(
+            "motion", "numbers of at most 1e+06", "larger ones", do="give rad, rad/s and rad/s^2"
+        )
     if arm.limits.smooth:
         return _in_ticks(arm, t, motion, bounds_of(arm))
     rate = trusted_deceleration(arm, motion[0])

@@ -79,11 +79,18 @@ def tracking_of(arm: Arm) -> Tracking:
     n, links, rate = arm.n, len(arm.bodies), arm.limits.torque_rate
     change = np.full(n, np.inf) if rate is None else arm.active(rate) * TICK
     return Tracking(
-        drives=arm.limits.packed.copy(), change=change, before=np.full(n, np.inf),
-        push=np.zeros(n), coast=np.zeros(n), tau_desired=np.zeros(links), speed=np.zeros(links),
-        kept=np.zeros(links), given=np.zeros(links), level=np.zeros(links),
+        drives=arm.limits.packed.copy(),
+        change=change,
+        before=np.full(n, np.inf),
+        push=np.zeros(n),
+        coast=np.zeros(n),
+        tau_desired=np.zeros(links),
+        speed=np.zeros(links),
+        kept=np.zeros(links),
+        given=np.zeros(links),
+        level=np.zeros(links),
         dynamics=dynamics_scratch(links),
-    )  # fmt: skip
+    )
 
 
 @kernel
@@ -127,9 +134,14 @@ def derate(
 
 @kernel
 def track(
-    w: Tracking, arm: Tables, bounds: Record, bandwidth: float, estimated: Array, command: Array,
+    w: Tracking,
+    arm: Tables,
+    bounds: Record,
+    bandwidth: float,
+    estimated: Array,
+    command: Array,
     passed: float,
-) -> bool:  # fmt: skip
+) -> bool:
     """Write the torques that follow a motion within every limit.
 
     Args:

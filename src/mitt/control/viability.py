@@ -48,7 +48,9 @@ _LOOKS = 40
 _TRIFLE = 1e-9
 
 #: What became of a desired motion: passed as it was, kept within the limits, replaced by braking.
-PASSED, KEPT, BLOCKED = 0, 1, 2
+PASSED = 0
+KEPT = 1
+BLOCKED = 2
 
 
 class Safety(NamedTuple):
@@ -88,10 +90,18 @@ def safety_of(arm: Arm, around: Surroundings, load: float = 0.0) -> Safety:
     """
     (shapes, bounds), n = _shapes_and_bounds(arm, around, load), arm.n
     return Safety(
-        arm.tables, arm.holding(load).bodies, bounds.copy(), shapes.table, shapes.pairs,
-        np.full(n + 1, -np.inf), shapes.ends, np.zeros((3, n)), np.zeros((3, n)), np.zeros(n),
+        arm.tables,
+        arm.holding(load).bodies,
+        bounds.copy(),
+        shapes.table,
+        shapes.pairs,
+        np.full(n + 1, -np.inf),
+        shapes.ends,
+        np.zeros((3, n)),
+        np.zeros((3, n)),
+        np.zeros(n),
         stop_work(arm),
-    )  # fmt: skip
+    )
 
 
 @lru_cache(maxsize=32)

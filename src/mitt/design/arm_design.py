@@ -106,16 +106,21 @@ def region_of(
         hand.append(said.place[said.share <= 1.0])
         names = np.array(said.binding).reshape(shares.shape)
         worst = np.argmax(shares, axis=1)
-        binding.append(tuple(
-            "" if share[n] <= 1.0 else str(name[n])
-            for share, name, n in zip(shares, names, worst, strict=True)
-        ))  # fmt: skip
+        binding.append(
+            tuple(
+                "" if share[n] <= 1.0 else str(name[n])
+                for share, name, n in zip(shares, names, worst, strict=True)
+            )
+        )
         progress("region", k + 1, len(steps))
     return Region(
-        across=steps, height=c.aim[0, 2] + steps, caught=np.array(caught),
-        hand=np.concatenate(hand), binding=tuple(binding),
+        across=steps,
+        height=c.aim[0, 2] + steps,
+        caught=np.array(caught),
+        hand=np.concatenate(hand),
+        binding=tuple(binding),
         box=(float(c.aim[1, 1]), float(c.aim[1, 2])),
-    )  # fmt: skip
+    )
 
 
 def _row(f: DirectMap, c: Candidate, task: Task, across: Array, up: float) -> Verdicts:
@@ -139,7 +144,8 @@ def _through(point: Array, task: Task, faster: float) -> BallState:
 
 
 #: Seeds: of the throws at several speeds, and of the fresh ones at the fastest of these.
-_SPEEDS_SEED, _SURE_SEED = REPORTED + 1000, REPORTED + 5000
+_SPEEDS_SEED = REPORTED + 1000
+_SURE_SEED = REPORTED + 5000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -197,15 +203,22 @@ def task_at(task: Task, speed: float) -> Task:
     short, long = (longer * t for t in usual.duration)
     aside = task.balls.azimuth
     ranges = replace(
-        usual, speed=(0.95 * speed, 1.05 * speed), duration=(short, long),
+        usual,
+        speed=(0.95 * speed, 1.05 * speed),
+        duration=(short, long),
         azimuth=(aside + usual.azimuth[0], aside + usual.azimuth[1]),
-        distance=(0.8 * short * speed, long * speed), drag=task.scene.ball.drag,
-    )  # fmt: skip
+        distance=(0.8 * short * speed, long * speed),
+        drag=task.scene.ball.drag,
+    )
     arrivals = of_default_throws(ranges)
     return replace(
-        task, balls=arrivals.balls(aim=task.balls.aim), ranges=ranges, arrivals=arrivals.ranges(),
-        throws=(), recordings=(),
-    )  # fmt: skip
+        task,
+        balls=arrivals.balls(aim=task.balls.aim),
+        ranges=ranges,
+        arrivals=arrivals.ranges(),
+        throws=(),
+        recordings=(),
+    )
 
 
 def release_speed(task: Task) -> float:
@@ -219,9 +232,14 @@ def release_speed(task: Task) -> float:
 
 
 def by_speed(
-    evaluator: Evaluator, c: Candidate, task: Task, speeds: Sequence[float], *, throws: int,
+    evaluator: Evaluator,
+    c: Candidate,
+    task: Task,
+    speeds: Sequence[float],
+    *,
+    throws: int,
     stage: str = "speeds",
-) -> list[AtSpeed]:  # fmt: skip
+) -> list[AtSpeed]:
     """Return how a design does at several speeds, its map learned for each.
 
     Speeds are those at release [m/s]; ``stage`` is what the progress calls it.
@@ -244,8 +262,10 @@ def _described(
     None, and no rows, where it is not thrown at.
     """
     task = evaluator.task
-    asked = [to_report(c, task, effort),
-             *_at_speeds(c, task, effort.speeds, throws=effort.each_speed)]  # fmt: skip
+    asked = [
+        to_report(c, task, effort),
+        *_at_speeds(c, task, effort.speeds, throws=effort.each_speed),
+    ]
     worth, *rest = evaluator.try_each("reporting", asked)
     if worth.failed:
         return None, ()
@@ -255,14 +275,24 @@ def _described(
 def _at(speed: float, w: Evaluation) -> AtSpeed:
     """Return one row; what was not thrown at has no throws, and says why."""
     limit = w.failed or w.binding or None
-    return AtSpeed(speed_m_s=speed, throws=w.thrown, feasible=w.clean,
-                   force_n=w.force if w.caught else None, binding_limit=limit)  # fmt: skip
+    return AtSpeed(
+        speed_m_s=speed,
+        throws=w.thrown,
+        feasible=w.clean,
+        force_n=w.force if w.caught else None,
+        binding_limit=limit,
+    )
 
 
 def fastest(
-    evaluator: Evaluator, c: Candidate, task: Task, rows: Sequence[AtSpeed], effort: Effort, *,
+    evaluator: Evaluator,
+    c: Candidate,
+    task: Task,
+    rows: Sequence[AtSpeed],
+    effort: Effort,
+    *,
     own: float,
-) -> Fastest:  # fmt: skip
+) -> Fastest:
     """Return the last speed before the first failure, and what fresh throws say of it.
 
     Args:
@@ -281,16 +311,24 @@ def fastest(
     if failed is not None and good:
         for k in range(NEARER):
             middle = 0.5 * (low + failed)
-            at = by_speed(evaluator, c, task, [middle], throws=effort.each_speed,
-                          stage=part_of("nearer", k, NEARER))  # fmt: skip
+            at = by_speed(
+                evaluator,
+                c,
+                task,
+                [middle],
+                throws=effort.each_speed,
+                stage=part_of("nearer", k, NEARER),
+            )
             if at[0].enough:
                 low = middle
                 good.add(middle)
             else:
                 failed = middle
     first = effort.sure // 2  # two halves, thrown side by side
-    halves = [Procedure(throws=n, seed=_SURE_SEED + k, give_up=False, images=True)
-              for k, n in enumerate((first, effort.sure - first))]  # fmt: skip
+    halves = [
+        Procedure(throws=n, seed=_SURE_SEED + k, give_up=False, images=True)
+        for k, n in enumerate((first, effort.sure - first))
+    ]
     for speed in sorted(good, reverse=True):
         there = task_at(task, speed)
         one, other = evaluator.try_each("fastest", [(c, there, by) for by in halves])
@@ -384,9 +422,11 @@ class Design:
     @property
     def joints(self) -> tuple[str, ...]:
         """Names of the active joints."""
-        return () if self.best is None else tuple(
-            self.whole.names[k] for k in self.best.candidate.active
-        )  # fmt: skip
+        return (
+            ()
+            if self.best is None
+            else tuple(self.whole.names[k] for k in self.best.candidate.active)
+        )
 
     def as_json(self) -> dict[str, object]:
         """Return what ``mitt design --json`` prints."""
@@ -451,9 +491,14 @@ class Design:
         else:
             return ThrowSettings(at=at, around=around)
         return ThrowSettings(
-            at=at, around=around, duration=ranges.duration, speed=ranges.speed,
-            distance=ranges.distance, azimuth=ranges.azimuth, height=ranges.height,
-        )  # fmt: skip
+            at=at,
+            around=around,
+            duration=ranges.duration,
+            speed=ranges.speed,
+            distance=ranges.distance,
+            azimuth=ranges.azimuth,
+            height=ranges.height,
+        )
 
 
 def rate_of(count: int, of: int) -> str:
@@ -463,10 +508,17 @@ def rate_of(count: int, of: int) -> str:
 
 
 def design(
-    whole: Arm, task: Task, effort: Effort, *, progress: Progress,
-    joints: Sequence[str] | None = None, engine: Engine | None = None, rate: float = RATE,
-    answers: Answers | None = None, start: Candidate | None = None,
-) -> Design:  # fmt: skip
+    whole: Arm,
+    task: Task,
+    effort: Effort,
+    *,
+    progress: Progress,
+    joints: Sequence[str] | None = None,
+    engine: Engine | None = None,
+    rate: float = RATE,
+    answers: Answers | None = None,
+    start: Candidate | None = None,
+) -> Design:
     """Find what an arm can catch and the map that does it.
 
     Args:
@@ -498,18 +550,27 @@ def design(
         if again is not None:
             best, task = again
             own = release_speed(task)
-            rows = tuple(by_speed(evaluator, best.candidate, task, effort.speeds,
-                                  throws=effort.each_speed))  # fmt: skip
+            rows = tuple(
+                by_speed(evaluator, best.candidate, task, effort.speeds, throws=effort.each_speed)
+            )
         reason = _reason(lost, None if again is None else best, own)
     most, region = Fastest(speed_m_s=own), None
     if best is not None:
         region = region_of(whole, best.candidate, task, total, each_way=effort.grid)
         most = fastest(evaluator, best.candidate, task, rows, effort, own=own)
     return Design(
-        whole=whole, task=task, found=found, reason=reason, best=best, fastest=most, rows=rows,
-        seconds=monotonic() - began, left_out=evaluator.tally.told(),
-        confirmed=tuple(confirmed) if found else (), region=region,
-    )  # fmt: skip
+        whole=whole,
+        task=task,
+        found=found,
+        reason=reason,
+        best=best,
+        fastest=most,
+        rows=rows,
+        seconds=monotonic() - began,
+        left_out=evaluator.tally.told(),
+        confirmed=tuple(confirmed) if found else (),
+        region=region,
+    )
 
 
 def best_so_far(whole: Arm, answers: Answers, rate: float) -> Design | None:
@@ -520,8 +581,14 @@ def best_so_far(whole: Arm, answers: Answers, rate: float) -> Design | None:
     if answers.best is None:
         return None
     task, worth = answers.best
-    return Design(whole=whole, task=task, found=False, reason="the search was broken off",
-                  best=ranked(worth, rate)[0], fastest=Fastest(speed_m_s=0.0))  # fmt: skip
+    return Design(
+        whole=whole,
+        task=task,
+        found=False,
+        reason="the search was broken off",
+        best=ranked(worth, rate)[0],
+        fastest=Fastest(speed_m_s=0.0),
+    )
 
 
 def softer(whole: Arm) -> str:
@@ -538,13 +605,13 @@ def softer(whole: Arm) -> str:
 #: Why most candidates had no pose, by the kind of what hindered them.
 _HINDERED = {
     "hold": "{0} is too weak to hold the arm in most of them; are the torques those of its drives?"
-            " others go into a limits file (--limits FILE.toml)",
+    " others go into a limits file (--limits FILE.toml)",
     "torque": "{0} is too weak to bring the hand to the speed of the ball",
     "speed": "{0} is too slow to bring the hand to the speed of the ball",
     "range": "they begin at the end of a range",
     "clearance": "the arm touches itself or the floor in most of them",
     "domain": "the flights leave the domain of most of their maps",
-}  # fmt: skip
+}
 
 
 def _kind(hindrance: str) -> str:

@@ -72,8 +72,14 @@ class Candidate:
         about_z = transform(rotation(np.array([0.0, 0.0, 1.0]), self.turn))
         mount = mounting(whole.model.hand)[1]  # the turn is that of the arm's own plate
         tool = whole.model.tool @ np.linalg.inv(mount) @ about_z @ mount
-        model = replace(whole.model, links=links, q_ready=self.q_ready, tool=tool, aim=self.aim,
-                        arrivals=arrivals)  # fmt: skip
+        model = replace(
+            whole.model,
+            links=links,
+            q_ready=self.q_ready,
+            tool=tool,
+            aim=self.aim,
+            arrivals=arrivals,
+        )
         return Arm(model, whole.limits)
 
     @property
@@ -108,8 +114,12 @@ def candidate_of(whole: Arm, file: ArmFile) -> Candidate:
     """
     d, box = file.map, file.throws
     if d is None or box is None or box.at is None or box.around is None:
-        raise InputError("--effort refine", "an arm with a design, [map] and at of [throws]",
-                         "one without", do="say --effort full")  # fmt: skip
+        raise InputError(
+            "--effort refine",
+            "an arm with a design, [map] and at of [throws]",
+            "one without",
+            do="say --effort full",
+        )
     arm, names, at = file.load(), list(whole.names), np.array(box.at)
     held = {x.name: x.held for x in arm.model.links if x.held is not None}
     active = [names.index(x) for x in arm.names]
@@ -129,10 +139,17 @@ def candidate_of(whole: Arm, file: ArmFile) -> Candidate:
     there = q_o[list(d.free)]
     there[catch] = d.q_catch + np.dot(d.slope, there[others])
     return Candidate(
-        q=q + A @ np.linalg.solve(A[free], there - ready), free=(a, b, c), A=A, catch=catch,
-        kappa=d.kappa, inward=d.inward, ready=ready, aim=np.array([at, box.around]),
-        turn=file.hand_turn, match_weight=d.match_weight,
-    )  # fmt: skip
+        q=q + A @ np.linalg.solve(A[free], there - ready),
+        free=(a, b, c),
+        A=A,
+        catch=catch,
+        kappa=d.kappa,
+        inward=d.inward,
+        ready=ready,
+        aim=np.array([at, box.around]),
+        turn=file.hand_turn,
+        match_weight=d.match_weight,
+    )
 
 
 def within(whole: Arm, q: Array, margin: float) -> NDArray[np.bool_]:
@@ -165,9 +182,9 @@ class _Change(NamedTuple):
 _CHANGE = _Change()
 
 
-def mutated(whole: Arm, c: Candidate, rng: np.random.Generator, *, size: float, moves: bool) -> (
-    Candidate
-):  # fmt: skip
+def mutated(
+    whole: Arm, c: Candidate, rng: np.random.Generator, *, size: float, moves: bool
+) -> Candidate:
     """Return a candidate a little different.
 
     Changes have ``size`` 1 at first. Where ``moves``, the aim goes with the catch point.
@@ -205,10 +222,16 @@ def mutated(whole: Arm, c: Candidate, rng: np.random.Generator, *, size: float, 
     aim = _aim(c.aim, whole.position(q) - whole.position(c.q), size, rng) if moves else c.aim
     turn = c.turn + (np.pi / 3.0 if rng.random() < 0.1 else 0.0)
     return replace(
-        c, q=q, A=A, ready=_inside(whole, ready, np.array(free)), kappa=min(kappa, 50.0),
-        inward=float(np.clip(inward, -50.0, 50.0)), aim=aim, match_weight=_weight(c, size, rng),
+        c,
+        q=q,
+        A=A,
+        ready=_inside(whole, ready, np.array(free)),
+        kappa=min(kappa, 50.0),
+        inward=float(np.clip(inward, -50.0, 50.0)),
+        aim=aim,
+        match_weight=_weight(c, size, rng),
         turn=float(np.mod(turn, 2.0 * np.pi / 3.0)),
-    )  # fmt: skip
+    )
 
 
 def _weight(c: Candidate, size: float, rng: np.random.Generator) -> float:

@@ -60,17 +60,19 @@ def whole_arm(
         tip = read_described(path).tree.flange
     if tip is None and is_described(path):
         links = ", ".join(read_described(path).tree.links) or "none"
-        raise ModelError("--tip", "the link or site of the palm", "none",
-                         do=f"links of {arm}: {links}")  # fmt: skip
+        raise ModelError(
+            "--tip", "the link or site of the palm", "none", do=f"links of {arm}: {links}"
+        )
     names = None if tip is None else driven_joints(path, tip, given, joints)
-    whole = build_arm(arm, tip=tip, joints=names, limits=given, hand=hand,
-                     hand_mount=mount)  # fmt: skip
+    whole = build_arm(arm, tip=tip, joints=names, limits=given, hand=hand, hand_mount=mount)
     endless = [link.name for link in whole.model.links if link.held is not None]
     if endless:
         raise ModelError(
-            str(arm), "a range for each joint with a torque and a speed", f"none for {endless}",
+            str(arm),
+            "a range for each joint with a torque and a speed",
+            f"none for {endless}",
             do="state it in the file or by --limits",
-        )  # fmt: skip
+        )
     return whole
 
 

@@ -46,7 +46,8 @@ from mitt.world.throws import Throw
 
 #: Time after its release at which the arm starts [s]; of a recorded ball, time before it passes the
 #: catch point.
-START, _BEFORE = 0.05, 0.4
+START = 0.05
+_BEFORE = 0.4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -221,10 +222,13 @@ class _Discount(NamedTuple):
     behind: float = 10.0  # the same beyond that angle [1/rad]
 
 
-_PAPER, _DISCOUNT = _Paper(), _Discount()
+_PAPER = _Paper()
+_DISCOUNT = _Discount()
 #: Seed and number of the balls that candidates are judged by, and the share of them from which a
 #: candidate may be among the best: half of those that geometry finds are below it.
-_JUDGE_SEED, _JUDGED, _HOPELESS = 32, 30, 0.2
+_JUDGE_SEED = 32
+_JUDGED = 30
+_HOPELESS = 0.2
 #: Flights on which a candidate is tried on paper: a few show whether balls come to where it can
 #: meet them.
 _ON_PAPER = Neighbourhood(flights=6, instants=7, kicked=0.0, bounced=0.0)
@@ -303,11 +307,14 @@ class Evaluation:
         caught = self.caught + other.caught
         mine = 0.5 if caught == 0 else self.caught / caught
         return replace(
-            self, thrown=self.thrown + other.thrown, caught=caught, clean=self.clean + other.clean,
+            self,
+            thrown=self.thrown + other.thrown,
+            caught=caught,
+            clean=self.clean + other.clean,
             hard=self.hard + other.hard,
             speed=mine * self.speed + (1.0 - mine) * other.speed,
             force=mine * self.force + (1.0 - mine) * other.force,
-        )  # fmt: skip
+        )
 
     def __str__(self) -> str:
         """Say in a few words what it catches, as ``12 of 12 caught, 1.2 m/s, 140 N``."""
@@ -419,9 +426,7 @@ def judged(c: Candidate, f: DirectMap, task: Task) -> Evaluation:
     said = verdicts(f, balls[: _JUDGED // 3], arm, settings)
     if _able(said) >= _HOPELESS:
         said = said.joined(verdicts(f, balls[_JUDGED // 3 :], arm, settings))
-    return Evaluation(
-        candidate=c, able=_able(said), speed=_middle(said.speed), binding=said.binds
-    )  # fmt: skip
+    return Evaluation(candidate=c, able=_able(said), speed=_middle(said.speed), binding=said.binds)
 
 
 def _able(said: Verdicts) -> float:
@@ -450,9 +455,15 @@ def _middle(x: Array) -> float:
 
 
 def thrown(
-    c: Candidate, f: DirectMap, task: Task, *, throws: int, seed: int, give_up: bool = True,
+    c: Candidate,
+    f: DirectMap,
+    task: Task,
+    *,
+    throws: int,
+    seed: int,
+    give_up: bool = True,
     images: bool = False,
-) -> Evaluation:  # fmt: skip
+) -> Evaluation:
     """Return what a learned map is worth in the simulated world; see :func:`trials_of`."""
     trials = trials_of(f, task, throws=throws, seed=seed, give_up=give_up, images=images)
     throws = len(trials)
@@ -473,9 +484,14 @@ def thrown(
 
 
 def trials_of(
-    f: DirectMap, task: Task, *, throws: int, seed: int, give_up: bool = False,
+    f: DirectMap,
+    task: Task,
+    *,
+    throws: int,
+    seed: int,
+    give_up: bool = False,
     images: bool = False,
-) -> list[Trial]:  # fmt: skip
+) -> list[Trial]:
     """Return scored throws at a map: default throws at its arm's aim, or those of the task.
 
     Where ``give_up``, a third of them suffices where less than 70 % of these are caught. The ball

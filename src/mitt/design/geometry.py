@@ -81,7 +81,8 @@ class _Cost(NamedTuple):
     outside: float = 2.0  # where all balls are outside the domain early on their way
 
 
-_DRAW, _COST = _Draw(), _Cost()
+_DRAW = _Draw()
+_COST = _Cost()
 
 
 class Rows(NamedTuple):
@@ -170,17 +171,19 @@ def candidates_of(
             np.abs(swing), 1e-9
         )
         ready = rows.q[k, free] + np.clip(room.min(), 0.0, 1.0) * (ready - rows.q[k, free])
-        out.append(Candidate(
-            q=rows.q[k].copy(),
-            free=(int(free[0]), int(free[1]), int(free[2])),
-            catch=int(np.argmax(order == 2)),
-            kappa=float(rows.kappa[k]),
-            inward=float(rows.inward[k]),
-            A=A,
-            ready=ready,
-            aim=boxes[k].copy(),
-            match_weight=float(rows.weight[k]),
-        ))  # fmt: skip
+        out.append(
+            Candidate(
+                q=rows.q[k].copy(),
+                free=(int(free[0]), int(free[1]), int(free[2])),
+                catch=int(np.argmax(order == 2)),
+                kappa=float(rows.kappa[k]),
+                inward=float(rows.inward[k]),
+                A=A,
+                ready=ready,
+                aim=boxes[k].copy(),
+                match_weight=float(rows.weight[k]),
+            )
+        )
     return out
 
 
@@ -195,8 +198,9 @@ def share_inside(whole: Arm, balls: Balls, rows: Rows) -> Array:
     scratch, inside = scratch_of(whole.n), np.zeros(len(rows.q))
     for k in range(len(rows.q)):
         tangent = _tangent(whole, rows, k)
-        inside[k] = np.mean([invert(tangent, rows.tip[k] + x, rows.q[k].copy(), scratch)
-                             for x in ways])  # fmt: skip
+        inside[k] = np.mean(
+            [invert(tangent, rows.tip[k] + x, rows.q[k].copy(), scratch) for x in ways]
+        )
     return inside
 
 
@@ -217,18 +221,26 @@ def _tangent(whole: Arm, rows: Rows, k: int) -> Tangent:
     a, b, c = free[order].tolist()
     i = int(free[2])
     return Tangent(
-        chain=whole.chain, free=(a, b, c), catch_joint=i, catch=int(np.argmax(order == 2)),
-        q_catch=float(q[i] - A[i, :2] @ q[free[:2]]), kappa=float(rows.kappa[k]),
-        inward=float(rows.inward[k]), q_rest=q, A=np.ascontiguousarray(A[:, order]), planar=False,
+        chain=whole.chain,
+        free=(a, b, c),
+        catch_joint=i,
+        catch=int(np.argmax(order == 2)),
+        q_catch=float(q[i] - A[i, :2] @ q[free[:2]]),
+        kappa=float(rows.kappa[k]),
+        inward=float(rows.inward[k]),
+        q_rest=q,
+        A=np.ascontiguousarray(A[:, order]),
+        planar=False,
         plane=np.zeros(7),
-    )  # fmt: skip
+    )
 
 
 #: Time for which the joints go on at their speeds after the catch, until the arm has braked [s].
 BRAKED = 0.1
 #: Largest angle at which a ball may come in off the palm's normal [rad], and speed below which it
 #: does not matter [m/s].
-STRAIGHT, SOFT = np.deg2rad(45.0), 1.0
+STRAIGHT = np.deg2rad(45.0)
+SOFT = 1.0
 #: Places in the box (across, up) and azimuth there [rad], and the balls that come to each: speed
 #: and descent from the least (-1) to the most (1).
 _PLACES = (
@@ -386,9 +398,12 @@ def drawn(
 
 
 def _of_three(
-    whole: Arm, balls: Balls, of: tuple[Array, Poses], triples: NDArray[np.int64],
+    whole: Arm,
+    balls: Balls,
+    of: tuple[Array, Poses],
+    triples: NDArray[np.int64],
     rng: np.random.Generator,
-) -> Rows:  # fmt: skip
+) -> Rows:
     """Return poses in which three joints meet the typical ball, the others held."""
     chosen, row = _choices(len(of[0]), triples, _DRAW.alone, rng)
     A = sloped(alone(chosen, whole.n), _slopes(len(row), rng))
@@ -396,9 +411,12 @@ def _of_three(
 
 
 def _of_all(
-    whole: Arm, balls: Balls, of: tuple[Array, Poses], triples: NDArray[np.int64],
+    whole: Arm,
+    balls: Balls,
+    of: tuple[Array, Poses],
+    triples: NDArray[np.int64],
     rng: np.random.Generator,
-) -> Rows:  # fmt: skip
+) -> Rows:
     """Return poses in which further joints follow the three."""
     chosen, row = _choices(len(of[0]), triples, _DRAW.shared, rng)
     weights = np.where(rng.random((len(row), whole.n)) < _DRAW.held, 0.0, whole.dq_max**2)
@@ -465,9 +483,9 @@ def _same_line(rows: Rows, rng: np.random.Generator, *, size: float) -> Rows:
     )
 
 
-def _able(whole: Arm, balls: Balls, q: Array, touch: Touch) -> (
-    tuple[Array, Poses, NDArray[np.int64]]
-):  # fmt: skip
+def _able(
+    whole: Arm, balls: Balls, q: Array, touch: Touch
+) -> tuple[Array, Poses, NDArray[np.int64]]:
     """Return the poses clear of floor and arm with the palm towards the ball, and their indices."""
     if balls.aim is not None:
         q = led(whole, q, balls)
@@ -480,9 +498,13 @@ def _able(whole: Arm, balls: Balls, q: Array, touch: Touch) -> (
 
 
 def _met(
-    whole: Arm, v: Array, of: tuple[Array, Poses], moving: tuple[NDArray[np.int64], Array],
-    row: NDArray[np.int64], rng: np.random.Generator,
-) -> Rows:  # fmt: skip
+    whole: Arm,
+    v: Array,
+    of: tuple[Array, Poses],
+    moving: tuple[NDArray[np.int64], Array],
+    row: NDArray[np.int64],
+    rng: np.random.Generator,
+) -> Rows:
     """Return the rows whose joints meet a ball of velocity v within their speeds.
 
     ``moving`` has the free joints and how all share the motion, ``row`` which pose each row has.
@@ -498,9 +520,14 @@ def _met(
 
 
 def _rows(
-    whole: Arm, of: tuple[Array, Poses], moving: tuple[NDArray[np.int64], Array],
-    row: NDArray[np.int64], d: Array, found: Interception, rng: np.random.Generator,
-) -> Rows:  # fmt: skip
+    whole: Arm,
+    of: tuple[Array, Poses],
+    moving: tuple[NDArray[np.int64], Array],
+    row: NDArray[np.int64],
+    d: Array,
+    found: Interception,
+    rng: np.random.Generator,
+) -> Rows:
     """Return what meets the ball so that it comes into the palm and the joints can brake after."""
     (q, poses), (chosen, A) = of, moving
     speeds = np.einsum("bka,ba->bk", A, found.x)
@@ -508,9 +535,16 @@ def _rows(
     good = within(whole, q[row] + BRAKED * speeds, 0.0) & (straight | (found.s < SOFT))
     effort = np.abs(speeds / whole.dq_max).max(axis=1)
     return Rows(
-        q=q[row], free=chosen, kappa=found.kappa, inward=found.inward, A=A, x=found.x,
-        tip=poses.tip[row], score=found.s + 0.3 * effort, weight=drawn_weights(len(chosen), rng),
-    ).take(good)  # fmt: skip
+        q=q[row],
+        free=chosen,
+        kappa=found.kappa,
+        inward=found.inward,
+        A=A,
+        x=found.x,
+        tip=poses.tip[row],
+        score=found.s + 0.3 * effort,
+        weight=drawn_weights(len(chosen), rng),
+    ).take(good)
 
 
 def _into(palm: Array, J: Array, w: Array, rng: np.random.Generator) -> Array:

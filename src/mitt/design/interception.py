@@ -38,7 +38,8 @@ from mitt.signals import Array
 
 #: Least determinant of the free joints' part, as a share of the product of its rows' lengths, and
 #: largest share of a further joint per free one, for which joints share the motion.
-_SHARED_SINGULAR, _LARGEST_SHARE = 0.05, 3.0
+_SHARED_SINGULAR = 0.05
+_LARGEST_SHARE = 3.0
 #: Largest share of a joint that counts as still.
 _STILL_SHARE = 0.02
 
@@ -201,7 +202,8 @@ def bounded(J: Array, v: Array, low: Array, high: Array) -> Array:
 
 
 #: By what a joint is made quicker, and all links longer.
-QUICKER, LONGER = 1.5, 1.2
+QUICKER = 1.5
+LONGER = 1.2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -261,10 +263,14 @@ def faster_joints(whole: Arm, c: Candidate, balls: Balls) -> list[FasterJoint]:
     for k in c.active:
         quicker = catch.allowed.copy()
         quicker[k] *= QUICKER
-        out.append(FasterJoint(
-            joint=whole.names[k], share=float(share[k]), relative_m_s=now,
-            quicker_m_s=min(catch.least(quicker), now),
-        ))  # fmt: skip
+        out.append(
+            FasterJoint(
+                joint=whole.names[k],
+                share=float(share[k]),
+                relative_m_s=now,
+                quicker_m_s=min(catch.least(quicker), now),
+            )
+        )
     return out
 
 

@@ -75,7 +75,8 @@ def _turns(axis: Array, angle: Array) -> Array:
 
 #: Height above the floor that joints and catch point keep [m], and distance of the catch point
 #: from joints that are not next to it [m]; choices of this project.
-_ABOVE, _APART = 0.12, 0.16
+_ABOVE = 0.12
+_APART = 0.16
 
 
 def facing(whole: Arm, q: Array, rng: np.random.Generator) -> Array:

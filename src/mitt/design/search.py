@@ -42,9 +42,12 @@ from mitt.files.schema import to_plain
 
 #: Seeds of the throws by which candidates are compared, and by which the best is chosen; all of
 #: a search lie below those of the throws that are reported (:data:`REPORTED`).
-_COMPARE, _CONFIRM, _AGAIN = 100, 1000, 1500
+_COMPARE = 100
+_CONFIRM = 1000
+_AGAIN = 1500
 #: Stages of small changes; each draws its own.
-_BY_THROWS, _BY_VERDICTS = 2, 3
+_BY_THROWS = 2
+_BY_VERDICTS = 3
 #: What a catch that is harder by 1 m/s costs, in shares of throws; the best for each are kept.
 PRICES = (0.005, 0.1, 0.03, 0.2)
 #: How often the speed of the fastest throws is bisected.
@@ -122,10 +125,15 @@ class Effort:
     def less(self) -> "Effort":
         """Return less of it, for one of several searches."""
         return replace(
-            self, judged=self.judged // 3, generations=self.generations // 2,
-            thrown=self.thrown // 2, throws=self.throws[:3], last=1, confirm=self.throws[0],
+            self,
+            judged=self.judged // 3,
+            generations=self.generations // 2,
+            thrown=self.thrown // 2,
+            throws=self.throws[:3],
+            last=1,
+            confirm=self.throws[0],
             more=4 * self.throws[0],
-        )  # fmt: skip
+        )
 
     def halved(self) -> "Effort":
         """Return it with half as many candidates, for an arm with one set of three joints.
@@ -133,22 +141,54 @@ class Effort:
         Rounds of small changes by verdicts are two thirds, those by throws two less.
         """
         return replace(
-            self, judged=(self.judged + 1) // 2, generations=(2 * self.generations + 2) // 3,
-            offspring=(self.offspring + 1) // 2, thrown=(self.thrown + 1) // 2,
-            throws=self.throws[:-2], parents=(self.parents + 1) // 2,
-            children=(self.children + 1) // 2, last=self.last // 2, again=self.again // 2,
-        )  # fmt: skip
+            self,
+            judged=(self.judged + 1) // 2,
+            generations=(2 * self.generations + 2) // 3,
+            offspring=(self.offspring + 1) // 2,
+            thrown=(self.thrown + 1) // 2,
+            throws=self.throws[:-2],
+            parents=(self.parents + 1) // 2,
+            children=(self.children + 1) // 2,
+            last=self.last // 2,
+            again=self.again // 2,
+        )
 
 
 #: By name: what ``mitt design --effort`` may ask for.
 EFFORTS = {
-    "quick": Effort(rounds=2, changes=8, judged=16, generations=4, offspring=40, thrown=6,
-                    throws=(12, 12), children=8, last=1, confirm=20, more=80),
+    "quick": Effort(
+        rounds=2,
+        changes=8,
+        judged=16,
+        generations=4,
+        offspring=40,
+        thrown=6,
+        throws=(12, 12),
+        children=8,
+        last=1,
+        confirm=20,
+        more=80,
+    ),
     "full": Effort(),
-    "refine": Effort(rounds=0, changes=0, judged=0, generations=2, offspring=24, thrown=8,
-                     throws=(16, 24, 32), parents=3, children=10, last=3, confirm=40, again=2,
-                     more=160, size=0.4, weights=(1.0,), images=True),
-}  # fmt: skip
+    "refine": Effort(
+        rounds=0,
+        changes=0,
+        judged=0,
+        generations=2,
+        offspring=24,
+        thrown=8,
+        throws=(16, 24, 32),
+        parents=3,
+        children=10,
+        last=3,
+        confirm=40,
+        again=2,
+        more=160,
+        size=0.4,
+        weights=(1.0,),
+        images=True,
+    ),
+}
 
 
 def effort_of(name: str, joints: int) -> Effort:
@@ -178,7 +218,9 @@ _LEARNED = {"glance": 3.6, "quick": 5.8, "many": 14.5, "full": 22.0}
 _SEEN = 2.6
 #: A round of poses, one of small changes of them, and a candidate on paper. The rounds take half or
 #: twice as long as for most arms where few or many poses meet the ball.
-_DRAWN, _CHANGED, _TRIED = 18.0, 3.0, 0.3
+_DRAWN = 18.0
+_CHANGED = 3.0
+_TRIED = 0.3
 
 
 def stages(effort: Effort) -> dict[str, float]:
@@ -300,9 +342,13 @@ class SearchProgress:
 
 
 def search(
-    evaluator: Evaluator, effort: Effort, *, joints: Sequence[str] | None = None,
-    rate: float = RATE, start: Candidate | None = None,
-) -> list[Evaluation]:  # fmt: skip
+    evaluator: Evaluator,
+    effort: Effort,
+    *,
+    joints: Sequence[str] | None = None,
+    rate: float = RATE,
+    start: Candidate | None = None,
+) -> list[Evaluation]:
     """Search for ways to catch; the one to take comes first, and there may be none.
 
     There is none where no candidate has caught a ball within every limit when the best have been
@@ -362,9 +408,14 @@ def _sought(evaluator: Evaluator, effort: Effort, joints: Sequence[str] | None) 
 
 
 def search_of(
-    whole: Arm, task: Task, effort: Effort, *, joints: Sequence[str] | None, rate: float,
+    whole: Arm,
+    task: Task,
+    effort: Effort,
+    *,
+    joints: Sequence[str] | None,
+    rate: float,
     start: Candidate | None = None,
-) -> str:  # fmt: skip
+) -> str:
     """Return all that decides a search, as a digest."""
     arm = to_plain((whole.model, whole.limits))
     return digest(arm, plain_task(task), to_plain(effort), joints, rate, to_plain(start))

@@ -129,8 +129,11 @@ class Answers:
         try:
             self._file = own_file(path, _SCHEMA)
         except BlockingIOError:
-            raise InputError("--out", "a design that no other search is looking for",
-                             f"{path}, where one is looking") from None  # fmt: skip
+            raise InputError(
+                "--out",
+                "a design that no other search is looking for",
+                f"{path}, where one is looking",
+            ) from None
         try:
             size = self._take(head) if resume else 0
             self._begun = bool(self._answers)
@@ -202,8 +205,12 @@ class Answers:
         whole = text[: text.rfind("\n") + 1]
         lines = whole.splitlines()
         if lines and lines[0] != head:
-            raise InputError("--resume", f"the arm, the version and the options of {self._path}",
-                             "others", do="say the same, or --overwrite instead")  # fmt: skip
+            raise InputError(
+                "--resume",
+                f"the arm, the version and the options of {self._path}",
+                "others",
+                do="say the same, or --overwrite instead",
+            )
         for number, line in enumerate(lines[1:], start=2):
             try:
                 question, answer = json.loads(line)
@@ -211,8 +218,12 @@ class Answers:
                 if not set(answer) <= _FIELDS:
                     raise ValueError("another answer")
             except (ValueError, TypeError, RecursionError):
-                raise FileError(f"{self._path} line {number}", "an answer", line[:60],
-                                do="say --overwrite to begin anew") from None  # fmt: skip
+                raise FileError(
+                    f"{self._path} line {number}",
+                    "an answer",
+                    line[:60],
+                    do="say --overwrite to begin anew",
+                ) from None
         return len(whole.encode())
 
     def _write(self, line: str) -> None:
@@ -255,8 +266,9 @@ def _evaluated(job: Job) -> Evaluation:
     worth = judged(c, f, job.task)
     if by.throws == 0 or worth.share < by.least:
         return worth
-    return thrown(c, f, job.task, throws=by.throws, seed=by.seed, give_up=by.give_up,
-                  images=by.images)  # fmt: skip
+    return thrown(
+        c, f, job.task, throws=by.throws, seed=by.seed, give_up=by.give_up, images=by.images
+    )
 
 
 def _failed(c: Candidate, why: str, said: str = "") -> Evaluation:
@@ -314,9 +326,14 @@ class Evaluator:
     """Tries candidates, in this process or by an engine's workers."""
 
     def __init__(
-        self, whole: Arm, task: Task, engine: Engine | None, progress: Progress,
-        tally: Tally | None = None, answers: Answers | None = None,
-    ) -> None:  # fmt: skip
+        self,
+        whole: Arm,
+        task: Task,
+        engine: Engine | None,
+        progress: Progress,
+        tally: Tally | None = None,
+        answers: Answers | None = None,
+    ) -> None:
         """Take what all jobs have in common.
 
         ``progress`` is told what is done, and how much of it. What could not be evaluated is

@@ -82,7 +82,8 @@ _PLACE = np.array([0.77, 0.0, 0.057])
 #: Shares of the throws that arrive slower, or less steeply, than the least, middle and most.
 _QUANTILES = (0.05, 0.5, 0.95)
 #: Steps in which a throw is followed [s], and for how long.
-_STEP, _LONGEST = 0.005, 1.5
+_STEP = 0.005
+_LONGEST = 1.5
 #: Farthest that a user's aim may be off the middle of the throws [m].
 _MISSED = 0.5
 #: By which share the speeds of ranges are wider than those of the throws that they hold.
@@ -101,9 +102,14 @@ class Arrivals(NamedTuple):
         slow, middle, quick = np.quantile(self.speed, _QUANTILES).tolist()
         flat, down, steep = np.quantile(self.descent, _QUANTILES).tolist()
         return Balls(
-            speed=middle, descent=down, speeds=(slow, quick), descents=(flat, steep),
-            azimuth=float(np.median(self.side)), aim=aim, around=around,
-        )  # fmt: skip
+            speed=middle,
+            descent=down,
+            speeds=(slow, quick),
+            descents=(flat, steep),
+            azimuth=float(np.median(self.side)),
+            aim=aim,
+            around=around,
+        )
 
     @property
     def speed(self) -> Array:
@@ -164,9 +170,12 @@ def of_throws(throws: Sequence[Throw], x: float, drag: float) -> Arrivals:
             r, v = fly(r, v, drag=drag, duration=_STEP)
             t += _STEP
         if r[0] > x or t == 0.0 or v[0] >= 0.0:
-            raise InputError(f"throw {number}", f"one from +x that passes x = {x:.2f} m",
-                             f"released at x = {throw.r[0]:.2f} m",
-                             do="aim it there, or say --aim")  # fmt: skip
+            raise InputError(
+                f"throw {number}",
+                f"one from +x that passes x = {x:.2f} m",
+                f"released at x = {throw.r[0]:.2f} m",
+                do="aim it there, or say --aim",
+            )
         rows.append((r, v, t))
     return Arrivals(*(np.array(column) for column in zip(*rows, strict=True)))
 
@@ -198,19 +207,26 @@ def box_of(throws: Sequence[Throw], drag: float, aim: Array | None, far: float) 
     Raises:
         InputError: They do not come from +x, or do not pass there.
     """
-    middle = Throw(r=np.median([x.r for x in throws], axis=0),
-                   dr=np.median([x.dr for x in throws], axis=0))  # fmt: skip
+    middle = Throw(
+        r=np.median([x.r for x in throws], axis=0), dr=np.median([x.dr for x in throws], axis=0)
+    )
     off = float(np.arctan2(-middle.dr[1], -middle.dr[0]))
     if abs(off) > 0.6:
-        raise InputError("the throws", "throws from +x, the side of the thrower",
-                         f"{np.degrees(off):.0f} degrees off it in the middle",
-                         do="turn the frame of the throws")  # fmt: skip
+        raise InputError(
+            "the throws",
+            "throws from +x, the side of the thrower",
+            f"{np.degrees(off):.0f} degrees off it in the middle",
+            do="turn the frame of the throws",
+        )
     x = _near(middle, drag, far) if aim is None else float(aim[0])
     r = of_throws(throws, x, drag).r
     if aim is not None and np.linalg.norm(np.median(r, axis=0) - aim) > _MISSED:
-        raise InputError("--aim", f"a point at most {_MISSED:g} m off the throws in the middle",
-                         f"{np.linalg.norm(np.median(r, axis=0) - aim):.2f} m off",
-                         do="leave --aim out")  # fmt: skip
+        raise InputError(
+            "--aim",
+            f"a point at most {_MISSED:g} m off the throws in the middle",
+            f"{np.linalg.norm(np.median(r, axis=0) - aim):.2f} m off",
+            do="leave --aim out",
+        )
     centre = np.array([x, *np.median(r[:, 1:], axis=0)]) if aim is None else aim
     half = np.maximum(2.0 * r.std(axis=0), 0.03)
     half[0] = 0.05
@@ -244,10 +260,13 @@ def ranges_of_throws(throws: Sequence[Throw], box: Array, drag: float) -> ThrowR
     t = of_throws(throws, float(box[0, 0]), drag).t
     wide = _ends(speed * [[1.0 - _SPEEDS], [1.0 + _SPEEDS]])  # they are drawn one by one
     return ThrowRanges(
-        duration=_ends(t), speed=wide, distance=_ends(np.hypot(*from_aim[:, :2].T)),
+        duration=_ends(t),
+        speed=wide,
+        distance=_ends(np.hypot(*from_aim[:, :2].T)),
         azimuth=_ends(np.arctan2(from_aim[:, 1], from_aim[:, 0])),
-        height=_ends(np.array([x.r[2] for x in throws])), drag=drag,
-    )  # fmt: skip
+        height=_ends(np.array([x.r[2] for x in throws])),
+        drag=drag,
+    )
 
 
 def _ends(x: Array) -> tuple[float, float]:
@@ -329,9 +348,12 @@ class Task:
         reported; a search sees the others.
         """
         drawn = source_of(
-            f.arm, seed=seed, count=throws, drag=self.scene.ball.drag,
+            f.arm,
+            seed=seed,
+            count=throws,
+            drag=self.scene.ball.drag,
             ranges=None if self.ranges is None else shifted(self.ranges, f.arm),
-        )  # fmt: skip
+        )
         part = unseen if seed >= REPORTED else seen
         return replace(drawn, throws=part(self.throws), recordings=part(self.recordings))
 

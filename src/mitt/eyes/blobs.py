@@ -32,7 +32,9 @@ MOMENTS = np.dtype([(name, float) for name in ("mass", "u", "v", "uu", "uv", "vv
 BOX = np.dtype([(name, np.int64) for name in ("left", "top", "right", "bottom")])
 """First and last columns and rows of a group of pixels [px]."""
 
-STRETCH, SPREAD, JUDGED = 2.2, 1.35, 20.0
+STRETCH = 2.2
+SPREAD = 1.35
+JUDGED = 20.0
 """Ratio of the principal second moments, and their sum over that of a disc of the same area, above
 which a target is no ball alone (a smear of one radius gives 1.33 and 1.01); area below which pixels
 say too little about a shape [px^2]."""

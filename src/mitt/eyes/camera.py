@@ -24,11 +24,15 @@ from mitt.fields import brief
 from mitt.kernels import Fields, Record, kernel
 from mitt.signals import Array, all_of
 
-CAMERA = np.dtype([
-    ("R", float, (3, 3)),  # axes of the optical frame as columns in the world [1]
-    ("centre", float, (3,)),  # optical centre [m]
-    ("f_px", float), ("cu", float), ("cv", float),  # [px]
-])  # fmt: skip
+CAMERA = np.dtype(
+    [
+        ("R", float, (3, 3)),  # axes of the optical frame as columns in the world [1]
+        ("centre", float, (3,)),  # optical centre [m]
+        ("f_px", float),
+        ("cu", float),
+        ("cv", float),  # [px]
+    ]
+)
 """A camera for kernels."""
 
 _keep = object.__setattr__
@@ -132,8 +136,11 @@ class Head:
 
     def __post_init__(self) -> None:
         """Refuse a head that cannot turn, or a pose that is none."""
-        arrays = {"T_world_base": (self.T_world_base, (4, 4)), "lens": (self.lens, (3,)),
-                  "search": (self.search, (2,))}  # fmt: skip
+        arrays = {
+            "T_world_base": (self.T_world_base, (4, 4)),
+            "lens": (self.lens, (3,)),
+            "search": (self.search, (2,)),
+        }
         for name, (value, shape) in arrays.items():
             kept = checks.array(f"head.{name}", value, shape, finite=True)
             _keep(self, name, kept)
@@ -318,12 +325,16 @@ def fixed_rig() -> Rig:
     """
     cameras = tuple(
         Camera(
-            width=128, height=128, f_px=220.0, cu=63.5, cv=63.5,
+            width=128,
+            height=128,
+            f_px=220.0,
+            cu=63.5,
+            cv=63.5,
             T_world_cam=look_at(
                 np.array((-1.8, side * 1.245, side * 0.05 - 0.9)),
                 np.array((2.7, side * -0.3, side * 0.05 + 0.45)),
             ),
         )
         for side in (1.0, -1.0)
-    )  # fmt: skip
+    )
     return Rig(cameras=cameras)

@@ -29,11 +29,13 @@ FARTHEST = 0.05
 """Largest offset that is looked for after a catch [s]."""
 SETTLES = 0.02
 """Time from the catch until the ball lies still in the hand [s]."""
-GATE, HAND = 0.003, 0.06
+GATE = 0.003
+HAND = 0.06
 """Residual above which a fit tells nothing, as of a ball that slips: dropped ones leave 5 mm, and
 above twice of it the ball was lost; distance from the catch point beyond which it is in no hand
 [m]."""
-UNSURE, WARNED = 0.001, 0.002
+UNSURE = 0.001
+WARNED = 0.002
 """Standard deviation above which the hand has moved too little to tell, and least difference from
 which an offset can be another one; offset that costs catches [s]."""
 TRIAL = 0.007
@@ -41,14 +43,18 @@ TRIAL = 0.007
 enough to tell."""
 LEAST = 1e-4
 """What a sighting is off at least, whatever it says [m]."""
-FLIES, STRIKES, STRUCK = 0.25, 0.05, 0.01
+FLIES = 0.25
+STRIKES = 0.05
+STRUCK = 0.01
 """Time before the braking from which a flight is fitted, until and around which a hand may strike
 the ball [s], and how far off its flight a ball was struck [m]."""
-_STEPS, _NEAR = 15, 1e-7
+_STEPS = 15
+_NEAR = 1e-7
 """Most Gauss-Newton steps to the offset of a catch, and the step that ends them [s]."""
 _STRUCK_COUNT = 10
 """Sightings from the blow on that say where a struck ball went."""
-_SYSTEMATIC, _DRIFT = 3e-4, 1e-4
+_SYSTEMATIC = 3e-4
+_DRIFT = 1e-4
 """What a catch may be off beyond its own sigma, and what a clock drifts from throw to throw, one
 sigma [s]."""
 _OTHER = 4.0
@@ -119,7 +125,7 @@ def _poses(chain: Record, q: Array) -> Array:
 @kernel
 def _row(
     poses: Array, t_arm: Array, t: float, seen: Array, x: Array, work: Array, A: Array
-) -> Array:  # fmt: skip
+) -> Array:
     """Write the derivative of a sighting's error into ``A``; return the error [m], and the pose.
 
     Args:
@@ -276,9 +282,13 @@ def caught_offset(arm: Arm, of: Catch) -> ClockOffset:
         return ClockOffset(count=count, unknown=_UNSEEN)
     weights = np.linalg.inv(of.covariance[use] + LEAST**2 * np.eye(3))
     offset, sigma, residual, place, count = fit_caught(
-        joint_records(arm.chain), of.t_arm[read], np.ascontiguousarray(of.q[read]), of.t_seen[use],
-        np.ascontiguousarray(of.seen[use]), weights,
-    )  # fmt: skip
+        joint_records(arm.chain),
+        of.t_arm[read],
+        np.ascontiguousarray(of.q[read]),
+        of.t_seen[use],
+        np.ascontiguousarray(of.seen[use]),
+        weights,
+    )
     unknown, lost = "", count >= FEWEST and not (residual <= 2.0 * GATE and place <= HAND)
     if count < FEWEST:
         unknown = _UNSEEN
@@ -287,18 +297,30 @@ def caught_offset(arm: Arm, of: Catch) -> ClockOffset:
     elif not sigma <= UNSURE:
         unknown = "the hand moved too little"
     return ClockOffset(
-        offset=float(offset), sigma=float(sigma), residual=float(residual), count=int(count),
-        unknown=unknown, side=_side(arm, of) if lost else 0,
-    )  # fmt: skip
+        offset=float(offset),
+        sigma=float(sigma),
+        residual=float(residual),
+        count=int(count),
+        unknown=unknown,
+        side=_side(arm, of) if lost else 0,
+    )
 
 
 def load_fit(arm: Arm) -> None:
     """Load what is compiled of :func:`caught_offset`, so that no later call waits for it."""
     t = np.linspace(0.0, 0.1, 100)
-    caught_offset(arm, Catch(
-        t_arm=t, q=np.tile(arm.q_ready, (100, 1)), t_seen=t, seen=np.zeros((100, 3)),
-        covariance=np.tile(np.eye(3), (100, 1, 1)), t_brake=0.0, t_rest=0.1,
-    ))  # fmt: skip
+    caught_offset(
+        arm,
+        Catch(
+            t_arm=t,
+            q=np.tile(arm.q_ready, (100, 1)),
+            t_seen=t,
+            seen=np.zeros((100, 3)),
+            covariance=np.tile(np.eye(3), (100, 1, 1)),
+            t_brake=0.0,
+            t_rest=0.1,
+        ),
+    )
 
 
 def _side(arm: Arm, of: Catch) -> int:
@@ -391,15 +413,20 @@ class LearnedClock:
             tried = f"; {1e3 * self.offset:+.0f} ms is tried" if self.offset else ""
             return f"the eyes' clock is not known yet{tried}"
         catches = "1 catch" if self.count == 1 else f"{self.count} catches"
-        return (f"the eyes' clock is off by {1e3 * self.offset:+.1f} ms, {1e3 * self.sigma:.1f} ms"
-                f" sigma, from {catches}")  # fmt: skip
+        return (
+            f"the eyes' clock is off by {1e3 * self.offset:+.1f} ms, {1e3 * self.sigma:.1f} ms"
+            f" sigma, from {catches}"
+        )
 
     @property
     def figures(self) -> dict[str, float | int | None]:
         """The same as JSON has it."""
         known = self.count > 0
-        return {"offset_s": self.offset if known else None,
-                "sigma_s": self.sigma if known else None, "catches": self.count}  # fmt: skip
+        return {
+            "offset_s": self.offset if known else None,
+            "sigma_s": self.sigma if known else None,
+            "catches": self.count,
+        }
 
     @property
     def warning(self) -> str:
@@ -407,5 +434,7 @@ class LearnedClock:
         if self.count == 0 or not abs(self.offset) > WARNED:
             return ""
         side = "older" if self.offset < 0.0 else "newer"
-        return (f"what the eyes see is {1e3 * abs(self.offset):.1f} ms {side} than its stamps say;"
-                " corrected, but synchronise the clocks")  # fmt: skip
+        return (
+            f"what the eyes see is {1e3 * abs(self.offset):.1f} ms {side} than its stamps say;"
+            " corrected, but synchronise the clocks"
+        )

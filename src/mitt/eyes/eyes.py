@@ -53,15 +53,21 @@ def _memory_of(rig: Rig, config: EyesConfig) -> EyesMemory:
     n, rows = len(rig.cameras), max(len(rig.heads), 1)
     heads = head.pack_heads(rig)
     return EyesMemory(
-        targets=np.zeros(n, segmentation.TARGET), rig=np.zeros(1, localization.RIG),
+        targets=np.zeros(n, segmentation.TARGET),
+        rig=np.zeros(1, localization.RIG),
         segmenter=pack_segmenter(config.segmenter),
         ball=pack_ball(config.triangulator, config.ball_radius, rig),
-        cameras=pack_cameras(rig), heads=heads if len(heads) else np.zeros(1, head.HEAD),
-        angles=np.zeros((rows, 2)), gaze=head.fresh_gaze(rows),
-        points=np.zeros(n, triangulation.POINT), corrected=np.zeros(n, triangulation.POINT),
-        segment_work=np.zeros(1, segmentation.WORK), solve_work=np.zeros(1, triangulation.WORK),
-        match_work=np.zeros(1, localization.WORK), gaze_work=np.zeros(1, head.WORK),
-    )  # fmt: skip
+        cameras=pack_cameras(rig),
+        heads=heads if len(heads) else np.zeros(1, head.HEAD),
+        angles=np.zeros((rows, 2)),
+        gaze=head.fresh_gaze(rows),
+        points=np.zeros(n, triangulation.POINT),
+        corrected=np.zeros(n, triangulation.POINT),
+        segment_work=np.zeros(1, segmentation.WORK),
+        solve_work=np.zeros(1, triangulation.WORK),
+        match_work=np.zeros(1, localization.WORK),
+        gaze_work=np.zeros(1, head.WORK),
+    )
 
 
 class Eyes:
@@ -248,8 +254,12 @@ class Eyes:
         """Refuse a frame of a camera that is not there, or an image that is not of its size."""
         camera = checks.instance("frame", frame, Frame).camera
         if self._closed:
-            raise InputError("frames", "none where there are no eyes", "an image",
-                             do="give the catcher mitt.Eyes(rig)")  # fmt: skip
+            raise InputError(
+                "frames",
+                "none where there are no eyes",
+                "an image",
+                do="give the catcher mitt.Eyes(rig)",
+            )
         if not 0 <= camera < len(self._shapes):
             raise InputError("frame.camera", f"0 to {len(self._shapes) - 1}", camera)
         pixels, shape = frame.pixels, self._shapes[camera]

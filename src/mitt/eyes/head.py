@@ -29,36 +29,59 @@ from mitt.eyes.segmentation import GOOD
 from mitt.kernels import Fields, Record, kernel
 from mitt.signals import Array
 
-HEAD = np.dtype([
-    ("base", float, (3, 3)), ("origin", float, (3,)),  # pose in the world [1], [m]
-    ("lens", float, (3,)),  # optical centre beyond both axes [m]
-    ("f_px", float), ("cu", float), ("cv", float),  # of its camera [px]
-    ("max_speed", float), ("max_accel", float),  # [rad/s], [rad/s^2]
-    ("expected_range", float),  # distance at which balls come into sight [m]
-    ("pan", float), ("tilt", float), ("nod", float),  # where it waits [rad]
-])  # fmt: skip
+HEAD = np.dtype(
+    [
+        ("base", float, (3, 3)),
+        ("origin", float, (3,)),  # pose in the world [1], [m]
+        ("lens", float, (3,)),  # optical centre beyond both axes [m]
+        ("f_px", float),
+        ("cu", float),
+        ("cv", float),  # of its camera [px]
+        ("max_speed", float),
+        ("max_accel", float),  # [rad/s], [rad/s^2]
+        ("expected_range", float),  # distance at which balls come into sight [m]
+        ("pan", float),
+        ("tilt", float),
+        ("nod", float),  # where it waits [rad]
+    ]
+)
 """A head for kernels."""
-GAZE = np.dtype([
-    ("pan", float), ("tilt", float), ("dpan", float), ("dtilt", float),  # where it sees the ball
-    ("count", np.int64), ("t", float),  # sightings in a row, time of the last [s]
-])  # fmt: skip
+GAZE = np.dtype(
+    [
+        ("pan", float),
+        ("tilt", float),
+        ("dpan", float),
+        ("dtilt", float),  # where it sees the ball
+        ("count", np.int64),
+        ("t", float),  # sightings in a row, time of the last [s]
+    ]
+)
 """What a head remembers of the ball."""
-WORK = np.dtype([
-    ("camera", CAMERA), ("r", float, (2, 3)), ("goal", float, (4,)), ("change", float, (3,)),
-    ("sought", float, (2, 3)),
-])  # fmt: skip
+WORK = np.dtype(
+    [
+        ("camera", CAMERA),
+        ("r", float, (2, 3)),
+        ("goal", float, (4,)),
+        ("change", float, (3,)),
+        ("sought", float, (2, 3)),
+    ]
+)
 """Scratch of the gaze law."""
 
-ALPHA, BETA = 0.5, 0.15
+ALPHA = 0.5
+BETA = 0.15
 """Gains of direction and rate from sighting to sighting."""
-FRESH, STALE = 0.006, 0.03
+FRESH = 0.006
+STALE = 0.03
 """Ages up to which an image contradicts the filter, beyond how old the newest always are, and up to
 which it leads a head while there is no track [s]."""
 LET_GO = 0.15
 """Time without a sighting after which the heads no longer follow the filter [s]."""
 DOUBT = 0.04
 """Angle between image and filter above which a head follows its image [rad]."""
-NOD, SWAY, BREADTH = 0.052, 0.069, 1.375
+NOD = 0.052
+SWAY = 0.069
+BREADTH = 1.375
 """Periods in which a waiting head nods and sways [s]; how far it sways, over the pan at which
 it waits: two heads that wait on either side look outwards and inwards together."""
 BORDER = 6.0
@@ -316,11 +339,25 @@ def _wait(n: int, eyes: EyesMemory, t: float, goal: Array) -> None:
 
 def pack_heads(rig: Rig) -> Record:
     """Return the heads of a rig as records of ``HEAD``, shape (n,); none for a fixed rig."""
-    return np.array([
-        (h.T_world_base[:3, :3], h.T_world_base[:3, 3], h.lens, c.f_px, c.cu, c.cv,
-         h.max_speed, h.max_accel, h.expected_range, *h.search, h.nod)
-        for h, c in zip(rig.heads, rig.cameras, strict=False)
-    ], HEAD)  # fmt: skip
+    return np.array(
+        [
+            (
+                h.T_world_base[:3, :3],
+                h.T_world_base[:3, 3],
+                h.lens,
+                c.f_px,
+                c.cu,
+                c.cv,
+                h.max_speed,
+                h.max_accel,
+                h.expected_range,
+                *h.search,
+                h.nod,
+            )
+            for h, c in zip(rig.heads, rig.cameras, strict=False)
+        ],
+        HEAD,
+    )
 
 
 def fresh_gaze(n: int) -> Record:
@@ -364,7 +401,13 @@ def active_rig() -> Rig:
             expected_range=float(np.linalg.norm(middle - pivot)),
         )
         heads.append(head)
-        camera = Camera(width=128, height=128, f_px=730.0, cu=63.5, cv=63.5,
-                        T_world_cam=pose_of(head, *head.search))  # fmt: skip
+        camera = Camera(
+            width=128,
+            height=128,
+            f_px=730.0,
+            cu=63.5,
+            cv=63.5,
+            T_world_cam=pose_of(head, *head.search),
+        )
         cameras.append(camera)
     return Rig(cameras=tuple(cameras), heads=tuple(heads))

@@ -24,23 +24,30 @@ Edges = tuple[int, int, int, int]
 REACH = 0.1
 """How far from the catch point a held ball is looked for [m]: 40 mm in the hand, and what a hand of
 6 m/s goes in a clock's error of 10 ms."""
-HAND, HIDDEN = 0.45, 0.4
+HAND = 0.45
+HIDDEN = 0.4
 """Shares of the ball's contrast: what is less bright is none of it, and by how much a pixel falls
 short of the disc that is hidden."""
-IN_SIGHT, FINE = 0.6, 6.0
+IN_SIGHT = 0.6
+FINE = 6.0
 """Least share of the disc that is in sight; radius from twice which pixels are left out [px]."""
 FINEST = 0.1
 """Step at which the search for the disc ends [px]."""
-ERROR, MORE = 0.1, 0.5
+ERROR = 0.1
+MORE = 0.5
 """Standard deviation of the centre of a disc in full sight, and what its hidden share adds [px]: of
 rendered catches, at radii of 3 px."""
 
 
 @kernel
 def window_about(
-    camera: Fields, r: Array, radius: float, slack: float, shape: tuple[int, ...],
+    camera: Fields,
+    r: Array,
+    radius: float,
+    slack: float,
+    shape: tuple[int, ...],
     window: NDArray[np.int64],
-) -> float:  # fmt: skip
+) -> float:
     """Write where in an image a held ball is looked for.
 
     Args:
@@ -90,9 +97,14 @@ def _middle(
 
 @kernel
 def _misfit(
-    pixels: Image, about: Edges, light: tuple[float, float], radius: float, stride: int,
-    at: tuple[float, float], least: float,
-) -> tuple[float, float]:  # fmt: skip
+    pixels: Image,
+    about: Edges,
+    light: tuple[float, float],
+    radius: float,
+    stride: int,
+    at: tuple[float, float],
+    least: float,
+) -> tuple[float, float]:
     """Return how badly a disc explains what is bright about it, and what share of it is in sight.
 
     Its edge is a pixel wide. What is brighter than the disc counts in full, what is darker up to
@@ -124,18 +136,24 @@ def _misfit(
 
 @kernel
 def _lay_disc(
-    pixels: Image, window: Edges, light: tuple[float, float], radius: float, stride: int,
+    pixels: Image,
+    window: Edges,
+    light: tuple[float, float],
+    radius: float,
+    stride: int,
     point: Fields,
-) -> float:  # fmt: skip
+) -> float:
     """Move a disc from the middle of what is bright to where it explains that best.
 
     By a search about it whose steps are halved; return what share of the disc is in sight.
     """
     around = 1.5 * radius + 2.0
     about = (
-        max(floor(point.v - around), window[0]), min(ceil(point.v + around), window[1]),
-        max(floor(point.u - around), window[2]), min(ceil(point.u + around), window[3]),
-    )  # fmt: skip
+        max(floor(point.v - around), window[0]),
+        min(ceil(point.v + around), window[1]),
+        max(floor(point.u - around), window[2]),
+        min(ceil(point.u + around), window[3]),
+    )
     step, reach = 0.5 * radius, 2
     best, in_sight = _misfit(pixels, about, light, radius, stride, (point.u, point.v), np.inf)
     while step > FINEST:

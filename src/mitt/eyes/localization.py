@@ -37,33 +37,54 @@ LARGE = 2.0
 MOST = 6
 """Targets of a camera, and candidates, that are followed."""
 
-TRACK = np.dtype([
-    ("r", float, (3,)), ("start", float, (3,)),  # last and first position [m]
-    ("first", np.int64), ("last", np.int64),  # the frames of these
-    ("seen", np.int64), ("pair", np.int64, (2,)),  # in how many it was seen, its targets
-])  # fmt: skip
+TRACK = np.dtype(
+    [
+        ("r", float, (3,)),
+        ("start", float, (3,)),  # last and first position [m]
+        ("first", np.int64),
+        ("last", np.int64),  # the frames of these
+        ("seen", np.int64),
+        ("pair", np.int64, (2,)),  # in how many it was seen, its targets
+    ]
+)
 """A candidate for the ball."""
 SEEN = np.dtype([("u", float), ("v", float), ("area", float), ("box", BOX)])
 """A target that may be the ball: centroid [px], area [px^2], box."""
-RIG = np.dtype([
-    ("status", np.int64),  # BLIND, ONE, BOTH or AT_ODDS
-    ("r", float, (3,)), ("step", float, (3,)),  # position [m], its motion a frame [m]
-    ("known", float),  # sightings that the position rests on
-    ("since", float), ("age", float),  # frames since both cameras saw it, since a correction
-    ("odds", float),  # frames at odds in a row
-    ("missed", float),  # frames since a sighting that should have shown the ball and did not
-    ("alone", np.int64),  # whether one camera counts while something hides the ball from the other
-    ("guided", float),  # distance from a position of ``guide`` at which the ball may be [m]
-    ("rounds", np.int64), ("frame", np.int64),  # searches begun anew, frames of this one so far
-    ("count", np.int64), ("tracks", TRACK, (MOST,)),  # its candidates
-    ("t_shown", float), ("lag", float),  # of the gaze: last exposure, lag of one with the ball [s]
-])  # fmt: skip
+RIG = np.dtype(
+    [
+        ("status", np.int64),  # BLIND, ONE, BOTH or AT_ODDS
+        ("r", float, (3,)),
+        ("step", float, (3,)),  # position [m], its motion a frame [m]
+        ("known", float),  # sightings that the position rests on
+        ("since", float),
+        ("age", float),  # frames since both cameras saw it, since a correction
+        ("odds", float),  # frames at odds in a row
+        ("missed", float),  # frames since a sighting that should have shown the ball and did not
+        (
+            "alone",
+            np.int64,
+        ),  # whether one camera counts while something hides the ball from the other
+        ("guided", float),  # distance from a position of ``guide`` at which the ball may be [m]
+        ("rounds", np.int64),
+        ("frame", np.int64),  # searches begun anew, frames of this one so far
+        ("count", np.int64),
+        ("tracks", TRACK, (MOST,)),  # its candidates
+        ("t_shown", float),
+        ("lag", float),  # of the gaze: last exposure, lag of one with the ball [s]
+    ]
+)
 """What is remembered of a ball by all cameras together."""
-WORK = np.dtype([
-    ("seen", SEEN, (2, MOST)), ("residuals", float, (MOST, MOST)),
-    ("least", np.int64, (1 << MOST,)), ("choice", np.int64, (MOST, 1 << MOST)),
-    ("partners", np.int64, (MOST,)), ("r", float, (3,)), ("P", float, (3, 3)),
-])  # fmt: skip
+WORK = np.dtype(
+    [
+        ("seen", SEEN, (2, MOST)),
+        ("residuals", float, (MOST, MOST)),
+        ("least", np.int64, (1 << MOST,)),
+        ("choice", np.int64, (MOST, 1 << MOST)),
+        ("partners", np.int64, (MOST,)),
+        ("r", float, (3,)),
+        ("P", float, (3, 3)),
+    ]
+)
 """Scratch of the localization: targets of the first two cameras, and their pairs."""
 
 
@@ -182,9 +203,13 @@ def guide(
 
 @kernel
 def localize(
-    images: tuple[Image, ...], backgrounds: tuple[Image, ...], apart: int, eyes: EyesMemory,
-    r: Array, P: Array,
-) -> bool:  # fmt: skip
+    images: tuple[Image, ...],
+    backgrounds: tuple[Image, ...],
+    apart: int,
+    eyes: EyesMemory,
+    r: Array,
+    P: Array,
+) -> bool:
     """Find the ball in the images of all cameras, then in the world.
 
     Args:
@@ -273,9 +298,14 @@ def expect(eyes: EyesMemory, r: Array, reach: float) -> None:
 
 @kernel
 def _look(
-    pixels: Image, background: Image, scratch: Image, n: int, eyes: EyesMemory, apart: bool,
+    pixels: Image,
+    background: Image,
+    scratch: Image,
+    n: int,
+    eyes: EyesMemory,
+    apart: bool,
     expected: tuple[float, bool],
-) -> tuple[bool, bool, bool]:  # fmt: skip
+) -> tuple[bool, bool, bool]:
     """Find the target of camera ``n``, and write what it sees.
 
     ``expected`` are the frames since the ball was seen, and whether its flight says where it is.

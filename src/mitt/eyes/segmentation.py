@@ -53,51 +53,77 @@ from mitt.fields import Range, Settings
 from mitt.kernels import Fields, Record, kernel, record_of, view
 from mitt.signals import Frame, Image, Moments
 
-LOST, GOOD, MERGED = 0, 1, 2
+LOST = 0
+GOOD = 1
+MERGED = 2
 """States of a target; from MERGED on they count the frames since merging."""
 
-TARGET = np.dtype([
-    ("u", float), ("v", float),  # last centroid; NaN if there is none [px]
-    ("du", float), ("dv", float),  # its motion [px a frame]
-    ("state", np.int64),  # LOST, GOOD, or MERGED and more
-    ("moments", MOMENTS), ("area", float),  # of the last target, its area [px^2]
-    ("mass", float),  # of the last target that was the ball alone [grey levels]
-    ("top", np.int64), ("height", np.int64), ("runs", np.int64, (2, ROWS)),  # its mask [px]
-    ("mark", np.int64), ("frozen", np.int64),  # its mark, frames it has been the same
-    ("level", float), ("threshold", float),  # of the background, of a target [grey levels]
-    ("due", np.int64),  # frames since the background was measured
-    ("light", float), ("mean", float),  # light over that of the background learned, whose mean
-    ("expected", float),  # area that the ball should have; 0 if unknown [px^2]
-    ("gain", float), ("weighed", float),  # mass of the ball over that, from how many frames
-    ("at_u", float), ("at_v", float),  # where the ball should be [px]
-    ("near", float),  # how far from there it may be; 0 if unknown [px]
-    ("offset", float, (2,)),  # centroid less that of the ball where all cameras see it [px]
-])  # fmt: skip
+TARGET = np.dtype(
+    [
+        ("u", float),
+        ("v", float),  # last centroid; NaN if there is none [px]
+        ("du", float),
+        ("dv", float),  # its motion [px a frame]
+        ("state", np.int64),  # LOST, GOOD, or MERGED and more
+        ("moments", MOMENTS),
+        ("area", float),  # of the last target, its area [px^2]
+        ("mass", float),  # of the last target that was the ball alone [grey levels]
+        ("top", np.int64),
+        ("height", np.int64),
+        ("runs", np.int64, (2, ROWS)),  # its mask [px]
+        ("mark", np.int64),
+        ("frozen", np.int64),  # its mark, frames it has been the same
+        ("level", float),
+        ("threshold", float),  # of the background, of a target [grey levels]
+        ("due", np.int64),  # frames since the background was measured
+        ("light", float),
+        ("mean", float),  # light over that of the background learned, whose mean
+        ("expected", float),  # area that the ball should have; 0 if unknown [px^2]
+        ("gain", float),
+        ("weighed", float),  # mass of the ball over that, from how many frames
+        ("at_u", float),
+        ("at_v", float),  # where the ball should be [px]
+        ("near", float),  # how far from there it may be; 0 if unknown [px]
+        ("offset", float, (2,)),  # centroid less that of the ball where all cameras see it [px]
+    ]
+)
 """What is remembered of the target in the images of one camera."""
 
-WORK = np.dtype([
-    ("boxes", BOX, (MAX_BLOBS,)), ("window", np.int64, (4,)),
-    ("counts", np.int64, (256,)), ("runs", np.int64, (2, ROWS)), ("moments", MOMENTS),
-])  # fmt: skip
+WORK = np.dtype(
+    [
+        ("boxes", BOX, (MAX_BLOBS,)),
+        ("window", np.int64, (4,)),
+        ("counts", np.int64, (256,)),
+        ("runs", np.int64, (2, ROWS)),
+        ("moments", MOMENTS),
+    ]
+)
 """Scratch of the segmentation of one image."""
 
-KEPT, PATIENCE, STEADY = 0.85, 40, 0.6
+KEPT = 0.85
+PATIENCE = 40
+STEADY = 0.6
 """Share of its area below which a target is looked for anew; frames that a merged one is kept;
 share of a new motion in the motion kept."""
-GROWN, RAGGED = 1.08, 0.5
+GROWN = 1.08
+RAGGED = 0.5
 """Growth of its mass in one frame, and what noise adds to that over the root of its area [px],
 above which a target is the ball and something else."""
 WILD = 8
 """Reach while no motion is known, as on the first frame that a turning head gets [px]."""
 OFFSET = 24.0
 """Grey level that stands for no difference; a choice of this project."""
-RIM, APART = 4, 16
+RIM = 4
+APART = 16
 """Rows at the upper and lower rim of a window whose light is measured, and every how many rows of a
 whole image [px]."""
 LEAST = 0.25
 """Share of the ball's contrast with the mean background that it must have with the background at a
 pixel; where it has less, as before a lamp or a white arm at rest, the pixel says nothing."""
-ONE, STRAY, ODD, FAINT = 256, 77, 24, 40_000
+ONE = 256
+STRAY = 77
+ODD = 24
+FAINT = 40_000
 """Steps of a relative light of 1; how many a pixel may be off, and beyond that how many grey
 levels, to tell the light; sum of squares below which the background is too dark to tell it."""
 
@@ -361,9 +387,14 @@ def _find_again(
 
 @kernel
 def suffices(
-    pixels: Image, background: Image, difference: Image, window: Ints, target: Fields,
-    settings: Fields, work: Fields,
-) -> bool:  # fmt: skip
+    pixels: Image,
+    background: Image,
+    difference: Image,
+    window: Ints,
+    target: Fields,
+    settings: Fields,
+    work: Fields,
+) -> bool:
     """Return whether the target will be found in its region of interest.
 
     Then :func:`detect` looks nowhere else, and a simulated camera need draw no more. Only scratch
@@ -407,9 +438,13 @@ def follow_target(target: Fields, top: int, rows: int, runs: Ints) -> None:
 
 @kernel
 def _segment(
-    pixels: Image, background: Image, difference: Image, target: Fields, settings: Fields,
+    pixels: Image,
+    background: Image,
+    difference: Image,
+    target: Fields,
+    settings: Fields,
     work: Fields,
-) -> tuple[int, bool]:  # fmt: skip
+) -> tuple[int, bool]:
     """Find the target in the dilated mask of the last, or else in the whole image; see detect."""
     window, new, moments, top, rows = work.window, work.runs, target.moments, 0, 0
     whole_image(pixels, window)
@@ -470,9 +505,13 @@ def _is_frozen(pixels: Image, target: Fields, patience: int) -> bool:
 
 @kernel
 def detect(
-    pixels: Image, background: Image, difference: Image, target: Fields, settings: Fields,
+    pixels: Image,
+    background: Image,
+    difference: Image,
+    target: Fields,
+    settings: Fields,
     work: Fields,
-) -> tuple[int, bool]:  # fmt: skip
+) -> tuple[int, bool]:
     """Find the target in one frame of one camera; measure the background when that is due.
 
     The arguments are those of the module's table; ``target`` is overwritten.
@@ -507,6 +546,12 @@ class Segmenter:
         if area == 0:
             return Moments(t=frame.t, camera=frame.camera, found=False)
         return Moments(
-            t=frame.t, camera=frame.camera, found=True, area=float(area), u=float(target["u"]),
-            v=float(target["v"]), clipped=clipped, merged=bool(target["state"] >= MERGED),
-        )  # fmt: skip
+            t=frame.t,
+            camera=frame.camera,
+            found=True,
+            area=float(area),
+            u=float(target["u"]),
+            v=float(target["v"]),
+            clipped=clipped,
+            merged=bool(target["state"] >= MERGED),
+        )

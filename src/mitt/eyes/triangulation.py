@@ -27,19 +27,26 @@ from mitt.signals import Array, Moments, Sighting
 POINT = np.dtype([("u", float), ("v", float), ("sigma", float)])
 """Centroid and its standard deviation [px]; a negative one says that nothing was seen."""
 
-BALL = np.dtype([
-    ("radius", float),  # [m]
-    ("floor", float),  # squared error of a centroid that no disc falls below [px^2]
-    ("spread", float),  # squared error of a disc's centroid times its area^1.5 [px^5]
-    ("max_residual", float),  # at which cameras disagree [px]
-    ("fixed", np.int64),  # whether the cameras stand still
-])  # fmt: skip
+BALL = np.dtype(
+    [
+        ("radius", float),  # [m]
+        ("floor", float),  # squared error of a centroid that no disc falls below [px^2]
+        ("spread", float),  # squared error of a disc's centroid times its area^1.5 [px^5]
+        ("max_residual", float),  # at which cameras disagree [px]
+        ("fixed", np.int64),  # whether the cameras stand still
+    ]
+)
 """What is known of the ball and of the cameras' errors."""
 
-WORK = np.dtype([
-    ("H", float, (3, 3)), ("inverse", float, (3, 3)), ("b", float, (3,)),
-    ("axis_u", float, (3,)), ("axis_v", float, (3,)),
-])  # fmt: skip
+WORK = np.dtype(
+    [
+        ("H", float, (3, 3)),
+        ("inverse", float, (3, 3)),
+        ("b", float, (3,)),
+        ("axis_u", float, (3,)),
+        ("axis_v", float, (3,)),
+    ]
+)
 """Scratch of a triangulation."""
 
 ALONG = 1.0

@@ -204,10 +204,18 @@ class _Met:
 def _meeting_content(meeting: Meeting) -> Any:  # noqa: ANN401 (any JSON value)
     """Return what makes a way of meeting again, but for its arm."""
     f = meeting.map
-    return to_plain(_Met(
-        free=f.free, frame=f.frame, basis=f.basis, alpha=f.alpha, H=f.H, coupling=f.coupling,
-        settings=meeting.settings, tolerance=meeting.tolerance,
-    ))  # fmt: skip
+    return to_plain(
+        _Met(
+            free=f.free,
+            frame=f.frame,
+            basis=f.basis,
+            alpha=f.alpha,
+            H=f.H,
+            coupling=f.coupling,
+            settings=meeting.settings,
+            tolerance=meeting.tolerance,
+        )
+    )
 
 
 def _meeting_of(raw: dict[str, Any], arm: Arm) -> Meeting:
@@ -216,9 +224,14 @@ def _meeting_of(raw: dict[str, Any], arm: Arm) -> Meeting:
     if not all(0 <= k < arm.n for k in of.free):
         raise FileError("meeting.free", f"joints in 0..{arm.n - 1}", str(of.free))
     f = MeetingMap(
-        arm=arm, free=of.free, frame=of.frame, basis=of.basis, alpha=of.alpha, H=of.H,
+        arm=arm,
+        free=of.free,
+        frame=of.frame,
+        basis=of.basis,
+        alpha=of.alpha,
+        H=of.H,
         coupling=of.coupling,
-    )  # fmt: skip
+    )
     return Meeting(f, of.settings, of.tolerance)
 
 
@@ -240,18 +253,33 @@ class _Struck:
 def _batting_content(batting: Batting) -> Any:  # noqa: ANN401 (any JSON value)
     """Return what makes a way of batting again, but for its arm."""
     f = batting.map.map
-    return to_plain(_Struck(
-        design=f.design, basis=f.basis, alpha=f.alpha, H=f.H, region=f.region,
-        q_rest=f.tangent.q_rest, held=batting.map.held,
-        settings=batting.settings, tolerance=batting.tolerance,
-    ))  # fmt: skip
+    return to_plain(
+        _Struck(
+            design=f.design,
+            basis=f.basis,
+            alpha=f.alpha,
+            H=f.H,
+            region=f.region,
+            q_rest=f.tangent.q_rest,
+            held=batting.map.held,
+            settings=batting.settings,
+            tolerance=batting.tolerance,
+        )
+    )
 
 
 def _batting_of(raw: dict[str, Any], arm: Arm) -> Batting:
     """Return a way of batting for an arm."""
     of = from_plain(_Struck, raw, place="batting")
-    f = DirectMap(arm=arm, design=of.design, basis=of.basis, alpha=of.alpha, H=of.H,
-                  region=of.region, q_rest=of.q_rest)  # fmt: skip
+    f = DirectMap(
+        arm=arm,
+        design=of.design,
+        basis=of.basis,
+        alpha=of.alpha,
+        H=of.H,
+        region=of.region,
+        q_rest=of.q_rest,
+    )
     return Batting(BattingMap(map=f, held=of.held), of.settings, of.tolerance)
 
 

@@ -39,7 +39,8 @@ from mitt.map.map_design import MapDesign, default_design, tangent_of
 from mitt.reading import difference, noted, read_bytes, read_toml, shipped, shipped_path
 from mitt.signals import Array
 
-SCHEMA, LIMITS_SCHEMA = "mitt.arm/1", "mitt.limits/1"
+SCHEMA = "mitt.arm/1"
+LIMITS_SCHEMA = "mitt.limits/1"
 HandName = Literal["three-finger", "basket", "none"]
 Name = Annotated[str, Field(min_length=1, max_length=200)]
 _Names = Annotated[list[Name], Field(min_length=1, max_length=64)]
@@ -51,8 +52,11 @@ Width = Annotated[float, Field(ge=0.0, le=10.0)]
 
 #: What balls can arrive as: speed [m/s], descent and azimuth [rad], time of flight [s].
 ARRIVALS = {
-    "speed": (0.5, 30.0), "descent": (-1.5, 1.5), "azimuth": (-1.0, 1.0), "flight": (0.1, 3.0),
-}  # fmt: skip
+    "speed": (0.5, 30.0),
+    "descent": (-1.5, 1.5),
+    "azimuth": (-1.0, 1.0),
+    "flight": (0.1, 3.0),
+}
 
 
 class ThrowSettings(Settings):
@@ -160,9 +164,12 @@ def read_limits(name_or_path: str | Path) -> LimitSet:
             raise UnknownNameError("limits", str(name_or_path), known)
         path, ships = shipped_path("limits", str(name_or_path)), True
     content = parsed(
-        _LimitsFile, read_toml(path), place=str(path), wanted=f"limits of schema {LIMITS_SCHEMA}",
+        _LimitsFile,
+        read_toml(path),
+        place=str(path),
+        wanted=f"limits of schema {LIMITS_SCHEMA}",
         do="see docs/arms.md",
-    ).limits  # fmt: skip
+    ).limits
     given = {kind: content.model_dump()[kind] for kind in KINDS}
     try:
         return LimitSet(
@@ -287,11 +294,14 @@ class ArmFile:
         names = tuple(joints) or (self.joints if described else ())
         self._check_digest()
         arm = build_arm(
-            self.arm, tip=self.tip, joints=names or None,
+            self.arm,
+            tip=self.tip,
+            joints=names or None,
             held={x: angle for x, angle in self.held.items() if names and x not in names},
             limits=limits_of(self.limits if limits is None else limits, self.arm),
-            hand=own or tool, hand_mount="plate" if own is None else self.hand_mount,
-        )  # fmt: skip
+            hand=own or tool,
+            hand_mount="plate" if own is None else self.hand_mount,
+        )
         return arm if own is None else with_hand(arm, tool)
 
     def _check_digest(self) -> None:
@@ -299,9 +309,13 @@ class ArmFile:
         if isinstance(self.arm, Path) and self.sha256 is not None:
             given = digest_of(self.arm)
             if given != self.sha256:
-                raise FileError(str(self.arm), f"the file of SHA-256 {self.sha256[:16]}...",
-                                f"{given[:16]}...", do="take that file, or sha256 out of the arm"
-                                " file and try whether the arm still catches")  # fmt: skip
+                raise FileError(
+                    str(self.arm),
+                    f"the file of SHA-256 {self.sha256[:16]}...",
+                    f"{given[:16]}...",
+                    do="take that file, or sha256 out of the arm"
+                    " file and try whether the arm still catches",
+                )
 
 
 class _Arm(Part):
@@ -367,8 +381,12 @@ def design_of(name_or_path: str | Path) -> ArmFile | None:
     if name in shipped("designs"):
         return read_arm_file(shipped_path("designs", name))
     if is_shipped(name):
-        raise InputError(f"arm {name}", "one with a design that ships", "one without",
-                         do=f"mitt design {name} --out {name}.toml looks for one")  # fmt: skip
+        raise InputError(
+            f"arm {name}",
+            "one with a design that ships",
+            "one without",
+            do=f"mitt design {name} --out {name}.toml looks for one",
+        )
     return None
 
 
@@ -393,8 +411,7 @@ def arm_of_task(
         _refuse_beside(path, {"tip": tip, "joints": joints})
         return read_arm_file(path)
     named = str(name_or_path) == "wam" or is_shipped(name_or_path)
-    return ArmFile(arm=str(name_or_path) if named else path, tip=tip, joints=names,
-                   hand="none")  # fmt: skip
+    return ArmFile(arm=str(name_or_path) if named else path, tip=tip, joints=names, hand="none")
 
 
 def joint_names(text: str | None) -> list[str] | None:
@@ -468,10 +485,11 @@ def write_arm_file(path: Path, arm: ArmFile, *, comment: str = "") -> None:
         "tip": arm.tip,
         "joints": arm.joints or None,
         "ready": arm.ready,
-        "limits": _seen_from(path.parent, arm.limits) if isinstance(arm.limits, Path)
+        "limits": _seen_from(path.parent, arm.limits)
+        if isinstance(arm.limits, Path)
         else arm.limits,
         "held": dict(arm.held),
-    }  # fmt: skip
+    }
     tables: dict[str, Any] = {
         "schema": SCHEMA,
         "arm": own,
@@ -480,10 +498,11 @@ def write_arm_file(path: Path, arm: ArmFile, *, comment: str = "") -> None:
         | ({} if arm.hand_force is None else {"force": float(arm.hand_force)})
         | ({} if arm.hand_depth is None else {"catch_depth": float(arm.hand_depth)}),
         "map": None if arm.map is None else asdict(arm.map),
-        "throws": None if arm.throws is None
+        "throws": None
+        if arm.throws is None
         else arm.throws.model_dump(exclude_none=True, exclude_defaults=True),
         "arrivals": None if arm.arrivals is None else arm.arrivals.model_dump(),
-    }  # fmt: skip
+    }
     head = "".join(f"# {printable(line)}".rstrip() + "\n" for line in comment.splitlines())
     write_text(path, head + toml_text(tables))
 
@@ -560,17 +579,32 @@ def load_arm(
         InputError: It is a name alone, of an arm without a design.
     """
     turn = checks.number("hand_turn", hand_turn, finite=True) or None
-    file = _design_beside(name_or_path, tip=tip, joints=joints, held=held, ready=ready, hand=hand,
-                          hand_turn=turn, hand_mount=hand_mount)  # fmt: skip
+    file = _design_beside(
+        name_or_path,
+        tip=tip,
+        joints=joints,
+        held=held,
+        ready=ready,
+        hand=hand,
+        hand_turn=turn,
+        hand_mount=hand_mount,
+    )
     if file is not None:
         arm = file.load(limits=limits_of(limits))
         arm = arm if encoder_step is None else with_encoders(arm, encoder_step)
     else:
         arm = build_arm(
-            name_or_path, tip=tip, joints=joints, held=held, ready=ready,
-            limits=limits_of(limits, name_or_path), hand=hand, hand_turn=hand_turn,
-            hand_mount=hand_mount, encoder_step=encoder_step,
-        )  # fmt: skip
+            name_or_path,
+            tip=tip,
+            joints=joints,
+            held=held,
+            ready=ready,
+            limits=limits_of(limits, name_or_path),
+            hand=hand,
+            hand_turn=hand_turn,
+            hand_mount=hand_mount,
+            encoder_step=encoder_step,
+        )
     return with_notes_logged(arm, name_or_path)
 
 
@@ -607,8 +641,12 @@ def _refuse_beside(path: Path, said: Mapping[str, object]) -> None:
     """Refuse what is said beside an arm file."""
     beside = [name for name, value in said.items() if value is not None]
     if beside and is_arm_file(path):
-        raise InputError(beside[0], "nothing beside an arm file, which says it", "a value",
-                         do="change the arm file")  # fmt: skip
+        raise InputError(
+            beside[0],
+            "nothing beside an arm file, which says it",
+            "a value",
+            do="change the arm file",
+        )
 
 
 def with_notes_logged(arm: Arm, name: str | Path) -> Arm:
@@ -637,8 +675,10 @@ class ArmSpec(Settings):
         """Refuse a name that is none of a limit set, before anything is learned."""
         if value is not None and not value.endswith(".toml") and value not in known_limits():
             alone = ", ".join(x for x in shipped("limits") if x not in arm_names())
-            raise ValueError(f"one of {', '.join(known_limits())}, or a .toml file"
-                             f" ({alone}: of arms that do not come with mitt)")  # fmt: skip
+            raise ValueError(
+                f"one of {', '.join(known_limits())}, or a .toml file"
+                f" ({alone}: of arms that do not come with mitt)"
+            )
         return value
 
     def read(self, *, was: Mapping[str, str] | None = None) -> "ChosenArm":
@@ -652,11 +692,16 @@ class ArmSpec(Settings):
             MittError: The arm cannot be.
         """
         with noted() as read:
-            arm, file = arm_with_hand(self.arm, tip=self.tip, joints=joint_names(self.joints),
-                                      limits=self.limits)  # fmt: skip
+            arm, file = arm_with_hand(
+                self.arm, tip=self.tip, joints=joint_names(self.joints), limits=self.limits
+            )
         if was is not None and (name := difference(was, read)):
-            raise FileError(name, "the file that the study was made with", "another content",
-                            do="put it back, or begin the study anew")  # fmt: skip
+            raise FileError(
+                name,
+                "the file that the study was made with",
+                "another content",
+                do="put it back, or begin the study anew",
+            )
         return ChosenArm(spec=self, arm=arm, file=file, files=read)
 
 
@@ -693,8 +738,12 @@ class ChosenArm:
         """
         spec = self.spec
         design = default_design(
-            self.arm, catch_joint=spec.catch_joint, q_catch=spec.q_catch, kappa=spec.kappa,
-            inward=spec.inward, order=spec.order,
-        )  # fmt: skip
+            self.arm,
+            catch_joint=spec.catch_joint,
+            q_catch=spec.q_catch,
+            kappa=spec.kappa,
+            inward=spec.inward,
+            order=spec.order,
+        )
         tangent_of(self.arm, design)  # refuses angles and ratios that cannot be
         return design

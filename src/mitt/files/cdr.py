@@ -29,8 +29,15 @@ HEAD = b"\x00\x01\x00\x00"
 """What stands before a message: plain CDR, little endian."""
 #: Longest string or sequence that is read field by field: a robot's joints are far fewer.
 _MOST = 4096
-_KINDS = {"bool": "?", "uint8": "u1", "int32": "<i4", "uint32": "<u4", "int64": "<i8",
-          "float32": "<f4", "float64": "<f8"}  # fmt: skip
+_KINDS = {
+    "bool": "?",
+    "uint8": "u1",
+    "int32": "<i4",
+    "uint32": "<u4",
+    "int64": "<i8",
+    "float32": "<f4",
+    "float64": "<f8",
+}
 
 
 @final
@@ -202,8 +209,14 @@ def _laid_out(fields: tuple[Field, ...]) -> tuple[bytes, np.dtype[np.void]]:
             start = w.room(np.dtype(_KINDS[base]), 1 if count is None else count)
             columns[name] = (_KINDS[base] if count is None else f"({count},){_KINDS[base]}", start)
     raw, (formats, offsets) = w.written(), zip(*columns.values(), strict=True)
-    dtype = np.dtype({"names": list(columns), "formats": list(formats), "offsets": list(offsets),
-                      "itemsize": len(raw)})  # fmt: skip
+    dtype = np.dtype(
+        {
+            "names": list(columns),
+            "formats": list(formats),
+            "offsets": list(offsets),
+            "itemsize": len(raw),
+        }
+    )
     return raw, dtype
 
 

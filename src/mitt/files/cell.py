@@ -270,8 +270,12 @@ def read_cell(name_or_path: str | Path) -> Cell:
     if path.suffix != ".toml":
         known = shipped("cells")
         if str(name_or_path) not in known:
-            raise FileError(str(name_or_path), f"a .toml file, or one of {', '.join(known)}",
-                            "neither", do=meant(str(name_or_path), known))  # fmt: skip
+            raise FileError(
+                str(name_or_path),
+                f"a .toml file, or one of {', '.join(known)}",
+                "neither",
+                do=meant(str(name_or_path), known),
+            )
         path = shipped_path("cells", str(name_or_path))
     return cell_of(read_toml(path), place=str(path), folder=path.parent)
 
@@ -283,8 +287,12 @@ def cell_of(raw: Any, *, place: str, folder: Path = Path()) -> Cell:  # noqa: AN
     )
     if not any(abs(cell.robot.rate * k * TICK - 1.0) < 1e-3 for k in _TICKS):
         wanted = " or ".join(f"{1.0 / (k * TICK):g}" for k in _TICKS)
-        raise FileError(f"{place} key 'robot.rate'", f"{wanted} Hz", f"{cell.robot.rate:g}",
-                        do="let the driver fill in readings")  # fmt: skip
+        raise FileError(
+            f"{place} key 'robot.rate'",
+            f"{wanted} Hz",
+            f"{cell.robot.rate:g}",
+            do="let the driver fill in readings",
+        )
     if cell.robot.takes == "torque" and cell.robot.ticks > 1:
         raise FileError(f"{place} key 'robot.rate'", "1000 Hz for torques", f"{cell.robot.rate:g}")
     _check_task(cell, place)
@@ -304,8 +312,12 @@ def _check_task(cell: Cell, place: str) -> None:
     images = "images" if cell.source.kind == "images" else None
     for key, value in {"map": cell.map, "source.kind": images}.items():
         if value is not None:
-            raise FileError(f"{place} key {key!r}", "none where parts are met", str(value)[:60],
-                            do="leave it out")  # fmt: skip
+            raise FileError(
+                f"{place} key {key!r}",
+                "none where parts are met",
+                str(value)[:60],
+                do="leave it out",
+            )
 
 
 def _beside(folder: Path, name: str | None) -> str | None:
@@ -338,9 +350,11 @@ def check_names(cell: Cell, arm: Arm) -> None:
     """Refuse names of joints at the robot that do not fit an arm, by InputError."""
     names = cell.robot.joints
     if names is not None and (len(names) != arm.n or len(set(names)) != arm.n):
-        raise InputError(f"{cell.name} robot.joints",
-                         f"{arm.n} different names, one for each of {', '.join(arm.names)}",
-                         ", ".join(names))  # fmt: skip
+        raise InputError(
+            f"{cell.name} robot.joints",
+            f"{arm.n} different names, one for each of {', '.join(arm.names)}",
+            ", ".join(names),
+        )
 
 
 def around_of(cell: Cell, arm: Arm) -> Surroundings:

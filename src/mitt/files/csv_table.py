@@ -64,8 +64,12 @@ def read_rows(
                 raise FileError(str(path), f"at most {max_rows} rows", "more")
             if len(cells) != len(header):
                 place = f"{path} line {reader.line_num}"
-                raise FileError(place, f"{len(header)} cells ({wanted})", f"{len(cells)} cells",
-                                do=_POINTS if len(cells) > len(header) else "")  # fmt: skip
+                raise FileError(
+                    place,
+                    f"{len(header)} cells ({wanted})",
+                    f"{len(cells)} cells",
+                    do=_POINTS if len(cells) > len(header) else "",
+                )
             yield reader.line_num, dict(zip(header, cells, strict=True))
     except UnicodeDecodeError as error:
         raise FileError(str(path), "UTF-8 text", f"a bad byte: {error.reason}") from None
@@ -115,10 +119,12 @@ def read_columns(path: Path, columns: Sequence[str], *, seen: Sequence[str] = ()
     """
     limits = [_LIMITS[name.rsplit("_", 1)[1]] for name in columns]
     rows = [
-        [(measured if name in seen else number)(path, line, name, cells[name], limit=limit)
-         for name, limit in zip(columns, limits, strict=True)]
+        [
+            (measured if name in seen else number)(path, line, name, cells[name], limit=limit)
+            for name, limit in zip(columns, limits, strict=True)
+        ]
         for line, cells in read_rows(path, columns)
-    ]  # fmt: skip
+    ]
     if not rows:
         raise FileError(str(path), "a table with rows", "none")
     return np.array(rows, dtype=np.float64)

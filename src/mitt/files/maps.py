@@ -114,11 +114,14 @@ def map_of(raw: Any, arm: Arm, *, place: str) -> Learned:  # noqa: ANN401 (any J
     content = parsed(_MapFile, raw, place=place, wanted=f"a map of schema {SCHEMA}", do=_AGAIN)
     stated = {key: value for key, value in raw.items() if key != "checksum"}
     if json_digest(stated) != content.checksum:
-        raise FileError(place, "a map that matches its checksum", "one that was altered",
-                        do=_AGAIN)  # fmt: skip
+        raise FileError(place, "a map that matches its checksum", "one that was altered", do=_AGAIN)
     if not _is_known(content.version):
-        raise FileError(f"{place} key 'version'", f"a map of mitt {__version__} or before",
-                        repr(content.version[:20]), do=_AGAIN)  # fmt: skip
+        raise FileError(
+            f"{place} key 'version'",
+            f"a map of mitt {__version__} or before",
+            repr(content.version[:20]),
+            do=_AGAIN,
+        )
     mine = (arm.model.name, arm.limits.name, list(arm.names))
     given = (content.arm, content.limits, content.joints)
     if mine != given:
@@ -126,8 +129,12 @@ def map_of(raw: Any, arm: Arm, *, place: str) -> Learned:  # noqa: ANN401 (any J
         raise FileError(place, f"a map for {wanted}", f"one for {other}")
     unlike = difference(identity_of(arm), content.identity)
     if unlike is not None:
-        raise FileError(place, f"a map for this arm {arm.model.name}",
-                        f"one for another of that name: {unlike}", do=_AGAIN)  # fmt: skip
+        raise FileError(
+            place,
+            f"a map for this arm {arm.model.name}",
+            f"one for another of that name: {unlike}",
+            do=_AGAIN,
+        )
     return _learned(place, content, arm)
 
 
@@ -144,9 +151,13 @@ def _learned(place: str, content: _MapFile, arm: Arm) -> Learned:
     except (MittError, ValueError, np.linalg.LinAlgError) as error:
         raise FileError(place, "a map that fits together", error) from error
     return Learned(
-        map=f, maps=(f,), steps=steps, flights=content.flights, left_out=content.left_out,
+        map=f,
+        maps=(f,),
+        steps=steps,
+        flights=content.flights,
+        left_out=content.left_out,
         status=content.status,
-    )  # fmt: skip
+    )
 
 
 def _is_known(version: str) -> bool:

@@ -14,23 +14,43 @@ from mitt.numerals import real_of
 from mitt.signals import Array, Frame, Senses, Sighting
 
 #: Topics, and the frame in which all points are given (REP 105 has no name for a shoulder frame).
-STATES, COMMANDS, BRAKES = "/joint_states", "/joint_commands", "/brakes"
-ESTIMATE, TRUTH, CATCH_POINT = "/ball/estimate", "/ball/truth", "/hand/catch_point"
-PHASE, STATE, EVENT = "/phase", "/state", "/events"
-TICKS, POINTS, FRAMES, CALLS = "/mitt/ticks", "/mitt/points", "/mitt/frames", "/mitt/calls"
-IMAGES, WORLD = "/camera_{}/image", "world"
-DESCRIPTION, MOVING, FIXED = "/robot_description", "/tf", "/tf_static"
-BALL, MARKER = "ball", "/ball/marker"
+STATES = "/joint_states"
+COMMANDS = "/joint_commands"
+BRAKES = "/brakes"
+ESTIMATE = "/ball/estimate"
+TRUTH = "/ball/truth"
+CATCH_POINT = "/hand/catch_point"
+PHASE = "/phase"
+STATE = "/state"
+EVENT = "/events"
+TICKS = "/mitt/ticks"
+POINTS = "/mitt/points"
+FRAMES = "/mitt/frames"
+CALLS = "/mitt/calls"
+IMAGES = "/camera_{}/image"
+WORLD = "world"
+DESCRIPTION = "/robot_description"
+MOVING = "/tf"
+FIXED = "/tf_static"
+BALL = "ball"
+MARKER = "/ball/marker"
 
 #: Types of messages.
-STAMPED, JOINTS = "geometry_msgs/msg/PointStamped", "sensor_msgs/msg/JointState"
-TEXT, FLAG, IMAGE = "std_msgs/msg/String", "std_msgs/msg/Bool", "sensor_msgs/msg/Image"
-TRANSFORMS, SHAPE = "tf2_msgs/msg/TFMessage", "visualization_msgs/msg/Marker"
-TICK, POINT, FRAME = "mitt_msgs/msg/Tick", "mitt_msgs/msg/Point", "mitt_msgs/msg/Frame"
+STAMPED = "geometry_msgs/msg/PointStamped"
+JOINTS = "sensor_msgs/msg/JointState"
+TEXT = "std_msgs/msg/String"
+FLAG = "std_msgs/msg/Bool"
+IMAGE = "sensor_msgs/msg/Image"
+TRANSFORMS = "tf2_msgs/msg/TFMessage"
+SHAPE = "visualization_msgs/msg/Marker"
+TICK = "mitt_msgs/msg/Tick"
+POINT = "mitt_msgs/msg/Point"
+FRAME = "mitt_msgs/msg/Frame"
 #: A marker's type of a ball.
 _SPHERE = 2
 #: Among the calls: a correction of the eyes' stamps, torques that were taken over.
-_CLOCK, _TORQUES = "clock", "torques"
+_CLOCK = "clock"
+_TORQUES = "torques"
 #: Largest time that a stamp can say [ns].
 _LAST = 2**31 * 1_000_000_000 - 1
 
@@ -75,20 +95,37 @@ def _tick(n: int | None, heads: int | None) -> list[Field]:
     """Return the fields of a tick of ``n`` joints; of lengths unknown for the definition."""
     many = [None if n is None else rows * n for rows in (1, 4, 6)]
     return [
-        ("t", "float64", None), ("t_arm", "float64", None), ("points", "uint32", None),
-        ("frames", "uint32", None), ("q", "float64[]", many[0]), ("dq", "float64[]", many[0]),
-        ("command", "float64[]", many[1]), ("hand", "float64", None), ("brakes", "bool", None),
+        ("t", "float64", None),
+        ("t_arm", "float64", None),
+        ("points", "uint32", None),
+        ("frames", "uint32", None),
+        ("q", "float64[]", many[0]),
+        ("dq", "float64[]", many[0]),
+        ("command", "float64[]", many[1]),
+        ("hand", "float64", None),
+        ("brakes", "bool", None),
         ("gaze", "float64[]", None if heads is None else 4 * heads),
         *_results(),
-        ("ball", "float64[9]", None), ("covariance", "float64[36]", None),
-        ("reference", "float64[]", many[2]), ("sighting", "float64[12]", None),
-    ]  # fmt: skip
+        ("ball", "float64[9]", None),
+        ("covariance", "float64[36]", None),
+        ("reference", "float64[]", many[2]),
+        ("sighting", "float64[12]", None),
+    ]
 
 
-_POINT: list[Field] = [("t", "float64", None), ("found", "bool", None), ("r_o", "float64[3]", None),
-                       ("covariance", "float64[9]", None)]  # fmt: skip
-_FRAME: list[Field] = [("t", "float64", None), ("camera", "int64", None), ("number", "int64", None),
-                       ("pan", "float64", None), ("tilt", "float64", None)]  # fmt: skip
+_POINT: list[Field] = [
+    ("t", "float64", None),
+    ("found", "bool", None),
+    ("r_o", "float64[3]", None),
+    ("covariance", "float64[9]", None),
+]
+_FRAME: list[Field] = [
+    ("t", "float64", None),
+    ("camera", "int64", None),
+    ("number", "int64", None),
+    ("pan", "float64", None),
+    ("tilt", "float64", None),
+]
 
 
 def _listed(fields: Sequence[Field]) -> str:
@@ -144,11 +181,16 @@ def ticks(n: int, heads: int, count: int = 1) -> Rows:
 def joint_states(names: Sequence[str], *, efforts: bool) -> Rows:
     """Return a ``sensor_msgs/msg/JointState``; without efforts, they are unknown."""
     n = len(names)
-    return layout([
-        *_STAMP, ("frame_id", "string", ""), ("name", "string[]", tuple(names)),
-        ("position", "float64[]", n), ("velocity", "float64[]", n),
-        ("effort", "float64[]", n if efforts else 0),
-    ])  # fmt: skip
+    return layout(
+        [
+            *_STAMP,
+            ("frame_id", "string", ""),
+            ("name", "string[]", tuple(names)),
+            ("position", "float64[]", n),
+            ("velocity", "float64[]", n),
+            ("effort", "float64[]", n if efforts else 0),
+        ]
+    )
 
 
 def point_stamped() -> Rows:
@@ -166,9 +208,13 @@ def transforms(frames: Sequence[Drawn], ns: NDArray[np.int64], poses: Sequence[A
     """
     fields: list[Field] = [("count", "uint32", None)]
     for k, frame in enumerate(frames):
-        fields += [(f"sec_{k}", "int32", None), (f"nanosec_{k}", "uint32", None),
-                   (f"parent_{k}", "string", frame.parent), (f"child_{k}", "string", frame.name),
-                   (f"pose_{k}", "float64[7]", None)]  # fmt: skip
+        fields += [
+            (f"sec_{k}", "int32", None),
+            (f"nanosec_{k}", "uint32", None),
+            (f"parent_{k}", "string", frame.parent),
+            (f"child_{k}", "string", frame.name),
+            (f"pose_{k}", "float64[7]", None),
+        ]
     rows = layout(fields, len(ns))
     rows["count"] = len(frames)
     for k, pose in enumerate(poses):
@@ -180,15 +226,31 @@ def transforms(frames: Sequence[Drawn], ns: NDArray[np.int64], poses: Sequence[A
 def ball_marker(ns: int, radius: float) -> bytes:
     """Return a ``visualization_msgs/msg/Marker``: a ball [m] that goes with the frame ``ball``."""
     fields: list[Field] = [
-        *_STAMP, ("frame_id", "string", BALL), ("ns", "string", BALL), ("id", "int32", None),
-        ("type", "int32", None), ("action", "int32", None), ("pose", "float64[7]", None),
-        ("scale", "float64[3]", None), ("color", "float32[4]", None), ("lasts", "int32[2]", None),
-        ("frame_locked", "bool", None), ("points", "float64[]", 0), ("colors", "float64[]", 0),
-        ("texture_resource", "string", ""), ("texture_sec", "int32[2]", None),
-        ("texture_frame", "string", ""), ("format", "string", ""), ("data", "uint8[]", 0),
-        ("uv", "float64[]", 0), ("text", "string", ""), ("mesh_resource", "string", ""),
-        ("filename", "string", ""), ("mesh", "uint8[]", 0), ("materials", "bool", None),
-    ]  # fmt: skip
+        *_STAMP,
+        ("frame_id", "string", BALL),
+        ("ns", "string", BALL),
+        ("id", "int32", None),
+        ("type", "int32", None),
+        ("action", "int32", None),
+        ("pose", "float64[7]", None),
+        ("scale", "float64[3]", None),
+        ("color", "float32[4]", None),
+        ("lasts", "int32[2]", None),
+        ("frame_locked", "bool", None),
+        ("points", "float64[]", 0),
+        ("colors", "float64[]", 0),
+        ("texture_resource", "string", ""),
+        ("texture_sec", "int32[2]", None),
+        ("texture_frame", "string", ""),
+        ("format", "string", ""),
+        ("data", "uint8[]", 0),
+        ("uv", "float64[]", 0),
+        ("text", "string", ""),
+        ("mesh_resource", "string", ""),
+        ("filename", "string", ""),
+        ("mesh", "uint8[]", 0),
+        ("materials", "bool", None),
+    ]
     row = layout(fields)
     row["sec"], row["nanosec"] = divmod(ns, 1_000_000_000)
     row["type"], row["pose"], row["scale"] = _SPHERE, (0, 0, 0, 0, 0, 0, 1), 2.0 * radius
@@ -199,11 +261,18 @@ def ball_marker(ns: int, radius: float) -> bytes:
 def image(shape: tuple[int, int], camera: int) -> Rows:
     """Return a ``sensor_msgs/msg/Image`` of grey values, shape (height, width)."""
     height, width = shape
-    out = layout([
-        *_STAMP, ("frame_id", "string", f"camera_{camera}"), ("height", "uint32", None),
-        ("width", "uint32", None), ("encoding", "string", "mono8"), ("big", "uint8", None),
-        ("step", "uint32", None), ("data", "uint8[]", height * width),
-    ])  # fmt: skip
+    out = layout(
+        [
+            *_STAMP,
+            ("frame_id", "string", f"camera_{camera}"),
+            ("height", "uint32", None),
+            ("width", "uint32", None),
+            ("encoding", "string", "mono8"),
+            ("big", "uint8", None),
+            ("step", "uint32", None),
+            ("data", "uint8[]", height * width),
+        ]
+    )
     out["height"], out["width"], out["step"] = height, width, width
     return out
 

@@ -60,30 +60,48 @@ from mitt.files.writing import write_atomically
 from mitt.signals import Array, Frame, Sighting
 
 #: Name of the metadata record, of what is said at the end, and of the attachment.
-METADATA, ENDING, ABOUT = "mitt", "mitt.end", "about.json.zst"
+METADATA = "mitt"
+ENDING = "mitt.end"
+ABOUT = "about.json.zst"
 #: What the file says of the program that wrote it.
 LIBRARY = "mitt"
 #: Ticks in a chunk: a file that is cut loses at most so many.
 _CHUNK_TICKS = 100
 #: Frames are written each so many ticks; what is said once is kept for those who come later.
-_DRAWN, _KEPT_BY_ROS = 10, (of.DESCRIPTION, of.FIXED, of.MARKER)
+_DRAWN = 10
+_KEPT_BY_ROS = (of.DESCRIPTION, of.FIXED, of.MARKER)
 _NO_TIME = {"sec": 0, "nsec": 0}
-_LATCHED = {"offered_qos_profiles": json.dumps([{
-    "history": 1, "depth": 1, "reliability": 1, "durability": 1, "deadline": _NO_TIME,
-    "lifespan": _NO_TIME, "liveliness": 1, "liveliness_lease_duration": _NO_TIME,
-    "avoid_ros_namespace_conventions": False,
-}])}  # fmt: skip
+_LATCHED = {
+    "offered_qos_profiles": json.dumps(
+        [
+            {
+                "history": 1,
+                "depth": 1,
+                "reliability": 1,
+                "durability": 1,
+                "deadline": _NO_TIME,
+                "lifespan": _NO_TIME,
+                "liveliness": 1,
+                "liveliness_lease_duration": _NO_TIME,
+                "avoid_ros_namespace_conventions": False,
+            }
+        ]
+    )
+}
 """Keep the last, reliable, transient local; as rosbag2 writes it."""
 _BALL = Drawn(name=of.BALL, parent=of.WORLD, place=(0.0,) * 3, turn=(0.0, 0.0, 0.0, 1.0))
 #: What an MCAP file begins with.
 _MAGIC = b"\x89MCAP0\r\n"
 #: Largest record, and chunk unpacked, and all that is kept [bytes].
-_RECORD, _MOST = 64_000_000, 4_000_000_000
+_RECORD = 64_000_000
+_MOST = 4_000_000_000
 #: What a file may come to [bytes]: so much, and so many times its size. Recordings come to 4 to 60
 #: times their size; one that was made to swell comes to thousands.
-_FREE, _SWELLS = 64_000_000, 100
+_FREE = 64_000_000
+_SWELLS = 100
 #: What a message costs beside its bytes, and a text for each of its bytes, once they are objects.
-_OBJECT, _OBJECTS = 1000, 16
+_OBJECT = 1000
+_OBJECTS = 16
 _WANTED = "a recording of mitt (MCAP)"
 _DO = "mitt reads no other recordings; recorded positions of a ball go to mitt track, as CSV"
 #: How other recordings begin.
@@ -93,7 +111,8 @@ _MESSAGE = struct.Struct("<HIQQ")
 #: Where a chunk states its size, after kind, length and two times of the record.
 _STATED = struct.Struct("<Q")
 #: Layouts of what there may be much of.
-_POINT, _PLACE = of.points().dtype, of.point_stamped().dtype
+_POINT = of.points().dtype
+_PLACE = of.point_stamped().dtype
 #: Topics whose messages are kept.
 _KEPT = (of.TICKS, of.POINTS, of.CALLS, of.TRUTH, of.CATCH_POINT, of.EVENT, of.PHASE, of.STATE)
 _BROKEN = (McapError, struct.error, ValueError, KeyError, IndexError, zstandard.ZstdError)
@@ -126,13 +145,22 @@ class Heading:
 
 def heading_of(about: About, metadata: Mapping[str, str] | None = None) -> Heading:
     """Return the heading of a recording; the notes of ``about`` are part of its metadata."""
-    said = {"version": about.version, "arm": about.arm.model.name,
-            "limits": about.arm.limits.name, "generator": about.generator}  # fmt: skip
+    said = {
+        "version": about.version,
+        "arm": about.arm.model.name,
+        "limits": about.arm.limits.name,
+        "generator": about.generator,
+    }
     return Heading(
-        joints=about.arm.names, heads=len(about.rig.heads), shapes=about.shapes, about=about.text,
-        description=urdf_of(about.arm), frames=frames_of(about.arm),
-        radius=about.settings.ball_radius, metadata={**said, **about.notes, **(metadata or {})},
-    )  # fmt: skip
+        joints=about.arm.names,
+        heads=len(about.rig.heads),
+        shapes=about.shapes,
+        about=about.text,
+        description=urdf_of(about.arm),
+        frames=frames_of(about.arm),
+        radius=about.settings.ball_radius,
+        metadata={**said, **about.notes, **(metadata or {})},
+    )
 
 
 @final
@@ -155,8 +183,9 @@ class RecordingWriter:
         self._last = {of.PHASE: "", of.STATE: ""}
         self._ns = 0
 
-    def ticks(self, first: int, rows: Rows, before: Mapping[int, Sequence[Said]] | None = None
-              ) -> None:  # fmt: skip
+    def ticks(
+        self, first: int, rows: Rows, before: Mapping[int, Sequence[Said]] | None = None
+    ) -> None:
         """Write ticks one after another.
 
         Args:
@@ -169,12 +198,17 @@ class RecordingWriter:
         q, dq = rows["q"], rows["dq"]
         columns = [
             (of.STATES, of.JOINTS, of.filled(self._states, ns, position=q, velocity=dq)),
-            (of.COMMANDS, of.JOINTS, of.filled(self._commands, ns, position=told[:, 0],
-                                           velocity=told[:, 1], effort=told[:, 3])),
+            (
+                of.COMMANDS,
+                of.JOINTS,
+                of.filled(
+                    self._commands, ns, position=told[:, 0], velocity=told[:, 1], effort=told[:, 3]
+                ),
+            ),
             (of.BRAKES, of.FLAG, of.filled(of.flag(), None, data=rows["brakes"])),
             (of.ESTIMATE, of.STAMPED, of.filled(of.point_stamped(), ns, r=rows["ball"][:, :3])),
             (of.TICKS, of.TICK, rows),
-        ]  # fmt: skip
+        ]
         tracked = rows["out_tracked"]
         drawn = self._draw(first, rows, ns)
         for k in range(len(rows)):
@@ -229,10 +263,13 @@ class RecordingWriter:
         """Write once what does not change: the arm's description, and the frames that stand."""
         frames, now = [x for x in self._heading.frames if not x.moves], np.array([self._ns])
         rows = of.transforms(frames, now, [frame.poses(np.zeros(1)) for frame in frames])
-        self.say((
-            (of.DESCRIPTION, of.TEXT, cdr.text(self._heading.description), None),
-            (of.FIXED, of.TRANSFORMS, rows[0].tobytes(), None),
-        ), sequence)  # fmt: skip
+        self.say(
+            (
+                (of.DESCRIPTION, of.TEXT, cdr.text(self._heading.description), None),
+                (of.FIXED, of.TRANSFORMS, rows[0].tobytes(), None),
+            ),
+            sequence,
+        )
 
     def _changes(self, row: np.void, sequence: int) -> None:
         """Write phase and state where they have changed."""
@@ -336,8 +373,9 @@ def _others(recording: Recording) -> tuple[dict[int, list[Said]], list[Said]]:
     for track in recording.tracks:
         rows = of.filled(of.point_stamped(), of.ns_of(track.t), r=track.r)
         times = of.ns_of(track.t).tolist()
-        texts += [(track.topic, of.STAMPED, row.tobytes(), t)
-                  for row, t in zip(rows, times, strict=True)]  # fmt: skip
+        texts += [
+            (track.topic, of.STAMPED, row.tobytes(), t) for row, t in zip(rows, times, strict=True)
+        ]
     texts.sort(key=lambda said: said[3] or 0)
     places = np.searchsorted(np.maximum.accumulate(ns), [said[3] for said in texts])
     after: list[Said] = []
@@ -597,10 +635,13 @@ class Recorded:
             raise self._error(f"images of {len(shapes)} cameras", f"one of camera {camera}")
         image = _row(of.image(shapes[camera], camera), data)
         return Frame(
-            t=float(row["t"][0]), camera=camera, number=int(row["number"][0]),
-            pixels=image["data"][0].reshape(shapes[camera]).copy(), pan=float(row["pan"][0]),
+            t=float(row["t"][0]),
+            camera=camera,
+            number=int(row["number"][0]),
+            pixels=image["data"][0].reshape(shapes[camera]).copy(),
+            pan=float(row["pan"][0]),
             tilt=float(row["tilt"][0]),
-        )  # fmt: skip
+        )
 
     def _decoded(self) -> Rows:
         """Return all ticks as rows."""
@@ -664,6 +705,8 @@ def _whole(data: bytes, layout: np.dtype[Any]) -> None:
 def _sighting(row: Rows) -> Sighting:
     """Return a sighting from its message."""
     return Sighting(
-        t=float(row["t"][0]), found=bool(row["found"][0]), r_o=row["r_o"][0].copy(),
+        t=float(row["t"][0]),
+        found=bool(row["found"][0]),
+        r_o=row["r_o"][0].copy(),
         covariance=row["covariance"][0].reshape(3, 3).copy(),
-    )  # fmt: skip
+    )

@@ -20,9 +20,11 @@ from mitt.signals import Array
 SCHEMA = "mitt.rig/1"
 
 _WANTED = "TOML as mitt calibrate writes it"
-_OTHERS = ("files of Kalibr and OpenCV are not read: write K, distortion and pose of each camera"
-           " (the inverse of what they give, in m) into a RIG.toml, docs/rig.md, or run mitt"
-           " calibrate")  # fmt: skip
+_OTHERS = (
+    "files of Kalibr and OpenCV are not read: write K, distortion and pose of each camera"
+    " (the inverse of what they give, in m) into a RIG.toml, docs/rig.md, or run mitt"
+    " calibrate"
+)
 """What to do with a calibration of another program."""
 #: Numbers of cameras [m, px, 1], and times [s]: no rig and no clock has larger ones.
 Finite = Annotated[float, Field(ge=-1e6, le=1e6)]
@@ -271,14 +273,29 @@ def write_rig(path: Path, rig: CalibratedRig, *, version: str) -> None:
     for c in rig.cameras:
         fu, fv, cu, cv = c.lens.numbers[:4]
         K = np.array(((fu, 0.0, cu), (0.0, fv, cv), (0.0, 0.0, 1.0)))
-        lines += ["", "[[camera]]", f'name = "{c.name}"', f"width = {c.lens.width}",
-                  f"height = {c.lens.height}"]  # fmt: skip
-        lines += _lines({"K": K, "distortion": c.lens.numbers[4:], "T_world_cam": c.T_world_cam,
-                         "rms_px": c.rms_px})  # fmt: skip
+        lines += [
+            "",
+            "[[camera]]",
+            f'name = "{c.name}"',
+            f"width = {c.lens.width}",
+            f"height = {c.lens.height}",
+        ]
+        lines += _lines(
+            {
+                "K": K,
+                "distortion": c.lens.numbers[4:],
+                "T_world_cam": c.T_world_cam,
+                "rms_px": c.rms_px,
+            }
+        )
         if c.head is not None:
             h = c.head
-            axes = {"pan_axis": h.pan_axis, "pan_point": h.pan_point,
-                    "tilt_axis": h.tilt_axis, "tilt_point": h.tilt_point}  # fmt: skip
+            axes = {
+                "pan_axis": h.pan_axis,
+                "pan_point": h.pan_point,
+                "tilt_axis": h.tilt_axis,
+                "tilt_point": h.tilt_point,
+            }
             lines += ["", "[camera.head]", *_lines(axes)]
     write_text(path, "\n".join(lines) + "\n")
 

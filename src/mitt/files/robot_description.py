@@ -33,7 +33,9 @@ from mitt.arm.description import (
 from mitt.arm.hands import HandModel
 from mitt.signals import Array
 
-WORLD, HAND, CATCH_POINT = "world", "hand", "catch_point"
+WORLD = "world"
+HAND = "hand"
+CATCH_POINT = "catch_point"
 """Names of frames."""
 #: Colours of links, of what stands still and of fingers, as red, green, blue, opacity.
 _COLOURS = {"metal": "0.84 0.85 0.88 1", "dark": "0.36 0.39 0.44 1", "finger": "0.59 0.62 0.67 1"}
@@ -104,9 +106,15 @@ class _Part:
         """Its frame."""
         R = self.T[:3, :3]
         axis = np.zeros(3) if self.axis is None else self.axis
-        return Frame(name=self.child, parent=self.parent, place=_plain(self.T[:3, 3]),
-                     turn=_plain(quaternion(R)), axis=_plain(axis), slides=self.slides,
-                     follows=self.follows)  # fmt: skip
+        return Frame(
+            name=self.child,
+            parent=self.parent,
+            place=_plain(self.T[:3, 3]),
+            turn=_plain(quaternion(R)),
+            axis=_plain(axis),
+            slides=self.slides,
+            follows=self.follows,
+        )
 
 
 def frames_of(arm: Arm) -> tuple[Frame, ...]:
@@ -142,15 +150,32 @@ def _parts(arm: Arm) -> list[_Part]:
         at, child = T @ link.placement, f"link_{link.name}"
         body = Inertial(link.mass, link.com, link.inertia)
         if link.held is not None:
-            out.append(_Part(name=link.name, child=child, parent=before, inertial=body,
-                             T=at @ joint_motion(link, link.held),
-                             shapes=link.capsules))  # fmt: skip
+            out.append(
+                _Part(
+                    name=link.name,
+                    child=child,
+                    parent=before,
+                    inertial=body,
+                    T=at @ joint_motion(link, link.held),
+                    shapes=link.capsules,
+                )
+            )
         else:
             most = float(arm.tau_max[active]), float(arm.dq_max[active])
-            out.append(_Part(name=link.name, child=child, parent=before, T=at, axis=link.axis,
-                             slides=link.prismatic, follows=active, inertial=body,
-                             bounds=(link.q_min, link.q_max, *most),
-                             shapes=link.capsules or _stick(model, k)))  # fmt: skip
+            out.append(
+                _Part(
+                    name=link.name,
+                    child=child,
+                    parent=before,
+                    T=at,
+                    axis=link.axis,
+                    slides=link.prismatic,
+                    follows=active,
+                    inertial=body,
+                    bounds=(link.q_min, link.q_max, *most),
+                    shapes=link.capsules or _stick(model, k),
+                )
+            )
             active += 1
         before, T = child, np.eye(4)
     return out + _hand_parts(model, before, active)
@@ -165,28 +190,51 @@ def _stick(model: ArmModel, k: int) -> tuple[Capsule, ...]:
 def _hand_parts(model: ArmModel, last: str, active: int) -> list[_Part]:
     """Return the hand, its fingers and the catch point."""
     hand = model.hand
-    body = None if hand is None else Inertial(hand.mass, np.array([0.0, 0.0, hand.com]),
-                                              hand.inertia)  # fmt: skip
+    body = (
+        None if hand is None else Inertial(hand.mass, np.array([0.0, 0.0, hand.com]), hand.inertia)
+    )
     offset = 0.0 if hand is None else hand.catch_offset
     out = [
-        _Part(name="to_hand", child=HAND, parent=last, T=model.tool, inertial=body,
-              shapes=_hand_shapes(hand), colour="dark"),
-        _Part(name="to_catch_point", child=CATCH_POINT, parent=HAND,
-              T=transform(p=np.array([0.0, 0.0, offset]))),
-    ]  # fmt: skip
+        _Part(
+            name="to_hand",
+            child=HAND,
+            parent=last,
+            T=model.tool,
+            inertial=body,
+            shapes=_hand_shapes(hand),
+            colour="dark",
+        ),
+        _Part(
+            name="to_catch_point",
+            child=CATCH_POINT,
+            parent=HAND,
+            T=transform(p=np.array([0.0, 0.0, offset])),
+        ),
+    ]
     if not isinstance(hand, HandModel):
         return out
     finger = hand.finger
-    points = [np.array([x - finger.base_radius, 0.0, z - finger.base_height])
-              for x, z in finger.points(0.0)]  # fmt: skip
+    points = [
+        np.array([x - finger.base_radius, 0.0, z - finger.base_height])
+        for x, z in finger.points(0.0)
+    ]
     rods = tuple(_rod(a, b, finger.thickness) for a, b in pairwise(points))
     for k in range(hand.fingers):
         R = rotation(np.array([0.0, 0.0, 1.0]), hand.yaw + 2.0 * np.pi * k / hand.fingers)
         base = R @ np.array([finger.base_radius, finger.offset, finger.base_height])
-        out.append(_Part(name=f"to_finger_{k}", child=f"finger_{k}", parent=HAND,
-                         T=transform(R, base), axis=np.array([0.0, -1.0, 0.0]), follows=active,
-                         bounds=(0.0, hand.drive.closed, *_FINGER), shapes=rods,
-                         colour="finger"))  # fmt: skip
+        out.append(
+            _Part(
+                name=f"to_finger_{k}",
+                child=f"finger_{k}",
+                parent=HAND,
+                T=transform(R, base),
+                axis=np.array([0.0, -1.0, 0.0]),
+                follows=active,
+                bounds=(0.0, hand.drive.closed, *_FINGER),
+                shapes=rods,
+                colour="finger",
+            )
+        )
     return out
 
 
@@ -197,8 +245,13 @@ def _hand_shapes(hand: Hand | None) -> tuple[Capsule, ...]:
     if not isinstance(hand, Basket):
         return ()
     around = 2.0 * np.pi * np.arange(_SIDES + 1) / _SIDES
-    ring = np.column_stack((hand.net_radius * np.cos(around), hand.net_radius * np.sin(around),
-                            np.full(_SIDES + 1, hand.ring_height)))  # fmt: skip
+    ring = np.column_stack(
+        (
+            hand.net_radius * np.cos(around),
+            hand.net_radius * np.sin(around),
+            np.full(_SIDES + 1, hand.ring_height),
+        )
+    )
     out = [_rod(a, b, hand.ring_thickness) for a, b in pairwise(ring)]
     for angle in 2.0 * np.pi * np.arange(hand.struts) / hand.struts:
         side = np.array([np.cos(angle), np.sin(angle), 0.0])
@@ -233,8 +286,14 @@ def _add_inertial(link: Element, body: Inertial) -> None:
     inertial = SubElement(link, "inertial")
     _add_origin(inertial, transform(p=body.com))
     SubElement(inertial, "mass", value=repr(float(body.mass)))
-    rows = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2),
-            "izz": (2, 2)}  # fmt: skip
+    rows = {
+        "ixx": (0, 0),
+        "ixy": (0, 1),
+        "ixz": (0, 2),
+        "iyy": (1, 1),
+        "iyz": (1, 2),
+        "izz": (2, 2),
+    }
     SubElement(
         inertial, "inertia", {key: repr(float(body.inertia[at])) for key, at in rows.items()}
     )
@@ -248,8 +307,10 @@ def _add_shapes(link: Element, capsules: Sequence[Capsule], colour: str) -> None
         solids = [(transform(p=end), "sphere", {"radius": radius})]
         if length > 1e-6:
             T = transform(_along((end - start) / length), 0.5 * (start + end))
-            solids += [(transform(p=start), "sphere", {"radius": radius}),
-                       (T, "cylinder", {"radius": radius, "length": repr(length)})]  # fmt: skip
+            solids += [
+                (transform(p=start), "sphere", {"radius": radius}),
+                (T, "cylinder", {"radius": radius, "length": repr(length)}),
+            ]
         for T, kind, sizes in solids:
             visual = SubElement(link, "visual")
             _add_origin(visual, T)

@@ -77,8 +77,10 @@ class Settings(Part):
 
     def __repr__(self) -> str:
         """Return one line: what differs from the settings that are left out."""
-        own = [(name, getattr(self, name), field.get_default(call_default_factory=True))
-               for name, field in type(self).model_fields.items()]  # fmt: skip
+        own = [
+            (name, getattr(self, name), field.get_default(call_default_factory=True))
+            for name, field in type(self).model_fields.items()
+        ]
         return line(type(self).__name__, [(x, value) for x, value, usual in own if value != usual])
 
     __str__ = __repr__

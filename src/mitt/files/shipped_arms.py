@@ -124,10 +124,15 @@ def _rows() -> dict[tuple[str, str], Figures]:
 def digest(chosen: ChosenArm) -> str:
     """Return the SHA-256 of all numbers of an arm, its limits, its hand, its map and its throws."""
     arm, file = chosen.arm, chosen.file
-    of = [identity_of(arm), asdict(chosen.design), arm.limits.name, arm.force,
-          None if file is None or file.throws is None else file.throws.model_dump(),
-          None if file is None or file.arrivals is None else file.arrivals.model_dump(),
-          None if file is None else [file.hand, file.hand_tilt]]  # fmt: skip
+    of = [
+        identity_of(arm),
+        asdict(chosen.design),
+        arm.limits.name,
+        arm.force,
+        None if file is None or file.throws is None else file.throws.model_dump(),
+        None if file is None or file.arrivals is None else file.arrivals.model_dump(),
+        None if file is None else [file.hand, file.hand_tilt],
+    ]
     return hashlib.sha256(json.dumps(_rounded(of), sort_keys=True).encode()).hexdigest()
 
 

@@ -27,7 +27,8 @@ import numpy as np
 from mitt import checks
 from mitt.errors import FileError, InputError
 
-_FILE, _FOLDER = "a file that can be written", "a folder that can be written"
+_FILE = "a file that can be written"
+_FOLDER = "a folder that can be written"
 
 LOCK = ".lock"
 """File that keeps a second run out of a folder; alone it does not make the folder full."""
@@ -43,7 +44,7 @@ _BEGINNINGS = {
     ".toml": re.compile(rb"# (mitt design: |Cameras as mitt calibrate found them)"),
     ".png": re.compile(rb"\x89PNG.*tEXtSoftware\x00mitt", re.DOTALL),
     ".mkv": re.compile(rb"\x1aE\xdf\xa3.*mitt", re.DOTALL),
-}  # fmt: skip
+}
 #: What a temporary file of a run that was killed has about its name.
 _TEMPORARY = re.compile(r"\.(.+)\.[a-z0-9_]{8}")
 #: Pages of replays are made by the viewer and do not say who wanted them.
@@ -102,8 +103,12 @@ def check_own(name: str, path: Path) -> None:
 def _in_the_way(name: str, path: Path) -> InputError:
     """Return the error of a file that is not replaced."""
     what = "a link" if path.is_symlink() else "which mitt did not write"
-    return InputError(name, "a place that is free, or a file of mitt", f"{path}, {what}",
-                      do="move that away, or choose another name for the output")  # fmt: skip
+    return InputError(
+        name,
+        "a place that is free, or a file of mitt",
+        f"{path}, {what}",
+        do="move that away, or choose another name for the output",
+    )
 
 
 def own_file(path: Path, schema: str) -> int:
@@ -269,8 +274,9 @@ def locked(folder: Path) -> Iterator[None]:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
-            raise InputError("--out", "a folder that no other run writes to",
-                             f"{folder}, where one is running") from None  # fmt: skip
+            raise InputError(
+                "--out", "a folder that no other run writes to", f"{folder}, where one is running"
+            ) from None
         yield
     finally:
         os.close(handle)
@@ -291,8 +297,12 @@ def check_folder(folder: Path, *, overwrite: bool) -> None:
         if not os.access(above, os.W_OK):
             raise FileError(str(above), "a folder that can be written", "one that cannot")
         if not overwrite and not is_free(folder):
-            raise InputError("--out", "a new or empty folder", f"{folder}, which has files in it",
-                             do="choose another or say --overwrite")  # fmt: skip
+            raise InputError(
+                "--out",
+                "a new or empty folder",
+                f"{folder}, which has files in it",
+                do="choose another or say --overwrite",
+            )
 
 
 def is_free(folder: Path) -> bool:
@@ -335,9 +345,13 @@ class Leaves:
 
 
 def claim_folder(
-    folder: Path, leaves: Leaves, *, overwrite: bool, keep: Collection[Path] = (),
+    folder: Path,
+    leaves: Leaves,
+    *,
+    overwrite: bool,
+    keep: Collection[Path] = (),
     made: Callable[[str], bool] | None = None,
-) -> None:  # fmt: skip
+) -> None:
     """Make an output folder, or clear our own files out of an existing one.
 
     What tells whose folder it is goes last, so that a process that dies leaves a folder of ours.
@@ -403,8 +417,12 @@ def _ours(folder: Path, leaves: Leaves, made: Callable[[str], bool] | None) -> l
             ours += [name] if owned and plain and _is_temporary(name, leaves) else []
         if not ok:
             what = "a link" if path.is_symlink() else f"which {leaves.command} did not write there"
-            raise InputError("--out", f"a folder for {leaves.command}", f"{path}, {what}",
-                             do="choose another folder, or move that away")  # fmt: skip
+            raise InputError(
+                "--out",
+                f"a folder for {leaves.command}",
+                f"{path}, {what}",
+                do="choose another folder, or move that away",
+            )
     return ours
 
 

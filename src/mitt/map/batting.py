@@ -38,7 +38,8 @@ from mitt.signals import GRAVITY, Array, BallState
 
 #: Largest speed of a motion from rest to rest, in units of its mean, and largest acceleration, in
 #: units of that by its time: of a quintic.
-_PEAK, _PUSH = 1.875, 5.774
+_PEAK = 1.875
+_PUSH = 5.774
 #: Time in which the accelerations at the contact would bring about the speeds there [s]. Left free
 #: they are twice as large, and the torque of a WAM's joints 2 and 4 ends 10 ms before the contact;
 #: from 0.05 to 0.1 s as many balls pass within 15 cm of the target.
@@ -137,9 +138,12 @@ class BattingMap:
         basis = replace(f.basis, centre=centre)
         basis.__dict__["powers"] = f.basis.powers
         posed = replace(
-            f, design=replace(f.design, q_catch=float(q[i])), basis=basis, q_rest=q,
+            f,
+            design=replace(f.design, q_catch=float(q[i])),
+            basis=basis,
+            q_rest=q,
             region=np.array([q, q]),
-        )  # fmt: skip
+        )
         posed.__dict__.update({k: v for k, v in f.__dict__.items() if k in _SHARED})
         return posed
 
@@ -224,10 +228,14 @@ def unlearned_batting(
     basis = _basis(design, middle[list(design.free)], np.ones(3))
     size = len(basis.powers) * arm.n
     f = DirectMap(
-        arm=arm, design=replace(design, q_catch=float(middle[design.catch_joint])), basis=basis,
-        alpha=np.zeros((len(basis.powers), arm.n)), H=np.eye(size),
-        region=np.array([middle, middle]), q_rest=middle,
-    )  # fmt: skip
+        arm=arm,
+        design=replace(design, q_catch=float(middle[design.catch_joint])),
+        basis=basis,
+        alpha=np.zeros((len(basis.powers), arm.n)),
+        H=np.eye(size),
+        region=np.array([middle, middle]),
+        q_rest=middle,
+    )
     return BattingMap(map=f, held=held)
 
 
@@ -280,8 +288,9 @@ def _learned(
     """Return the map scaled to flights, what was learned from them, and those it is fit for."""
     inside = [(x, of) for of in flights if (x := lift_strike(g, *of)) is not None]
     if not inside:
-        raise InputError("flights to learn from", "at least one inside the map's domain",
-                         f"none of {count}")  # fmt: skip
+        raise InputError(
+            "flights to learn from", "at least one inside the map's domain", f"none of {count}"
+        )
     g = _scaled(g, [x for x, _ in inside], [strike for _, (_, strike) in inside])
     both = [(x, of) for of in flights if (x := lift_strike(g, *of)) is not None]
     lifted = [x for x, _ in both]
@@ -308,7 +317,10 @@ def _scaled(g: BattingMap, lifted: Sequence[Lifted], strikes: Sequence[Strike]) 
     scale = np.maximum(np.abs(every - centre).max(axis=0), _NARROWEST)
     centre[i] = middle[c]
     f = replace(
-        g.map, design=replace(design, q_catch=float(middle[c])), region=region, q_rest=middle,
+        g.map,
+        design=replace(design, q_catch=float(middle[c])),
+        region=region,
+        q_rest=middle,
         basis=_basis(design, centre, scale),
-    )  # fmt: skip
+    )
     return replace(g, map=f)

@@ -116,19 +116,27 @@ def arm_numbers(arm: Arm) -> ArmNumbers:
     middle, half = 0.5 * (arm.q_max + arm.q_min), 0.5 * (arm.q_max - arm.q_min)
     most = arm.limits.acceleration
     return ArmNumbers(
-        *arm.tables, arm.tau_max, arm.dq_max,
+        *arm.tables,
+        arm.tau_max,
+        arm.dq_max,
         np.full(arm.n, np.inf) if most is None else arm.active(most),
-        np.array([arm.q_min, arm.q_max]), middle, half,
-    )  # fmt: skip
+        np.array([arm.q_min, arm.q_max]),
+        middle,
+        half,
+    )
 
 
 def work_of(arm: Arm) -> Work:
     """Return the buffers for an arm."""
     n, links = arm.n, len(arm.model.links)
     return Work(
-        motion=np.zeros((3, n)), tau=np.zeros(links), dq=np.zeros(links),
-        slope=np.zeros((3, links, n)), links=slopes_work(links), notes=dynamics_scratch(links),
-    )  # fmt: skip
+        motion=np.zeros((3, n)),
+        tau=np.zeros(links),
+        dq=np.zeros(links),
+        slope=np.zeros((3, links, n)),
+        links=slopes_work(links),
+        notes=dynamics_scratch(links),
+    )
 
 
 def demand(arm: Arm, motion: Array) -> Demand:

@@ -25,11 +25,15 @@ _EARLIER = (0.4, 0.8, 1.0)
 #: How far beyond where the learned map caught, besides the move, a moved one is trusted [rad].
 _WIDER = 0.5
 #: Ratios ``inward`` that are tried, and share of the speeds up to which one will do.
-_INWARD, _SPARE = (0.0, 0.15, 0.3, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0), 0.85
+_INWARD = (0.0, 0.15, 0.3, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0)
+_SPARE = 0.85
 #: How much farther the line is turned for faster balls.
 _FASTER = 4.0
 #: Newton: largest step of a coordinate [rad], residual [m], steps; stride along the flight [s].
-_STEP, _RESIDUAL, _STEPS, _STRIDE = 0.3, 1e-9, 30, 0.002
+_STEP = 0.3
+_RESIDUAL = 1e-9
+_STEPS = 30
+_STRIDE = 0.002
 #: Longest way before the catch that is looked at [s].
 _LONGEST = 0.2
 

@@ -45,9 +45,11 @@ from mitt.signals import Array
 #: Share of the trace of a Hessian that is added to its diagonal.
 _RIDGE = 1e-9
 #: Halvings of a step that does not help, and weight of the mean squared excess over the instants.
-_HALVINGS, _PENALTY = 6, 300.0
+_HALVINGS = 6
+_PENALTY = 300.0
 #: Newton steps of the soft programme, and the relative step at which it has converged.
-_NEWTON_STEPS, _SMALL = 30, 1e-9
+_NEWTON_STEPS = 30
+_SMALL = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -440,9 +442,12 @@ def _inside(f: DirectMap, flights: Sequence[Flight]) -> list[Lifted]:
     """Return the flights that stay in the domain of a map; InputError where none does."""
     lifted = [x for x in (lift_flight(f, flight) for flight in flights) if x is not None]
     if not lifted:
-        raise InputError("flights to learn from", "at least one inside the map's domain",
-                         f"none of {len(flights)}",
-                         do="give another design: mitt design looks for one")  # fmt: skip
+        raise InputError(
+            "flights to learn from",
+            "at least one inside the map's domain",
+            f"none of {len(flights)}",
+            do="give another design: mitt design looks for one",
+        )
     return lifted
 
 
@@ -525,9 +530,12 @@ def _unoptimised(f: DirectMap, lifted: Sequence[Lifted]) -> Step:
 
 
 def _advanced(
-    f: DirectMap, parts: Sequence[_Part], lifted: Sequence[Lifted], settings: LearnSettings,
+    f: DirectMap,
+    parts: Sequence[_Part],
+    lifted: Sequence[Lifted],
+    settings: LearnSettings,
     starts: _Starts,
-) -> tuple[DirectMap, _Starts] | None:  # fmt: skip
+) -> tuple[DirectMap, _Starts] | None:
     """Return the map one Gauss-Newton step further, and with the metric found there if it helps."""
     best = _stepped(f, parts, lifted, settings, starts)
     if best is None:
@@ -538,9 +546,12 @@ def _advanced(
 
 
 def _stepped(
-    f: DirectMap, parts: Sequence[_Part], lifted: Sequence[Lifted], settings: LearnSettings,
+    f: DirectMap,
+    parts: Sequence[_Part],
+    lifted: Sequence[Lifted],
+    settings: LearnSettings,
     starts: _Starts,
-) -> DirectMap | None:  # fmt: skip
+) -> DirectMap | None:
     """Return the map after the largest share of a Gauss-Newton step that helps; None if unsound."""
     size, instants = len(parts[0].reduced), sum(len(x.virtual) for x in lifted)
     H = np.mean([p.reduced for p in parts], axis=0)

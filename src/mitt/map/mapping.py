@@ -90,9 +90,11 @@ class DirectMap:
     def __post_init__(self) -> None:
         """Hold the parts to each other: kernels trust that they fit."""
         for name, part, kind in (
-            ("arm", self.arm, Arm), ("design", self.design, MapDesign),
-            ("basis", self.basis, CatchBasis), ("status", self.status, MapStatus),
-        ):  # fmt: skip
+            ("arm", self.arm, Arm),
+            ("design", self.design, MapDesign),
+            ("basis", self.basis, CatchBasis),
+            ("status", self.status, MapStatus),
+        ):
             checks.instance(name, part, kind)
         m, n = len(self.basis.powers), self.arm.n
         if max(*self.design.free, self.design.catch_joint) >= n:
@@ -256,8 +258,12 @@ class DirectMap:
         """Return l_c^-1(r_o) [rad], shape (n,); InputError outside the domain."""
         status, q_o = self.to_joints(r_o)
         if status is not MapStatus.INSIDE:
-            raise InputError("r_o", "a position in the domain of the map", np.asarray(r_o).tolist(),
-                             do="ask to_joints whether it is")  # fmt: skip
+            raise InputError(
+                "r_o",
+                "a position in the domain of the map",
+                np.asarray(r_o).tolist(),
+                do="ask to_joints whether it is",
+            )
         return q_o
 
     def _expanded(self, name: str, q_o: Array) -> Scratch:
@@ -347,9 +353,12 @@ def coordinates(g: Tangent, q_o: Array) -> Array:
 def basis_of(design: MapDesign, centre: Array, scale: Array) -> CatchBasis:
     """Return the monomials of a map's b, of coordinates shifted and scaled, shape (3,) each."""
     return CatchBasis(
-        design.order, design.free.index(design.catch_joint), centre, scale,
+        design.order,
+        design.free.index(design.catch_joint),
+        centre,
+        scale,
         first_order=design.match_weight > 0.0,
-    )  # fmt: skip
+    )
 
 
 def initial_matrix(phi: Array, n: int) -> Array:

@@ -37,7 +37,8 @@ from mitt.signals import Array
 
 #: Power of s that each monomial of b has: position, velocity and acceleration match; and degree of
 #: b in s and p together.
-_LOWEST, _ORDER = 3, 7
+_LOWEST = 3
+_ORDER = 7
 #: Instants of the way at which the metric weighs b and its rates in s, and the weights of their
 #: squares: where accelerations and jerks are bounded those count, else accelerations and speeds.
 _GRID = 81
@@ -150,9 +151,14 @@ class MeetingMap:
         scratch.frame[:] = self.frame
         basis = self.basis
         return MeetingArrays(
-            self.reach, basis.powers, basis.centre, basis.scale, np.zeros((3, k)),
-            np.zeros((3, m)), scratch,
-        )  # fmt: skip
+            self.reach,
+            basis.powers,
+            basis.centre,
+            basis.scale,
+            np.zeros((3, k)),
+            np.zeros((3, m)),
+            scratch,
+        )
 
     @cached_property
     def H_inverse(self) -> Array:  # noqa: N802 (the paper has no letter; ours is H)
@@ -235,9 +241,13 @@ class MeetingMap:
 
 
 def unlearned_meeting(
-    arm: Arm, free: tuple[int, ...], *, frame: Array | None = None,
-    coupling: Array | None = None, across: int = 0,
-) -> MeetingMap:  # fmt: skip
+    arm: Arm,
+    free: tuple[int, ...],
+    *,
+    frame: Array | None = None,
+    coupling: Array | None = None,
+    across: int = 0,
+) -> MeetingMap:
     """Return the map with alpha = 0 and a metric that keeps small what the arm's limits bound.
 
     Nothing is learned: coefficients learned by eq. (22) over 80 targets, with their metric, asked
@@ -263,7 +273,11 @@ def unlearned_meeting(
     bent = np.einsum("d,tda,tdb->ab", weight, jets, jets) / _GRID
     metric = np.kron(bent, np.diag(arm.tau_max.max() / arm.tau_max))
     return MeetingMap(
-        arm=arm, free=free, basis=basis, alpha=np.zeros((m, n)), coupling=coupling,
+        arm=arm,
+        free=free,
+        basis=basis,
+        alpha=np.zeros((m, n)),
+        coupling=coupling,
         frame=arm.orientation(arm.q_ready) if frame is None else frame,
         H=metric + _RIDGE * np.trace(metric) / (m * n) * np.eye(m * n),
-    )  # fmt: skip
+    )

@@ -82,13 +82,16 @@ def neighbourhood_of_ball(drag: float) -> Neighbourhood:
 Motion = Callable[[float], tuple[Array, Array]]
 #: Time after the time of flight in which the catch is still looked for [s], on which grid [s], and
 #: every how many of its instants at first.
-_LATER, _GRID, _STRIDE = 0.45, 0.005, 6
+_LATER = 0.45
+_GRID = 0.005
+_STRIDE = 6
 #: Share of a joint's speed that l_c^-1 may ask for at the catch: above 1 the hand is a little late,
 #: which fingers allow. Four designs caught as many or more with 1.3 as with 1.1; with 1.6 no more.
 _AT_CATCH = 1.3
 #: For an arm that says where it wants its balls: width of the box of arrivals in widths of the box
 #: that is aimed at, and its least half-width [m].
-WIDER, NARROWEST = np.array([2.0, 1.2, 1.35]), 0.03
+WIDER = np.array([2.0, 1.2, 1.35])
+NARROWEST = 0.03
 #: Drag of the flights that bounce, a table-tennis ball's (facts of the recorded flights) [1/m].
 _BOUNCED_DRAG = 0.1
 
@@ -140,9 +143,13 @@ def _draw(f: DirectMap, rng: np.random.Generator, settings: Neighbourhood) -> tu
 
 
 def kicked(
-    r_0: Array, dr_0: Array, drag: float, rng: np.random.Generator, settings: Neighbourhood,
+    r_0: Array,
+    dr_0: Array,
+    drag: float,
+    rng: np.random.Generator,
+    settings: Neighbourhood,
     is_kicked: bool,
-) -> Motion:  # fmt: skip
+) -> Motion:
     """Return a flight from its release [m, m/s], shape (3,) each, and draw its kick, if it has one.
 
     ``drag`` in 1/m.

@@ -21,12 +21,16 @@ from mitt.map.tangent import MapArrays, coordinate, invert, lift, to_go, unfold,
 from mitt.signals import GRAVITY, PASSED, Array, BallState
 
 #: How far ahead a ball is flown [s], in what steps, and halvings of the step of the catch.
-HORIZON, STRIDE, _HALVINGS = 1.0, 0.01, 12
+HORIZON = 1.0
+STRIDE = 0.01
+_HALVINGS = 12
 #: Time to the catch up to which the ball's present motion tells it [s].
 NEAR = 0.1
 #: Rounds in which a catch farther ahead is found, their last step, of which an error of the third
 #: order is left, below 1 us, and where they begin at the latest: before the ball passes by [s].
-_ROUNDS, _CLOSE, _GUESS = 5, 3e-3, 0.3
+_ROUNDS = 5
+_CLOSE = 3e-3
+_GUESS = 0.3
 #: Spectral density of the acceleration that the flight model does not explain [m^2/s^3].
 _UNEXPLAINED = 0.005
 LED = -1.0

@@ -51,11 +51,15 @@ from mitt.kernels import kernel
 from mitt.signals import Array
 
 #: Newton's method: largest step of a joint [rad], largest residual [m and 1], steps, stride [m].
-_STEP, _RESIDUAL, _STEPS, _STRIDE = 0.3, 1e-12, 40, 0.1
+_STEP = 0.3
+_RESIDUAL = 1e-12
+_STEPS = 40
+_STRIDE = 0.1
 #: A pivot below this share of the largest entry counts as a singular pose.
 _SINGULAR = 1e-6
 #: Beyond these a target counts as outside the domain [m; m/s and m/s^2].
-_FARTHEST, _FASTEST = 1e2, 1e4
+_FARTHEST = 1e2
+_FASTEST = 1e4
 
 
 class Reach(NamedTuple):
@@ -113,9 +117,14 @@ def reach_scratch(reach: Reach) -> ReachScratch:
     """Return buffers."""
     n, k = reach.A.shape
     return ReachScratch(
-        motion_of(n), np.eye(3), np.zeros((2, 3)), np.zeros((2, 3)), np.zeros((k, k + 1)),
-        np.zeros(k), np.zeros(k),
-    )  # fmt: skip
+        motion_of(n),
+        np.eye(3),
+        np.zeros((2, 3)),
+        np.zeros((2, 3)),
+        np.zeros((k, k + 1)),
+        np.zeros(k),
+        np.zeros(k),
+    )
 
 
 @kernel

@@ -51,11 +51,17 @@ from mitt.map.demand import arm_numbers
 from mitt.signals import Array
 
 #: Steps of Newton's method, its largest steps [rad, s], and rounds of shooting in each.
-_STEPS, _TURN, _LATER, _ROUNDS = 14, 0.35, 0.15, 3
+_STEPS = 14
+_TURN = 0.35
+_LATER = 0.15
+_ROUNDS = 3
 #: Weight of a metre against a radian, what is added to the squares, and when it has settled.
-_WEIGHT, _DAMPING, _SETTLED = 1e3, 1e-9, 1e-7
+_WEIGHT = 1e3
+_DAMPING = 1e-9
+_SETTLED = 1e-7
 #: Shortest and longest flight to the target [s].
-_BRIEFEST, _LONGEST = 0.1, 2.0
+_BRIEFEST = 0.1
+_LONGEST = 2.0
 #: Speed of a returned ball by which the search for T begins [m/s].
 _USUAL = 4.5
 #: Time in which a joint is to come to its speed at the contact [s].
@@ -130,10 +136,16 @@ def aiming_of(arm: Arm, moved: tuple[int, ...]) -> Aiming:
     last = np.reshape(place(arm.chain, still, motion_of(arm.n)), (3, 3))
     k = len(moved)
     return Aiming(
-        arm.chain, np.ascontiguousarray(last.T @ arm.orientation(still)[:, 2]),
-        np.array(moved, dtype=np.int64), motion_of(arm.n), np.zeros((5, k + 2)),
-        np.zeros((k + 1, k + 1)), np.zeros(k + 1), np.zeros(3), np.zeros((2, 3)),
-    )  # fmt: skip
+        arm.chain,
+        np.ascontiguousarray(last.T @ arm.orientation(still)[:, 2]),
+        np.array(moved, dtype=np.int64),
+        motion_of(arm.n),
+        np.zeros((5, k + 2)),
+        np.zeros((k + 1, k + 1)),
+        np.zeros(k + 1),
+        np.zeros(3),
+        np.zeros((2, 3)),
+    )
 
 
 def mass_behind(arm: Arm, q: Array, normal: Array) -> float:
@@ -322,9 +334,15 @@ def search(
 
 
 def aim(
-    arm: Arm, a: Aiming, ball: Array, target: Array | None, impact: Impact, start: Array,
-    *, T: float | None = None,
-) -> Strike | None:  # fmt: skip
+    arm: Arm,
+    a: Aiming,
+    ball: Array,
+    target: Array | None,
+    impact: Impact,
+    start: Array,
+    *,
+    T: float | None = None,
+) -> Strike | None:
     """Return how a paddle sends a ball to a target; None where it cannot be brought there.
 
     A direction that is met only in part is returned, with what is left of it.
@@ -356,9 +374,15 @@ def aim(
         v_paddle = (v_o @ normal - into) * normal
     v_out = rebound(impact, behind, normal, v_o, v_paddle)
     return Strike(
-        q=q, dq=_speeds(arm, q, v_paddle), ball=ball, normal=normal, v_paddle=v_paddle,
-        v_out=v_out, T=float(found[0]) if aims else 0.0, astray=float(found[1]),
-    )  # fmt: skip
+        q=q,
+        dq=_speeds(arm, q, v_paddle),
+        ball=ball,
+        normal=normal,
+        v_paddle=v_paddle,
+        v_out=v_out,
+        T=float(found[0]) if aims else 0.0,
+        astray=float(found[1]),
+    )
 
 
 def attained(arm: Arm) -> Array:

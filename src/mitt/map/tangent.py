@@ -66,11 +66,16 @@ from mitt.signals import Array
 _SINGULAR = 1e-9
 #: Newton: largest step of a coordinate p [rad], largest residual [m], steps allowed; stride [m] and
 #: largest residual at its end [m].
-_NEWTON_STEP, _NEWTON_RESIDUAL, _NEWTON_STEPS, _STRIDE, _ON_WAY = 0.5, 1e-11, 40, 0.25, 0.02
+_NEWTON_STEP = 0.5
+_NEWTON_RESIDUAL = 1e-11
+_NEWTON_STEPS = 40
+_STRIDE = 0.25
+_ON_WAY = 0.02
 
 #: Beyond these a ball counts as outside the domain [m; m/s and m/s^2]: so what the map says stays
 #: finite, and the straight line of Newton's strides stays short.
-_FARTHEST, _FASTEST = 1e3, 1e6
+_FARTHEST = 1e3
+_FASTEST = 1e6
 
 
 class Tangent(NamedTuple):
@@ -125,8 +130,16 @@ class MapArrays(NamedTuple):
 def pack(g: Tangent) -> Array:
     """Return a tangent map as one vector, in the order in which :func:`unpack` reads it."""
     numbers = [len(g.q_rest), g.catch_joint, g.catch, g.q_catch, g.kappa, g.inward, g.planar]
-    arrays = (g.plane, g.q_rest, g.A, g.chain.R, g.chain.p, g.chain.axis, g.chain.prismatic,
-              g.chain.tip)  # fmt: skip
+    arrays = (
+        g.plane,
+        g.q_rest,
+        g.A,
+        g.chain.R,
+        g.chain.p,
+        g.chain.axis,
+        g.chain.prismatic,
+        g.chain.tip,
+    )
     return np.concatenate([np.array([*numbers, *g.free], float), *(x.ravel() for x in arrays)])
 
 

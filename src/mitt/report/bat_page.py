@@ -23,15 +23,23 @@ from mitt.world.scene import Scene
 #: real arm (W. Gao and others, arXiv 2109.03100).
 CIRCLES = (0.10, 0.25)
 #: Half-width of the picture at least, and at most [m].
-_LEAST, _MOST = 0.3, 1.5
+_LEAST = 0.3
+_MOST = 1.5
 #: Trials in the table.
 _ROWS = 500
 
 _NAMES = ("arm", "limits", "scene", "vision", "generator", "seed")
 _HEAD = (
-    "throw", "status", "binding limit", "beyond a limit [ms]", "hit at [s]", "off the middle [mm]",
-    "miss [cm]", "speed [m/s]", "force [N]",
-)  # fmt: skip
+    "throw",
+    "status",
+    "binding limit",
+    "beyond a limit [ms]",
+    "hit at [s]",
+    "off the middle [mm]",
+    "miss [cm]",
+    "speed [m/s]",
+    "force [N]",
+)
 
 _SECTIONS = (
     Section("summary", "Summary", "What happened"),
@@ -77,16 +85,26 @@ def write_bat_page(path: Path, content: BatContent) -> None:
     write_text(
         path,
         page(
-            "bat", _SECTIONS, title=f"{said['hit']} of {said['throws']} balls {of}",
-            frame="task", command="bat", names=_NAMES, head=_HEAD, numbers=6,
-            result=result, said=said, counts=counts, made_with=made_with(),
-            typed=content.command, rows=_rows(trials),
+            "bat",
+            _SECTIONS,
+            title=f"{said['hit']} of {said['throws']} balls {of}",
+            frame="task",
+            command="bat",
+            names=_NAMES,
+            head=_HEAD,
+            numbers=6,
+            result=result,
+            said=said,
+            counts=counts,
+            made_with=made_with(),
+            typed=content.command,
+            rows=_rows(trials),
             returns=returns(passes).svg if passes else "",
             learned=learned(misses).svg if len(misses) > 1 else "",
             replay=None if log is None else replay_page(content.arm, content.scene, log),
             still=None if log is None else still(content.arm, content.scene, log, BOX),
         ),
-    )  # fmt: skip
+    )
 
 
 def returns(passes: Sequence[Sequence[float]]) -> Plot:

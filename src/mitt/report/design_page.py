@@ -40,9 +40,15 @@ def rate_by_speed(rows: Sequence[AtSpeed]) -> Plot:
         axes.plot(speed, 100.0 * rate, "o-", color=BLUE)
         for row, share in zip(rows, rate, strict=True):
             name = "" if row.binding_limit is None else row.binding_limit.replace(":", "\n")
-            axes.annotate(name if share < 1.0 else "", (row.speed_m_s, 100.0 * share), (0, 7),
-                          textcoords="offset points", ha="center", color=GREY, fontsize=7.5,
-                          )  # fmt: skip
+            axes.annotate(
+                name if share < 1.0 else "",
+                (row.speed_m_s, 100.0 * share),
+                (0, 7),
+                textcoords="offset points",
+                ha="center",
+                color=GREY,
+                fontsize=7.5,
+            )
         axes.set(xlabel="speed of the throws at release [m/s]", ylabel="caught within limits [%]")
         axes.set_ylim(-4.0, 122.0)
         axes.set_xlim(speed.min() - 0.6, speed.max() + 0.6)
@@ -61,20 +67,26 @@ def region_plot(region: Region) -> Plot:
         for x in region.across
     ]
     faces = [
-        to_rgba(BLUE, 0.25 + 0.65 * share) if share > 0.0
+        to_rgba(BLUE, 0.25 + 0.65 * share)
+        if share > 0.0
         else to_rgba(colours.get(name, PALE), 0.45)
         for row, limits in zip(region.caught.tolist(), region.binding, strict=True)
         for share, name in zip(row, limits, strict=True)
-    ]  # fmt: skip
+    ]
 
     def draw(figure: Figure) -> None:
         axes = figure.subplots()
         axes.add_collection(PatchCollection(cells, facecolors=faces, edgecolors="white", lw=0.5))
         (across, up), middle = region.box, float(np.mean(region.height))
-        axes.add_patch(Rectangle((-across, middle - up), 2.0 * across, 2.0 * up, fill=False,
-                                 edgecolor=INK, lw=1.4))  # fmt: skip
-        shown = [Patch(color=to_rgba(BLUE, 0.9), label="all caught"),
-                 Patch(color=to_rgba(BLUE, 0.45), label="some caught")]  # fmt: skip
+        axes.add_patch(
+            Rectangle(
+                (-across, middle - up), 2.0 * across, 2.0 * up, fill=False, edgecolor=INK, lw=1.4
+            )
+        )
+        shown = [
+            Patch(color=to_rgba(BLUE, 0.9), label="all caught"),
+            Patch(color=to_rgba(BLUE, 0.45), label="some caught"),
+        ]
         shown += [Patch(color=to_rgba(c, 0.45), label=name) for name, c in colours.items()]
         if len(names) > len(colours):
             shown.append(Patch(color=to_rgba(PALE, 0.45), label="other limits"))
@@ -89,9 +101,14 @@ def region_plot(region: Region) -> Plot:
 
 
 def _pose_picture(
-    arm: Arm, scene: Scene, q: Array, *, catch: bool, marks: Array | None = None,
+    arm: Arm,
+    scene: Scene,
+    q: Array,
+    *,
+    catch: bool,
+    marks: Array | None = None,
     angles: tuple[float, float] = SIDE,
-) -> str:  # fmt: skip
+) -> str:
     """Return an arm in a pose, (n,) [rad], with marks, (k, 3) [m], in it: a PNG in base64."""
     model = build_scene(scene, arm.model).model
     bodies = [body_faces(model, body, arm, scene) for body in range(model.nbody)]
@@ -163,16 +180,26 @@ def write_design_page(path: Path, found: Design, scene: Scene, *, command: str) 
     write_text(
         path,
         page(
-            "design", _SECTIONS, title=f"What {path.stem} can catch",
-            command="design", frame="task", typed=f"mitt {command}", made_with=made_with(),
+            "design",
+            _SECTIONS,
+            title=f"What {path.stem} can catch",
+            command="design",
+            frame="task",
+            typed=f"mitt {command}",
+            made_with=made_with(),
             hard=force_in_words(found),
-            found=found, best=best, pictures=pictures, helps=rows,
-            advice=advice, limits=found.whole.limits.name,
-            choice=_choice(found), interval=_interval(best),
+            found=found,
+            best=best,
+            pictures=pictures,
+            helps=rows,
+            advice=advice,
+            limits=found.whole.limits.name,
+            choice=_choice(found),
+            interval=_interval(best),
             plot=rate_by_speed(found.rows).svg if found.rows else "",
             region=None if found.region is None else region_plot(found.region).svg,
         ),
-    )  # fmt: skip
+    )
 
 
 def _pictures(arm: Arm, scene: Scene, found: Design, best: Evaluation) -> list[tuple[str, str]]:
@@ -184,8 +211,9 @@ def _pictures(arm: Arm, scene: Scene, found: Design, best: Evaluation) -> list[t
     ]
     if region is not None and len(region.hand):
         oblique = (18.0, -52.0)  # [deg], from the thrower's side
-        places = _pose_picture(arm, scene, c.q_catch, catch=True, marks=region.hand[::2],
-                              angles=oblique)  # fmt: skip
+        places = _pose_picture(
+            arm, scene, c.q_catch, catch=True, marks=region.hand[::2], angles=oblique
+        )
         out.append(("region", places))
     return out
 
@@ -252,9 +280,10 @@ def advice_of(found: Design, helps: list[FasterJoint], longer: float) -> list[st
             f" {softer(found.whole)}."
         )
     lost = [
-        row for row in found.rows
+        row
+        for row in found.rows
         if row.binding_limit and (row.feasible < row.throws or row.throws == 0)
-    ]  # fmt: skip
+    ]
     if lost:
         first = lost[0]
         kind, _, joint = (first.binding_limit or "").partition(":")

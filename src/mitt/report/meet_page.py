@@ -14,14 +14,25 @@ from mitt.report.style import BLUE, GREY, ORANGE, Plot, mark_time, plot
 from mitt.trials.meeting import NEAR, SLOW, STATUSES, Course
 
 #: How long before the first touch, and after the tool has closed, a course is drawn [s].
-_BEFORE, _AFTER = 1.0, 0.6
+_BEFORE = 1.0
+_AFTER = 0.6
 #: Trials in the table.
 _ROWS = 500
 
 _HEAD = (
-    "trial", "status", "placed", "binding limit", "beyond a limit [ms]", "closed at [s]",
-    "in step [ms]", "off [mm]", "relative [m/s]", "force [N]", "on the hand [N]", "tool [m/s]",
-)  # fmt: skip
+    "trial",
+    "status",
+    "placed",
+    "binding limit",
+    "beyond a limit [ms]",
+    "closed at [s]",
+    "in step [ms]",
+    "off [mm]",
+    "relative [m/s]",
+    "force [N]",
+    "on the hand [N]",
+    "tool [m/s]",
+)
 
 _NAMES = ("arm", "limits", "tool", "target", "generator", "seed")
 
@@ -53,13 +64,25 @@ def write_meet_page(path: Path, result: dict[str, Any], course: Course, *, comma
     write_text(
         path,
         page(
-            "meet", _SECTIONS, title=f"{said['met']} of {said['trials']} met", command="meet",
-            frame="task", names=_NAMES, numbers=8,
-            result=result, said=said, made_with=made_with(), typed=command, whys=whys,
+            "meet",
+            _SECTIONS,
+            title=f"{said['met']} of {said['trials']} met",
+            command="meet",
+            frame="task",
+            names=_NAMES,
+            numbers=8,
+            result=result,
+            said=said,
+            made_with=made_with(),
+            typed=command,
+            whys=whys,
             counts=", ".join(f"{said[s]} {s}" for s in STATUSES if said[s]),
-            head=_HEAD, failed=_rows(failed), rows=_rows(trials), course=gap_and_speed(course).svg,
+            head=_HEAD,
+            failed=_rows(failed),
+            rows=_rows(trials),
+            course=gap_and_speed(course).svg,
         ),
-    )  # fmt: skip
+    )
 
 
 def gap_and_speed(course: Course) -> Plot:

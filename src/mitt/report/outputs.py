@@ -61,9 +61,11 @@ def write_page(finished: FinishedRun, result: dict[str, Any], *, progress: Progr
 def _write_recordings(finished: FinishedRun, progress: Progress) -> None:
     """Throw the balls to be recorded once more, which gives the same trials, and record them."""
     prepared, record = finished.prepared, finished.prepared.settings.record
-    kept = [t.index for t in finished.trials
-            if record == "all" or (record == "failures" and (t.index == 0 or t.status != "caught"))
-            ]  # fmt: skip
+    kept = [
+        t.index
+        for t in finished.trials
+        if record == "all" or (record == "failures" and (t.index == 0 or t.status != "caught"))
+    ]
     runner = make_runner(prepared, finished.learned, generator=prepared.settings.generator)
     clocks = {t.index: t.clock for t in finished.trials}
     for done, index in enumerate(kept):

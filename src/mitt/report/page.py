@@ -41,9 +41,14 @@ class Section:
 
 
 def page(
-    template: str, sections: Sequence[Section], *, title: str, command: str,
-    frame: str | None = None, **values: object,
-) -> str:  # fmt: skip
+    template: str,
+    sections: Sequence[Section],
+    *,
+    title: str,
+    command: str,
+    frame: str | None = None,
+    **values: object,
+) -> str:
     """Return a page.
 
     Args:
@@ -66,10 +71,17 @@ def page(
         for s in sections
         if html[s.name]
     ]
-    whole = _environment().get_template("layout.html").render(
-        title=title, command=command, settings=html["settings"], footer=html["footer"],
-        sections=parts,
-    )  # fmt: skip
+    whole = (
+        _environment()
+        .get_template("layout.html")
+        .render(
+            title=title,
+            command=command,
+            settings=html["settings"],
+            footer=html["footer"],
+            sections=parts,
+        )
+    )
     return whole.encode(errors="backslashreplace").decode()  # a name may hold what UTF-8 has not
 
 
@@ -77,9 +89,13 @@ def page(
 def _environment() -> Environment:
     """Return the templates with what all of them use."""
     environment = Environment(
-        loader=PackageLoader("mitt", "data/pages"), autoescape=True, undefined=StrictUndefined,
-        trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True,
-    )  # fmt: skip
+        loader=PackageLoader("mitt", "data/pages"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
     style = files("mitt").joinpath("data/pages/page.css").read_text(encoding="utf-8")
     environment.filters["num"] = number
     environment.globals["style"] = style

@@ -18,15 +18,22 @@ from PIL.PngImagePlugin import PngInfo
 from mitt.signals import Array
 
 #: Colours of sky, floor, its lines, and shadows on it.
-_SKY, _FLOOR, _LINES, _SHADOW = (233, 237, 241), (240, 242, 245), (221, 226, 232), (221, 225, 230)
+_SKY = (233, 237, 241)
+_FLOOR = (240, 242, 245)
+_LINES = (221, 226, 232)
+_SHADOW = (221, 225, 230)
 #: Where the lines of the floor end, and their distance [m].
-_X, _Y, _APART = (-6.0, 8.0), (-4.0, 9.0), 0.5
+_X = (-6.0, 8.0)
+_Y = (-4.0, 9.0)
+_APART = 0.5
 #: Where the floor has the colour of the sky [m].
 _HAZE = 14.0
 #: Direction to the light, and the share of light that comes from everywhere [1].
-_LIGHT, _AMBIENT = np.array([-0.38, -0.5, 0.78]), 0.5
+_LIGHT = np.array([-0.38, -0.5, 0.78])
+_AMBIENT = 0.5
 #: Pixels drawn for each pixel of the picture, in each direction; depth at which drawing begins [m].
-_FINER, _NEAREST = 2, 0.05
+_FINER = 2
+_NEAREST = 0.05
 
 Faces = tuple[Array, Array]
 """Corners of triangles [m], shape (k, 3, 3), and their colours, 0 to 1, shape (k, 3)."""

@@ -136,34 +136,65 @@ def draw_coverage(
         panels = figure.subplots(1, len(seen), squeeze=False)[0]
         for axes, (name, (size, uv, r)) in zip(panels, seen.items(), strict=True):
             _draw_corners(axes, name, size, uv, r, norm, cells)
-        bar = figure.colorbar(ScalarMappable(norm, _BY_ERROR), ax=list(panels), shrink=0.75,
-                              pad=0.02)  # fmt: skip
+        bar = figure.colorbar(
+            ScalarMappable(norm, _BY_ERROR), ax=list(panels), shrink=0.75, pad=0.02
+        )
         bar.set_label(f"reprojection error [px]; lines: {_STRETCH:g} times as long", color=INK)
         bar.outline.set_visible(False)
         write_atomically(path, lambda temporary: canvas.print_png(temporary, metadata=_MADE_BY))
 
 
 def _draw_corners(
-    axes: Axes, name: str, size: tuple[int, int], uv: Array, r: Array, norm: Normalize,
+    axes: Axes,
+    name: str,
+    size: tuple[int, int],
+    uv: Array,
+    r: Array,
+    norm: Normalize,
     cells: tuple[int, int],
-) -> None:  # fmt: skip
+) -> None:
     """Draw the corners of one camera; cells without any are shaded."""
     width, height = size
     edges = [np.linspace(-0.5, n - 0.5, k + 1) for n, k in zip(size, cells, strict=True)]
     count = np.histogram2d(uv[:, 0], uv[:, 1], bins=edges)[0]
     for i, j in zip(*np.nonzero(count == 0), strict=True):
-        axes.axvspan(edges[0][i], edges[0][i + 1], 1.0 - (edges[1][j] + 0.5) / height,
-                     1.0 - (edges[1][j + 1] + 0.5) / height, color="#f3d9d0", lw=0, zorder=0,
-                     )  # fmt: skip
+        axes.axvspan(
+            edges[0][i],
+            edges[0][i + 1],
+            1.0 - (edges[1][j] + 0.5) / height,
+            1.0 - (edges[1][j + 1] + 0.5) / height,
+            color="#f3d9d0",
+            lw=0,
+            zorder=0,
+        )
     error = np.linalg.norm(r, axis=1)
-    axes.quiver(uv[:, 0], uv[:, 1], _STRETCH * r[:, 0], _STRETCH * r[:, 1], color=GREY,
-                alpha=0.35, angles="xy", scale_units="xy", scale=1.0, width=0.0015, headwidth=1,
-                headlength=0, zorder=1)  # fmt: skip
+    axes.quiver(
+        uv[:, 0],
+        uv[:, 1],
+        _STRETCH * r[:, 0],
+        _STRETCH * r[:, 1],
+        color=GREY,
+        alpha=0.35,
+        angles="xy",
+        scale_units="xy",
+        scale=1.0,
+        width=0.0015,
+        headwidth=1,
+        headlength=0,
+        zorder=1,
+    )
     axes.scatter(uv[:, 0], uv[:, 1], c=error, cmap=_BY_ERROR, norm=norm, s=5, lw=0, zorder=2)
-    axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), aspect="equal",
-             xlabel="u [px]", ylabel="v [px]")  # fmt: skip
+    axes.set(
+        xlim=(-0.5, width - 0.5),
+        ylim=(height - 0.5, -0.5),
+        aspect="equal",
+        xlabel="u [px]",
+        ylabel="v [px]",
+    )
     for k, edge in enumerate(edges):
         (axes.set_xticks if k == 0 else axes.set_yticks)(np.rint(edge + 0.5))
-    axes.set_title(f"{name}: rms {np.sqrt(np.mean(r**2)):.2f} px, corners in "
-                   f"{int((count > 0).sum())} of {count.size} cells",
-                   fontsize=9.5)  # fmt: skip
+    axes.set_title(
+        f"{name}: rms {np.sqrt(np.mean(r**2)):.2f} px, corners in "
+        f"{int((count > 0).sum())} of {count.size} cells",
+        fontsize=9.5,
+    )

@@ -26,9 +26,17 @@ from mitt.trials.explain import Evidence, evidence_of, explain, timeline
 from mitt.trials.replayed import Replayed
 
 _COLOURS = {
-    "watch": PALE, "follow": BLUE, "brake": GREEN, "refused": ORANGE, "stopped": PURPLE,
-    "nominal": "#dfe5ea", "predict": YELLOW, "degraded": ORANGE, "abort": PURPLE, "invalid": INK,
-}  # fmt: skip
+    "watch": PALE,
+    "follow": BLUE,
+    "brake": GREEN,
+    "refused": ORANGE,
+    "stopped": PURPLE,
+    "nominal": "#dfe5ea",
+    "predict": YELLOW,
+    "degraded": ORANGE,
+    "abort": PURPLE,
+    "invalid": INK,
+}
 _DARK = ("follow", "brake", "stopped", "abort", "invalid", "refused", "degraded")
 _JOINTS = (BLUE, ORANGE, GREEN, PURPLE, YELLOW, INK, GREY)
 
@@ -46,12 +54,24 @@ def states(x: Replayed, e: Evidence) -> Plot:
                 axes.barh(k, end - start, left=start, color=_COLOURS[name], height=0.62)
                 if end - start > 0.06 * width:  # else its name has no room
                     colour = "white" if name in _DARK else INK
-                    axes.text(0.5 * (start + end), k, name, ha="center", va="center", color=colour,
-                              fontsize=8.5)  # fmt: skip
+                    axes.text(
+                        0.5 * (start + end),
+                        k,
+                        name,
+                        ha="center",
+                        va="center",
+                        color=colour,
+                        fontsize=8.5,
+                    )
         names = list(rows)
         if np.any(x.differs):
-            axes.plot(e.t[x.differs], np.full(int(np.sum(x.differs)), len(names)), "|",
-                      color=ORANGE, markersize=9)  # fmt: skip
+            axes.plot(
+                e.t[x.differs],
+                np.full(int(np.sum(x.differs)), len(names)),
+                "|",
+                color=ORANGE,
+                markersize=9,
+            )
             names.append("differs")
         axes.set_yticks(range(len(names)), names)
         axes.set_ylim(len(names) - 0.55, -0.95)
@@ -69,11 +89,18 @@ def estimate(x: Replayed, e: Evidence) -> Plot:
         axes: Axes = figure.subplots()
         known = np.isfinite(e.residual)
         if np.any(known):
-            axes.plot(e.t[known], 1e3 * e.residual[known], ".", color=PALE, markersize=3,
-                      label="residual of a sighting")  # fmt: skip
+            axes.plot(
+                e.t[known],
+                1e3 * e.residual[known],
+                ".",
+                color=PALE,
+                markersize=3,
+                label="residual of a sighting",
+            )
         for values, label, colour in (
-            (e.error, "error of the estimate", ORANGE), (e.sigma, "its 1-sigma", BLUE),
-        ):  # fmt: skip
+            (e.error, "error of the estimate", ORANGE),
+            (e.sigma, "its 1-sigma", BLUE),
+        ):
             if np.any(np.isfinite(values)):
                 axes.plot(e.t, 1e3 * values, color=colour, label=label)
         axes.axhline(20.0, color=GREY, lw=0.9, ls=":", label="what a hand needs")
@@ -154,28 +181,51 @@ def write_replay_page(path: Path, x: Replayed, *, command: str) -> None:
     """Write the page of a replayed recording."""
     e = evidence_of(x)
     drawn = len(e.t) > 2 and bool(np.all(np.isfinite(e.t)))
-    plots = {} if not drawn else {
-        "states": states(x, e).svg, "estimate": estimate(x, e).svg, "hand": hand(x, e).svg,
-        "limits": limits(x, e).svg,
-    }  # fmt: skip
+    plots = (
+        {}
+        if not drawn
+        else {
+            "states": states(x, e).svg,
+            "estimate": estimate(x, e).svg,
+            "hand": hand(x, e).svg,
+            "limits": limits(x, e).svg,
+        }
+    )
     first = x.first_difference
-    said = "identical to the bit" if x.identical else (
-        "ticks are missing" if first is None else f"differs from tick {first} on"
-    )  # fmt: skip
+    said = (
+        "identical to the bit"
+        if x.identical
+        else ("ticks are missing" if first is None else f"differs from tick {first} on")
+    )
     verdicts = [
-        (number(j.t, 3), j.verdict.outcome.value, j.verdict.binding_limit or "",
-         number(j.verdict.share if np.isfinite(j.verdict.share) else None, 2))
+        (
+            number(j.t, 3),
+            j.verdict.outcome.value,
+            j.verdict.binding_limit or "",
+            number(j.verdict.share if np.isfinite(j.verdict.share) else None, 2),
+        )
         for j in x.verdicts[-_MOST:]
-    ]  # fmt: skip
-    events = [(number(t, 3), topic, text[:200]) for t, topic, text in x.recorded.notices
-              if topic != PHASE][:_MOST]  # fmt: skip
+    ]
+    events = [
+        (number(t, 3), topic, text[:200]) for t, topic, text in x.recorded.notices if topic != PHASE
+    ][:_MOST]
     write_text(
         path,
         page(
-            "replay", _SECTIONS, title=f"Why: {x.recorded.path.stem}", command=command,
-            file=x.recorded.path.name, about=x.about, recorded_by=x.recorded.about.version,
-            explanation=explain(x, e), verdict=said, begins=_BEGINS[x.begins], plots=plots,
-            changed=bool(np.any(x.differs)), verdicts=verdicts, events=events,
+            "replay",
+            _SECTIONS,
+            title=f"Why: {x.recorded.path.stem}",
+            command=command,
+            file=x.recorded.path.name,
+            about=x.about,
+            recorded_by=x.recorded.about.version,
+            explanation=explain(x, e),
+            verdict=said,
+            begins=_BEGINS[x.begins],
+            plots=plots,
+            changed=bool(np.any(x.differs)),
+            verdicts=verdicts,
+            events=events,
             followed=bool(np.any(np.isfinite(e.behind))),
         ),
-    )  # fmt: skip
+    )

@@ -88,7 +88,8 @@ def _is_this_machine(host: str) -> bool:
 
 
 #: A picture each so many ticks, and how much slower than life it plays.
-_EACH, _SLOWER = 4, 5.0
+_EACH = 4
+_SLOWER = 5.0
 HAND = (0, 114, 178)
 """Colour of the catch point and its path: the blue of the figures."""
 NODE = "/bodies/{:02d}"
@@ -131,28 +132,46 @@ def furnish(scene_api: Any, arm: Arm, scene: Scene, model: mujoco.MjModel) -> No
         "/light/sky", sky_color=(255, 255, 255), ground_color=(150, 155, 165), intensity=2.2
     )
     scene_api.add_light_directional(
-        "/light/sun", color=(255, 250, 240), intensity=2.0, position=(1.0, -2.0, 3.0),
+        "/light/sun",
+        color=(255, 250, 240),
+        intensity=2.0,
+        position=(1.0, -2.0, 3.0),
         cast_shadow=True,
-    )  # fmt: skip
+    )
     scene_api.add_grid(
-        "/floor", width=8.0, height=6.0, cell_size=0.25, section_size=1.0, plane="xy",
-        cell_color=(225, 229, 234), section_color=(198, 205, 213), position=(1.5, 0.0, scene.floor),
-        plane_color=(246, 248, 250), plane_opacity=1.0, shadow_opacity=0.25, fade_distance=30.0,
-    )  # fmt: skip
+        "/floor",
+        width=8.0,
+        height=6.0,
+        cell_size=0.25,
+        section_size=1.0,
+        plane="xy",
+        cell_color=(225, 229, 234),
+        section_color=(198, 205, 213),
+        position=(1.5, 0.0, scene.floor),
+        plane_color=(246, 248, 250),
+        plane_opacity=1.0,
+        shadow_opacity=0.25,
+        fade_distance=30.0,
+    )
     for body in range(model.nbody):
         for k, (mesh, colour) in enumerate(body_meshes(model, body, arm, scene)):
             scene_api.add_mesh_simple(
-                f"{NODE.format(body)}/{k}", mesh.vertices.astype(np.float32),
+                f"{NODE.format(body)}/{k}",
+                mesh.vertices.astype(np.float32),
                 mesh.faces.astype(np.uint32),
-                color=colour, side="double",
+                color=colour,
+                side="double",
                 receive_shadow=False,
-            )  # fmt: skip
+            )
 
 
 def moving_bodies(scene_api: Any, model: mujoco.MjModel) -> dict[int, Any]:  # noqa: ANN401
     """Add a frame for each body that can move, and return these by body."""
-    return {b: scene_api.add_frame(NODE.format(b), show_axes=False)
-            for b in range(1, model.nbody) if model.body_weldid[b] != 0}  # fmt: skip
+    return {
+        b: scene_api.add_frame(NODE.format(b), show_axes=False)
+        for b in range(1, model.nbody)
+        if model.body_weldid[b] != 0
+    }
 
 
 def place(frames: dict[int, Any], model: mujoco.MjModel, data: mujoco.MjData) -> None:
@@ -171,10 +190,20 @@ def _recorded(server: Any, model: mujoco.MjModel, log: TrialLog) -> str:  # noqa
     ticks = np.arange(0, last, _EACH)
     catch = int(np.searchsorted(trace.t, log.t_catch)) if np.isfinite(log.t_catch) else last
     dots = [
-        (k, api.add_icosphere(f"/trail/{k:05d}", radius=0.008, color=BALL, subdivisions=1,
-                              position=tuple(trace.r_o[k]), visible=False, cast_shadow=False))
+        (
+            k,
+            api.add_icosphere(
+                f"/trail/{k:05d}",
+                radius=0.008,
+                color=BALL,
+                subdivisions=1,
+                position=tuple(trace.r_o[k]),
+                visible=False,
+                cast_shadow=False,
+            ),
+        )
         for k in range(0, catch, 24)
-    ]  # fmt: skip
+    ]
     path = trace.position[: int(ticks[-1]) : 8].astype(np.float32)
     if len(path) > 1:
         segments = np.stack([path[:-1], path[1:]], axis=1)

@@ -49,9 +49,13 @@ def learning_cost(steps: Sequence[Step]) -> Plot:
         ):
             _draw_steps(axes, values, colour)
             axes.annotate(
-                f"{values[-1]:.3f}", (len(values) - 1, values[-1]), (0, 8),
-                textcoords="offset points", ha="center", color=INK,
-            )  # fmt: skip
+                f"{values[-1]:.3f}",
+                (len(values) - 1, values[-1]),
+                (0, 8),
+                textcoords="offset points",
+                ha="center",
+                color=INK,
+            )
             axes.set(title=title, ylabel="mean cost per instant [1]")
             axes.set_ylim(0.0, 1.18 * max(values))
             axes.set_xlim(-0.5, len(values) - 0.5)
@@ -65,8 +69,9 @@ def _draw_steps(axes: Axes, values: Sequence[float], colour: str) -> None:
     axes.plot(k, values, "-", color=colour, zorder=3)
     axes.plot(k[1:], values[1:], "o", color=colour, markersize=5, zorder=4)
     axes.plot(0, values[0], "o", color=colour, mfc="white", mew=1.6, ms=7, zorder=4)
-    axes.annotate(ALPHA_0, (0, values[0]), (0, 8), textcoords="offset points", color=GREY,
-                  ha="center")  # fmt: skip
+    axes.annotate(
+        ALPHA_0, (0, values[0]), (0, 8), textcoords="offset points", color=GREY, ha="center"
+    )
     axes.set(xlabel="learning step")
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
 
@@ -139,13 +144,25 @@ def _draw_view(axes: Axes, arm: Arm, log: TrialLog, view: list[int]) -> None:
     for count, k in enumerate(rows[::_ARM_EACH]):
         line = skeleton(arm.model, trace.q[k])[:, view]
         axes.plot(
-            *line.T, "-o", color=INK, alpha=0.22 + 0.68 * count * _ARM_EACH / len(rows), lw=1.2,
-            markersize=2.6, markeredgewidth=0, zorder=2, solid_joinstyle="round",
+            *line.T,
+            "-o",
+            color=INK,
+            alpha=0.22 + 0.68 * count * _ARM_EACH / len(rows),
+            lw=1.2,
+            markersize=2.6,
+            markeredgewidth=0,
+            zorder=2,
+            solid_joinstyle="round",
             label="arm, each 50 ms" if count == 1 else None,
-        )  # fmt: skip
+        )
     dots(axes, trace.r_o[rows][:, view], colour=BALL, size=2.4, label="ball, each 1 ms")
-    dots(axes, trace.position[rows][:, view], colour=LEARNED, size=2.4,
-         label="catch point, each 1 ms")  # fmt: skip
+    dots(
+        axes,
+        trace.position[rows][:, view],
+        colour=LEARNED,
+        size=2.4,
+        label="catch point, each 1 ms",
+    )
     if np.isfinite(log.t_catch):
         at = trace.r_o[int(np.argmin(np.abs(trace.t - log.t_catch)))][view]
         axes.plot(*at, "o", mfc="none", mec=BALL, mew=1.4, ms=12, zorder=6, label="catch")
@@ -229,8 +246,12 @@ def joint_torques(arm: Arm, learned: TrialLog, plain: TrialLog | None) -> Plot:
         axes.axhspan(-bound, bound, color=BAND, zorder=0, label="within the limit")
         shown = [np.zeros(1), learned.tau[:, j], wanted[:, j]]
         if plain is not None and plainly is not None:
-            _solid(axes, plain, (plainly[:, j], f"{ALPHA_0}, asked for, eq. (16)"),
-                   (plain.tau[:, j], f"{ALPHA_0}, commanded", 1.2))  # fmt: skip
+            _solid(
+                axes,
+                plain,
+                (plainly[:, j], f"{ALPHA_0}, asked for, eq. (16)"),
+                (plain.tau[:, j], f"{ALPHA_0}, commanded", 1.2),
+            )
             shown += [plain.tau[:, j], plainly[:, j]]
         _dotted(axes, learned.t, learned.tau[:, j], "learned, commanded")
         most = min(max(map(abs, _ends(shown))) * 1.15, 1.6 * bound)  # beyond that no more is shown
@@ -318,21 +339,32 @@ def contact_errors(trials: Sequence[dict[str, Any]]) -> Plot:
 
 def _draw_errors(axes: Axes, trials: Sequence[dict[str, Any]], key: str) -> None:
     """Draw the values of a field, coloured by status, with their median and 95th percentile."""
-    groups = {s: [(t[key], t["index"]) for t in trials if t["status"] == s and t[key] is not None]
-              for s in STATUS}  # fmt: skip
+    groups = {
+        s: [(t[key], t["index"]) for t in trials if t["status"] == s and t[key] is not None]
+        for s in STATUS
+    }
     groups = {status: rows for status, rows in groups.items() if rows}
     every = np.array([x for rows in groups.values() for x, _ in rows])
     if not len(every):
-        axes.text(0.5, 0.5, "no ball was touched", transform=axes.transAxes, ha="center",
-                  color=GREY)  # fmt: skip
+        axes.text(
+            0.5, 0.5, "no ball was touched", transform=axes.transAxes, ha="center", color=GREY
+        )
         return
     most = 1.05 * max(float(every.max()), 1e-6)
     (_draw_each if len(every) < _FEW else _draw_bars)(axes, groups, most)
     for share, name, height in ((50.0, "median", 1.0), (95.0, "95 % below", 0.92)):
         at = float(np.percentile(every, share))
         axes.axvline(at, color=INK, linewidth=1.0, linestyle=(0, (4, 2)))
-        axes.annotate(f"{name} {at:.2g}", (at, height), (3, 0), xycoords=("data", "axes fraction"),
-                      textcoords="offset points", va="top", fontsize=8.5, color=INK)  # fmt: skip
+        axes.annotate(
+            f"{name} {at:.2g}",
+            (at, height),
+            (3, 0),
+            xycoords=("data", "axes fraction"),
+            textcoords="offset points",
+            va="top",
+            fontsize=8.5,
+            color=INK,
+        )
     axes.set_xlim(0.0, most)
 
 
@@ -354,16 +386,28 @@ def _draw_bars(axes: Axes, groups: Mapping[str, list[tuple[float, int]]], most: 
     values = [[x for x, _ in rows] for rows in groups.values()]
     colours = [STATUS[status][0] for status in groups]
     axes.hist(
-        values, np.linspace(0.0, most, 25).tolist(), stacked=True, color=colours,
-        label=list(groups), edgecolor="white", linewidth=0.6,
-    )  # fmt: skip
+        values,
+        np.linspace(0.0, most, 25).tolist(),
+        stacked=True,
+        color=colours,
+        label=list(groups),
+        edgecolor="white",
+        linewidth=0.6,
+    )
     top = axes.get_ylim()[1]
     for of, colour in zip(values, colours, strict=True):
         marks = np.array(of[:_MARKS])
         axes.plot(marks, np.full(len(marks), -0.05 * top), "|", color=colour, ms=7, mew=1.0)
     if max(map(len, values)) > _MARKS:
-        axes.annotate(f"marks: the first {_MARKS} of each", (0.99, 0.86), xycoords="axes fraction",
-                      ha="right", va="top", fontsize=8.5, color=INK)  # fmt: skip
+        axes.annotate(
+            f"marks: the first {_MARKS} of each",
+            (0.99, 0.86),
+            xycoords="axes fraction",
+            ha="right",
+            va="top",
+            fontsize=8.5,
+            color=INK,
+        )
     axes.set(ylabel="throws", ylim=(-0.1 * top, 1.25 * top))
     ticks = MaxNLocator(nbins=5, integer=True).tick_values(0.0, top)
     axes.set_yticks([y for y in ticks if 0.0 <= y <= 1.25 * top])
@@ -395,8 +439,14 @@ def releases(
         for axes, row, name in ((side, 2, "z [m], from the side"), (top, 1, "y [m], from above")):
             _draw_releases(axes, trials, points, row)
             axes.plot(0.0, 0.0, "s", color=GREY, ms=7, label="shoulder")
-            axes.plot(*marks[1:, [0, row]].T, "+", color=INK, ms=11, mew=1.6,
-                      label="catch of the throw shown")  # fmt: skip
+            axes.plot(
+                *marks[1:, [0, row]].T,
+                "+",
+                color=INK,
+                ms=11,
+                mew=1.6,
+                label="catch of the throw shown",
+            )
             axes.set(ylabel=name, xlim=(low[0], high[0]), ylim=(low[row], high[row]))
             axes.set(aspect="equal", xlabel="x [m], towards the thrower")
         legend_above(figure, side)
@@ -411,6 +461,13 @@ def _draw_releases(axes: Axes, trials: Sequence[dict[str, Any]], points: Array, 
         if of:
             shown = f", the first {_MOST} shown" if len(of) > _MOST else ""
             axes.plot(
-                points[of[:_MOST], 0], points[of[:_MOST], row], mark, color=colour, ms=5.5,
-                mec="white", mew=0.5, label=f"{status} ({len(of)}{shown})", zorder=3 + order,
-            )  # fmt: skip
+                points[of[:_MOST], 0],
+                points[of[:_MOST], row],
+                mark,
+                color=colour,
+                ms=5.5,
+                mec="white",
+                mew=0.5,
+                label=f"{status} ({len(of)}{shown})",
+                zorder=3 + order,
+            )

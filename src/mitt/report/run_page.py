@@ -60,11 +60,15 @@ def _vision_rows(vision: str) -> tuple[Table1Row, ...]:
     return (
         ("Vision", "heads", f"2 {_BY} 2 DOF (pan, tilt)", f"{len(cameras)}, fixed"),
         ("Vision", "speed of a joint", "525 rad/s (so printed)", f"{NONE} (fixed)"),
-        ("Vision", "resolution", f"128 {_BY} 128",
-            f"{width} {_BY} {height}" if pixels else "points instead of images"),
+        (
+            "Vision",
+            "resolution",
+            f"128 {_BY} 128",
+            f"{width} {_BY} {height}" if pixels else "points instead of images",
+        ),
         ("Vision", "density", "8 bit", "8 bit" if pixels else NONE),
         ("Vision", "rate", "1 kHz", f"{1e-3 / TICK:.0f} kHz"),
-    )  # fmt: skip
+    )
 
 
 def _arm_rows(arm: Arm, log: TrialLog | None) -> tuple[Table1Row, ...]:
@@ -208,8 +212,10 @@ def write_report(path: Path, content: ReportContent) -> None:
 def report(content: ReportContent) -> str:
     """Return the page."""
     result, arm, scene = content.result, content.arm, content.scene
-    log, plain = (None if outcome is None else outcome.log
-                  for outcome in (content.direct, content.unoptimised))  # fmt: skip
+    log, plain = (
+        None if outcome is None else outcome.log
+        for outcome in (content.direct, content.unoptimised)
+    )
     short = result_summary(result)
     counts, throws = short["counts"], short["throws"]
     failed = ", ".join(f"{counts[s]} {words}" for s, words in _FAILED.items() if counts[s])

@@ -62,8 +62,13 @@ Colour: TypeAlias = tuple[int, int, int]
 """Red, green, blue, 0 to 255."""
 
 #: Corners around the axis of a round shape, and of one as thin as a finger, radius so small [m].
-_AROUND, _AROUND_THIN, _THIN = 24, 12, 0.015
-METAL, DARK, FINGER, BALL = (214, 218, 224), (92, 100, 112), (150, 158, 170), (213, 94, 0)
+_AROUND = 24
+_AROUND_THIN = 12
+_THIN = 0.015
+METAL = (214, 218, 224)
+DARK = (92, 100, 112)
+FINGER = (150, 158, 170)
+BALL = (213, 94, 0)
 """Colours of links, joints, fingers and ball."""
 
 
@@ -87,8 +92,9 @@ def body_meshes(
         by_colour.setdefault(colour, []).append(mesh)
     if _has_shapes(arm.model) and name.startswith("link_") and METAL in by_colour:
         by_colour[METAL] = [_hull(trimesh.util.concatenate(by_colour[METAL]))]
-    return [(trimesh.util.concatenate(found), colour)
-            for colour, found in by_colour.items() if found]  # fmt: skip
+    return [
+        (trimesh.util.concatenate(found), colour) for colour, found in by_colour.items() if found
+    ]
 
 
 def _hull(mesh: Trimesh) -> Trimesh:

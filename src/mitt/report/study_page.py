@@ -31,7 +31,8 @@ from mitt.trials.study_run import Job, all_jobs, by_cell, throw_again
 Row = Mapping[str, Any]
 
 #: Panels in a row, and their width [inch].
-_COLUMNS, _WIDE = 3, 3.7
+_COLUMNS = 3
+_WIDE = 3.7
 _CAUGHT = LinearSegmentedColormap.from_list("caught", ["#b6401a", "#f3e3c3", BLUE])
 
 
@@ -203,11 +204,17 @@ def worst_throws(result: StudyResult, count: int, progress: Progress) -> list[tu
             continue
         write_text(path, replay_page(arm, job.condition.scene, outcome.log))
         kept = {"href": f"recordings/{recording.name}", "text": "recording"}
-        rows.append((
-            job.condition.name, job.generator, str(row["index"]), str(row["status"]),
-            str(row["binding_limit"] or ""), {"href": f"replays/{path.name}", "text": "replay"},
-            kept if recording.exists() else "",
-        ))  # fmt: skip
+        rows.append(
+            (
+                job.condition.name,
+                job.generator,
+                str(row["index"]),
+                str(row["status"]),
+                str(row["binding_limit"] or ""),
+                {"href": f"replays/{path.name}", "text": "replay"},
+                kept if recording.exists() else "",
+            )
+        )
     progress("replays", len(tasks), len(tasks))
     return rows
 
@@ -219,14 +226,19 @@ def _candidates(
 
     Of a cell it is the first throw in which the arm moved and the ball was lost, or else any lost.
     """
-    cells = {(g[0].condition.name, g[0].generator): g
-             for g in by_cell(list(all_jobs(result.study, result.folder, progress)))}  # fmt: skip
+    cells = {
+        (g[0].condition.name, g[0].generator): g
+        for g in by_cell(list(all_jobs(result.study, result.folder, progress)))
+    }
     out: list[tuple[Job, dict[str, Any]]] = []
     for row in sorted(result.rows, key=lambda r: (r["generator"] != "direct", r["catch_rate"])):
         if len(out) == count:
             break
-        lost = [("generator", "=", row["generator"]), ("condition", "=", row["condition"]),
-                ("status", "!=", "caught")]  # fmt: skip
+        lost = [
+            ("generator", "=", row["generator"]),
+            ("condition", "=", row["condition"]),
+            ("status", "!=", "caught"),
+        ]
         table = read_columns(result.folder.trials, ("index", "status", "binding_limit"), lost)
         failed: list[dict[str, Any]] = table.to_pylist()
         moved = [throw for throw in failed if throw["status"] in ("dropped", "missed")]
@@ -257,9 +269,23 @@ _SECTIONS = (
 )
 #: Two rates whose difference is surely less than this are level.
 _LEVEL = 0.05
-_HEAD = ("condition", "generator", "stopped by", "throws", "caught", "rate [%]",
-         "95 % interval [%]", "force [N]", "force, 95 % [N]", "too hard", *STATUSES[1:],
-         "position [mm]", "velocity [m/s]", "work [J]", "beyond a limit")  # fmt: skip
+_HEAD = (
+    "condition",
+    "generator",
+    "stopped by",
+    "throws",
+    "caught",
+    "rate [%]",
+    "95 % interval [%]",
+    "force [N]",
+    "force, 95 % [N]",
+    "too hard",
+    *STATUSES[1:],
+    "position [mm]",
+    "velocity [m/s]",
+    "work [J]",
+    "beyond a limit",
+)
 
 
 def write_study_report(result: StudyResult, *, replays: int, progress: Progress) -> None:
@@ -348,15 +374,22 @@ def _cells(row: Row) -> list[str]:
     """Return a row of the summary as cells of the table of all numbers."""
     median, force = row["median"], row["force_n"] or {"median": None, "p95": None}
     return [
-        str(row["condition"]), str(row["generator"]),
+        str(row["condition"]),
+        str(row["generator"]),
         ", ".join(f"{reason} {count}" for reason, count in row["stopped_by"].items()),
-        str(row["throws"]), str(row["caught"]),
-        f"{100.0 * row['catch_rate']:.1f}", interval(row["ci95"]),
-        number(force["median"], 0), number(force["p95"], 0), str(row["over_force"]),
+        str(row["throws"]),
+        str(row["caught"]),
+        f"{100.0 * row['catch_rate']:.1f}",
+        interval(row["ci95"]),
+        number(force["median"], 0),
+        number(force["p95"], 0),
+        str(row["over_force"]),
         *(str(row[status]) for status in STATUSES[1:]),
-        number(median["position_error_mm"], 1), number(median["velocity_error_m_s"], 2),
-        number(median["energy_j"], 0), str(row["violating_throws"]),
-    ]  # fmt: skip
+        number(median["position_error_mm"], 1),
+        number(median["velocity_error_m_s"], 2),
+        number(median["energy_j"], 0),
+        str(row["violating_throws"]),
+    ]
 
 
 def _times(result: StudyResult) -> list[list[str]]:
@@ -368,8 +401,10 @@ def _times(result: StudyResult) -> list[list[str]]:
     for name in result.study.generators:
         of = [r for r in rows or () if isinstance(r, dict) and r.get("generator") == name]
         if of:
-            p50, p99 = ([checks.number(f"{path} {key}", row.get(key)) for row in of]
-                        for key in ("tick_us_p50", "tick_us_p99"))  # fmt: skip
+            p50, p99 = (
+                [checks.number(f"{path} {key}", row.get(key)) for row in of]
+                for key in ("tick_us_p50", "tick_us_p99")
+            )
             cells.append([name, number(max(p50), 0), number(max(p99), 0)])
     return cells
 

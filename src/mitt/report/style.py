@@ -17,14 +17,23 @@ from matplotlib.path import Path
 from mitt.signals import Array
 
 # Colours that the colour-blind tell apart: M. Okabe, K. Ito, Color universal design, 2008.
-BLUE, ORANGE, GREEN, PURPLE, YELLOW = "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00"
-INK, GREY, PALE, BAND = "#1f2933", "#6b7785", "#b8c0c9", "#eef2f5"
+BLUE = "#0072b2"
+ORANGE = "#d55e00"
+GREEN = "#009e73"
+PURPLE = "#cc79a7"
+YELLOW = "#e69f00"
+INK = "#1f2933"
+GREY = "#6b7785"
+PALE = "#b8c0c9"
+BAND = "#eef2f5"
 
 #: The map that has learned nothing.
 ALPHA_0 = "\u03b1 = 0"
 
 #: What is drawn in which colour, everywhere.
-BALL, LEARNED, PLAIN = ORANGE, BLUE, INK
+BALL = ORANGE
+LEARNED = BLUE
+PLAIN = INK
 STATUS = {
     "caught": (BLUE, "o"),
     "dropped": (YELLOW, "v"),
@@ -54,7 +63,8 @@ GENERATORS: dict[str, tuple[str, str, str]] = {
 UNNAMED = (PALE, ".", "-")
 
 #: Attributes that hold coordinates, and digits that nobody sees in them.
-_DRAWN, _DIGITS = re.compile(r'\b(?:d|x|y)="[^"]*"'), re.compile(r"(\.\d\d)\d+")
+_DRAWN = re.compile(r'\b(?:d|x|y)="[^"]*"')
+_DIGITS = re.compile(r"(\.\d\d)\d+")
 
 #: How Matplotlib is told to draw.
 RC: dict[str, object] = {
@@ -146,13 +156,21 @@ def mark_time(axes: Axes, t: float, text: str, *, named: bool, before: bool = Fa
     side, off = ("right", -3) if before else ("left", 3)
     axes.axvline(t, color=GREY, linewidth=0.9, linestyle=(0, (4, 2)), zorder=1)
     if named:
-        axes.annotate(text, (t, 1.0), (off, -3), xycoords=("data", "axes fraction"), color=GREY,
-                      textcoords="offset points", ha=side, va="top", fontsize=8.5)  # fmt: skip
+        axes.annotate(
+            text,
+            (t, 1.0),
+            (off, -3),
+            xycoords=("data", "axes fraction"),
+            color=GREY,
+            textcoords="offset points",
+            ha=side,
+            va="top",
+            fontsize=8.5,
+        )
 
 
 def legend_above(figure: Figure, axes: Axes, **how: Any) -> None:  # noqa: ANN401 (matplotlib)
     """Put one legend for all axes above them, with the names that one of them has."""
     handles, labels = axes.get_legend_handles_labels()
     if handles:
-        figure.legend(handles, labels, loc="outside upper left",
-                      **{"ncols": len(labels), **how})  # fmt: skip
+        figure.legend(handles, labels, loc="outside upper left", **{"ncols": len(labels), **how})

@@ -40,7 +40,8 @@ _MISSES = (
 #: Least number of panels.
 _COLUMNS = 3
 #: Misses at the two ends of the colours of a map [cm].
-_NEAR, _FAR = 2.0, 100.0
+_NEAR = 2.0
+_FAR = 100.0
 
 
 def write_task_study_page(
@@ -67,29 +68,49 @@ def task_study_page(study: TaskStudy, rows: Sequence[Row]) -> str:
     elif cells:
         picture = ("Median miss [cm] by target and ball speed", _MISSES, miss_map(cells))
     of_map = {c.name for c, _ in cells or ()}
-    head = (task.success, "95 % [%]", *(x.words for x in task.measures.values()), "refused",
-            "by", "beyond")  # fmt: skip
-    tables = [(name, ("generator", *head), [_cells(study, "generator", row) for row in of])
-              for name, of in groups.items() if name not in of_map]  # fmt: skip
+    head = (
+        task.success,
+        "95 % [%]",
+        *(x.words for x in task.measures.values()),
+        "refused",
+        "by",
+        "beyond",
+    )
+    tables = [
+        (name, ("generator", *head), [_cells(study, "generator", row) for row in of])
+        for name, of in groups.items()
+        if name not in of_map
+    ]
     if cells:
         of = [_cells(study, "condition", row) for _, row in cells]
         tables.append(("Map", ("condition", *head), of))
     return page(
-        "task-study", _SECTIONS, title=f"{study.name}: {sum(r['trials'] for r in rows):,} trials",
-        command="study", study=study, task=task, answer=answer(study, rows), rows=len(rows),
-        unfinished=sum(not row["complete"] for row in rows), tables=tables,
+        "task-study",
+        _SECTIONS,
+        title=f"{study.name}: {sum(r['trials'] for r in rows):,} trials",
+        command="study",
+        study=study,
+        task=task,
+        answer=answer(study, rows),
+        rows=len(rows),
+        unfinished=sum(not row["complete"] for row in rows),
+        tables=tables,
         picture=picture,
-    )  # fmt: skip
+    )
 
 
 def _cells(study: TaskStudy, first: str, row: Row) -> list[str]:
     """Return a row of a table, which begins with a generator or a condition."""
     task = study.task_of
     return [
-        str(row[first]), f"{row[task.success]} of {row['trials']}", interval(row["ci95"]),
+        str(row[first]),
+        f"{row[task.success]} of {row['trials']}",
+        interval(row["ci95"]),
         *(_spread(row[name], x.digits) for name, x in task.measures.items()),
-        str(row["unreachable"]), str(row["refused_by"] or NONE), str(row["violating_trials"]),
-    ]  # fmt: skip
+        str(row["unreachable"]),
+        str(row["refused_by"] or NONE),
+        str(row["violating_trials"]),
+    ]
 
 
 def _spread(of: Mapping[str, float] | None, digits: int) -> str:
@@ -177,5 +198,12 @@ def _draw(axes: Axes, rows: Sequence[Row]) -> None:
         if mine[0]["rate_hz"] is None:
             axes.axhline(median[0], color=colour, linestyle=line, label=name)
         else:
-            axes.errorbar([r["rate_hz"] for r in mine], median, [[0.0] * len(mine), above],
-                          color=colour, marker=marker, linestyle=line, label=name)  # fmt: skip
+            axes.errorbar(
+                [r["rate_hz"] for r in mine],
+                median,
+                [[0.0] * len(mine), above],
+                color=colour,
+                marker=marker,
+                linestyle=line,
+                label=name,
+            )

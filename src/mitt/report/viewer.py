@@ -34,9 +34,12 @@ from mitt.world.scene import Scene
 #: Age from which an estimate of the ball is not shown [s]: it is caught, or lost.
 _STALE = 0.05
 #: The same for a part, which slower cameras see [s]; how far ahead its way is drawn [s].
-_GONE, _AHEAD = 0.3, 0.5
+_GONE = 0.3
+_AHEAD = 0.5
 #: Colours: covariance, sightings, true ball.
-_DOUBT, _SEEN, _TRUE = (86, 180, 233), (110, 120, 130), (240, 228, 66)
+_DOUBT = (86, 180, 233)
+_SEEN = (110, 120, 130)
+_TRUE = (240, 228, 66)
 
 
 def scene_of(about: About) -> Scene:
@@ -46,8 +49,9 @@ def scene_of(about: About) -> Scene:
         try:
             return Scene.model_validate_json(about.notes["scene"])
         except ValueError as error:
-            raise FileError("the recording", "a scene that can be drawn", str(error)[:80],
-                            do="record it again") from None  # fmt: skip
+            raise FileError(
+                "the recording", "a scene that can be drawn", str(error)[:80], do="record it again"
+            ) from None
     ball = scene.ball.model_copy(update={"radius": s.ball_radius, "mass": s.ball_mass})
     return scene.model_copy(update={"ball": ball, "floor": s.around.floor})
 
@@ -109,8 +113,10 @@ class Stage:
             raise InputError("the arm", "one with a hand", "none")
         self._n, self._floor = about.arm.n, about.settings.around.floor
         self._ready, self._arm, self._meets = (
-            about.arm.model.q_ready, about.arm, about.meeting is not None
-        )  # fmt: skip
+            about.arm.model.q_ready,
+            about.arm,
+            about.meeting is not None,
+        )
         scene = scene_of(about)
         self._model = build_scene(scene, about.arm.model).model
         self._data = mujoco.MjData(self._model)
@@ -125,12 +131,19 @@ class Stage:
         )
         nowhere = np.zeros((1, 2, 3), np.float32)
         self._way = api.add_line_segments("/way", nowhere, colors=BALL, thickness=0.006)
-        self._trail = api.add_point_cloud("/trail", np.zeros((1, 3), np.float32), _SEEN,
-                                          point_size=0.014, point_shape="circle")  # fmt: skip
-        self._true = api.add_icosphere("/true", radius=0.6 * about.settings.ball_radius,
-                                       color=_TRUE, visible=False, subdivisions=2)  # fmt: skip
-        self._hand = api.add_icosphere("/catch_point", radius=0.008, color=HAND, subdivisions=1,
-                                       visible=False)  # fmt: skip
+        self._trail = api.add_point_cloud(
+            "/trail", np.zeros((1, 3), np.float32), _SEEN, point_size=0.014, point_shape="circle"
+        )
+        self._true = api.add_icosphere(
+            "/true",
+            radius=0.6 * about.settings.ball_radius,
+            color=_TRUE,
+            visible=False,
+            subdivisions=2,
+        )
+        self._hand = api.add_icosphere(
+            "/catch_point", radius=0.008, color=HAND, subdivisions=1, visible=False
+        )
         self.refresh(recorded)
 
     def refresh(self, recorded: Recorded) -> None:
@@ -144,8 +157,11 @@ class Stage:
         points = [self._data.xpos[body].copy() for body in self._bodies if body != self._ball]
         for row in rows[:: max(len(rows) // 20, 1)]:
             self._place(row)
-            points += [self._data.xpos[body].copy() for body in self._bodies
-                       if body != self._ball or row["out_tracked"]]  # fmt: skip
+            points += [
+                self._data.xpos[body].copy()
+                for body in self._bodies
+                if body != self._ball or row["out_tracked"]
+            ]
         low, high = np.min(points, axis=0), np.max(points, axis=0)
         return 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low)) + 0.15
 
@@ -198,9 +214,16 @@ class Stage:
         drag, covariance = float(row["out_drag"]), row["covariance"].reshape(6, 6).copy()
         r_o, dr_o, ddr_o = ball
         state = BallState(
-            t=t, tracked=True, r_o=r_o, dr_o=dr_o, ddr_o=ddr_o, drag=drag, covariance=covariance,
-            t_seen=t, t_first=t,
-        )  # fmt: skip
+            t=t,
+            tracked=True,
+            r_o=r_o,
+            dr_o=dr_o,
+            ddr_o=ddr_o,
+            drag=drag,
+            covariance=covariance,
+            t_seen=t,
+            t_first=t,
+        )
         then = forecast(state, t + left)
         if np.all(np.isfinite(then.covariance)):
             _lay(self._at_catch, then.r_o, then.covariance)
@@ -215,17 +238,20 @@ class Stage:
 
 
 #: What is played first, ticks before and after the catch.
-_BEFORE, _AFTER = 450, 350
+_BEFORE = 450
+_AFTER = 350
 #: Of these the last, in which arm and ball are to be in the picture.
 _NEAR = 650
 #: Field of view from top to bottom [rad], and the direction from which a scene is looked at.
-_FIELD, _FROM = 0.75, np.array([0.17, -0.96, 0.24])
+_FIELD = 0.75
+_FROM = np.array([0.17, -0.96, 0.24])
 #: Width of the panel [px]: beside the scene in a window of twice that, else on its lower half.
 _PANEL = 400
 #: Time between two looks for a newer file [s].
 _LOOK = 1.0
 _SPEEDS = {"1/20": 0.05, "1/10": 0.1, "1/5": 0.2, "1/2": 0.5, "1": 1.0}
-_BLUE, _ORANGE = "#0072b2", "#d55e00"
+_BLUE = "#0072b2"
+_ORANGE = "#d55e00"
 _MARK = {"caught": "#009e73", "stopped": "#cc79a7", "abort": "#cc79a7", "refused": "#d55e00"}
 
 
@@ -296,8 +322,9 @@ class Viewer:
         blank = [np.zeros(shape, np.uint8) for shape in self._recorded.about.shapes]
         self._images = [
             self._gui.add_image(np.repeat(x[:, :, None], 3, 2), label=f"camera {k}")
-            for k, x in enumerate(blank) if self._recorded.has_images
-        ]  # fmt: skip
+            for k, x in enumerate(blank)
+            if self._recorded.has_images
+        ]
         self._shown = -1
         if self._slider is not None:
             self._slider.remove()
@@ -438,14 +465,21 @@ def _bars(name: str, shares: Array, joints: tuple[str, ...]) -> str:
         f"<td style='text-align:right;width:48px'>{100.0 * share:.0f} %</td></tr>"
         for joint, share in zip(joints, np.nan_to_num(shares).tolist(), strict=True)
     )
-    return (f"<div style='margin-top:8px;color:#6b7785'>share of {name} limits</div>"
-            f"<table>{rows}</table>")  # fmt: skip
+    return (
+        f"<div style='margin-top:8px;color:#6b7785'>share of {name} limits</div>"
+        f"<table>{rows}</table>"
+    )
 
 
 def watch(
-    find: Callable[[], Path | None], *, host: str, port: int, ready: Callable[[str], None],
-    until: float | None = None, loads: Callable[[Path], None] | None = None,
-) -> None:  # fmt: skip
+    find: Callable[[], Path | None],
+    *,
+    host: str,
+    port: int,
+    ready: Callable[[str], None],
+    until: float | None = None,
+    loads: Callable[[Path], None] | None = None,
+) -> None:
     """Serve the viewer until it is interrupted.
 
     Args:

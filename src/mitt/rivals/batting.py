@@ -120,8 +120,9 @@ class BatRival(Generator):
 def _contact(strike: Strike, t_c: float) -> Intercept:
     """Return a strike at a time as what a pursuit leads to."""
     end = np.array([strike.q, strike.dq, 0.0 * strike.q])
-    return Intercept(t_c=t_c, end=end, r_c=strike.ball[0], binding_limit="", utilization=0.0,
-                     low=False)  # fmt: skip
+    return Intercept(
+        t_c=t_c, end=end, r_c=strike.ball[0], binding_limit="", utilization=0.0, low=False
+    )
 
 
 def _swing(catch: Intercept, ball: BallState, goal: Array) -> None:

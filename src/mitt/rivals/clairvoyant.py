@@ -229,10 +229,15 @@ class Programme:
         """IPOPT on the programme, silent."""
         ca, (x, p, cost, g) = casadi(), self._parts[:4]
         options = {
-            "ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": False,
-            "ipopt.max_iter": 120, "ipopt.tol": 1e-5,
-            "ipopt.acceptable_tol": 1e-4, "ipopt.mu_strategy": "adaptive", "expand": True,
-        }  # fmt: skip
+            "ipopt.print_level": 0,
+            "ipopt.sb": "yes",
+            "print_time": False,
+            "ipopt.max_iter": 120,
+            "ipopt.tol": 1e-5,
+            "ipopt.acceptable_tol": 1e-4,
+            "ipopt.mu_strategy": "adaptive",
+            "expand": True,
+        }
         return ca.nlpsol("catch", "ipopt", {"x": x, "p": p, "f": cost, "g": g}, options)
 
     @cached_property
@@ -344,8 +349,9 @@ def _flight(ca: ModuleType, c: Expression, s: Expression) -> Expression:
     columns = []
     for d in range(3):
         factor = [float(np.prod(np.arange(k - d + 1, k + 1))) for k in range(DEGREE + 1)]
-        row = [factor[k] * s ** (k - d) if k > d else factor[k] * (k == d)
-               for k in range(DEGREE + 1)]  # fmt: skip
+        row = [
+            factor[k] * s ** (k - d) if k > d else factor[k] * (k == d) for k in range(DEGREE + 1)
+        ]
         columns.append(ca.mtimes(c, ca.vertcat(*row)))
     return ca.horzcat(*columns)
 
@@ -422,17 +428,23 @@ class Clairvoyant(Generator):
         plan = self._planned(ball.t, still(q))
         if plan is None:
             return Verdict(
-                outcome=Outcome.UNREACHABLE, binding_limit="optimum", share=np.inf,
-                t_catch=np.inf, sigma=0.0,
-            )  # fmt: skip
+                outcome=Outcome.UNREACHABLE,
+                binding_limit="optimum",
+                share=np.inf,
+                t_catch=np.inf,
+                sigma=0.0,
+            )
         arm = self.chooser.arm
         motion = [plan.at(plan.t + k * plan.step) for k in range(plan.q.shape[1])]
         shares = arm.active(demand(arm, np.array(motion)).torque).max(axis=0)
         k = int(np.argmax(shares))
         return Verdict(
-            outcome=Outcome.FEASIBLE, binding_limit=f"torque:{arm.names[k]}",
-            share=float(shares[k]), t_catch=plan.t_c, sigma=0.0,
-        )  # fmt: skip
+            outcome=Outcome.FEASIBLE,
+            binding_limit=f"torque:{arm.names[k]}",
+            share=float(shares[k]),
+            t_catch=plan.t_c,
+            sigma=0.0,
+        )
 
     def adapt(self, ball: BallState, q: Array, dq: Array) -> "Clairvoyant":
         """Plan from where the arm is."""
@@ -455,9 +467,15 @@ class Clairvoyant(Generator):
             closing = float(faster @ arm.orientation(end[0])[:, 2])
             self.chooser.beside(r, closing, ball.t - plan.t_c, rows)
         return JointReference(
-            t=ball.t, status=MapStatus.INSIDE, q_d=rows[0], dq_d=rows[1], ddq_d=rows[2],
-            q_o=end[0], dq_o=end[1], time_to_catch=plan.t_c - ball.t,
-        )  # fmt: skip
+            t=ball.t,
+            status=MapStatus.INSIDE,
+            q_d=rows[0],
+            dq_d=rows[1],
+            ddq_d=rows[2],
+            q_o=end[0],
+            dq_o=end[1],
+            time_to_catch=plan.t_c - ball.t,
+        )
 
     def _planned(self, t: float, motion: Array) -> Motion | None:
         """Return the plan from a state, kept for the next question about it."""

@@ -66,7 +66,9 @@ from mitt.signals import Array, BallState
 from mitt.verdict.feasibility import Approach, Outcome, Verdict, asked
 
 #: Newton: largest step of a joint [rad], residual [m], steps allowed.
-_STEP, _RESIDUAL, _STEPS = 0.4, 1e-9, 30
+_STEP = 0.4
+_RESIDUAL = 1e-9
+_STEPS = 30
 #: How long before the catch a ball is in front of the palm by its way in alone [s].
 _EARLY = 0.05
 
@@ -252,11 +254,15 @@ def slowest(packed: Array, hand: Hand, rows: Array, work: Array) -> float:
 #: Smallest and largest relative acceleration along the palm's normal [m/s^2].
 APPROACH = (70.0, 160.0)
 #: Candidates: shortest and longest time ahead, and step [s].
-SOONEST, HORIZON, STRIDE = 0.06, 0.9, 0.02
+SOONEST = 0.06
+HORIZON = 0.9
+STRIDE = 0.02
 #: Instants at which the path to a candidate is evaluated.
 INSTANTS = 8
 #: Utilization above which a candidate pays, price per squared excess, and price of a low catch.
-SPARE, PRICE, LOW = 0.9, 100.0, 2.0
+SPARE = 0.9
+PRICE = 100.0
+LOW = 2.0
 #: Closing speeds that are tried, in this order, as shares of the one with the least joint speeds.
 CLOSINGS = (0.0, 0.25, 0.5, 0.75, 1.0)
 #: Price of the squared closing speed [(m/s)^-2]: it tells catches within the limits apart, and is
@@ -302,10 +308,14 @@ class Intercept:
 
 #: What a catch comes to: its price [1], infinite where there is none; the largest utilization of a
 #: limit [1]; which limit, kind n + joint, of the first three of KINDS; and the closing speed [m/s].
-WEIGHED = np.dtype([
-    ("price", np.float64), ("utilization", np.float64), ("limit", np.int64),
-    ("closing", np.float64),
-])  # fmt: skip
+WEIGHED = np.dtype(
+    [
+        ("price", np.float64),
+        ("utilization", np.float64),
+        ("limit", np.int64),
+        ("closing", np.float64),
+    ]
+)
 
 
 class Search(NamedTuple):
@@ -427,9 +437,12 @@ class Chooser:
         """
         if catch is None:
             return Verdict(
-                outcome=Outcome.UNREACHABLE, binding_limit="domain", share=np.inf,
-                t_catch=np.inf, sigma=sigma,
-            )  # fmt: skip
+                outcome=Outcome.UNREACHABLE,
+                binding_limit="domain",
+                share=np.inf,
+                t_catch=np.inf,
+                sigma=sigma,
+            )
         after, way = catch.t_c - ball.t, np.empty((_JUDGED, 3, self.arm.n))
         way[0] = motion
         sample(motion, catch.end, after, way[1:])
@@ -489,10 +502,14 @@ def _weigh(
         if not np.max(np.abs(path[:, 1, j])) <= _TOO_FAST * p.dq_max[j]:
             return np.inf, np.inf, 0
     d = Demand(
-        np.empty(INSTANTS), np.empty(INSTANTS), np.empty((INSTANTS, links)),
-        np.empty((INSTANTS, links)), np.empty((INSTANTS, n)), np.empty((INSTANTS, n)),
+        np.empty(INSTANTS),
+        np.empty(INSTANTS),
+        np.empty((INSTANTS, links)),
+        np.empty((INSTANTS, links)),
         np.empty((INSTANTS, n)),
-    )  # fmt: skip
+        np.empty((INSTANTS, n)),
+        np.empty((INSTANTS, n)),
+    )
     reckon(p, path, d, g.scratch)
     share, which = -1.0, 0
     for kind in range(3):

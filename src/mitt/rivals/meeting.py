@@ -45,7 +45,8 @@ AHEAD: Final = 0.1
 """Least time from a plan to its end [s]."""
 
 #: Smallest rate of ``ds`` [rad/s], and its largest: that with which the map follows a target.
-_SLOWEST, _RATE = 6.0, 30.0
+_SLOWEST = 6.0
+_RATE = 30.0
 #: Largest acceleration with which ``ruckig`` plans [rad/s^2]: it goes as hard as it may.
 _MOST = 20.0
 #: Time over which an encoder's speeds are compared for its acceleration [s].
@@ -139,10 +140,15 @@ class MeetingRival(Generator):
         motion = self.way.motion(self.meeting, target, followed)
         q, dq, ddq = np.array([self.q_hold] + [0.0 * self.q_hold] * 2) if motion is None else motion
         return JointReference(
-            t=ball.t, status=MapStatus.DOMAIN if motion is None else MapStatus.INSIDE, q_d=q,
-            dq_d=dq, ddq_d=ddq, q_o=q, dq_o=dq,
+            t=ball.t,
+            status=MapStatus.DOMAIN if motion is None else MapStatus.INSIDE,
+            q_d=q,
+            dq_d=dq,
+            ddq_d=ddq,
+            q_o=q,
+            dq_o=dq,
             time_to_catch=inf if motion is None else self.meeting.time_left(target, motion[:2]),
-        )  # fmt: skip
+        )
 
 
 class _Memory:
@@ -212,8 +218,9 @@ class Replanned:
         inside, end = meeting.map.virtual(meeting.placed(ahead, t_c - ball.t - T), branch)
         if not inside:
             return
-        to = Intercept(t_c=ball.t + T, end=end, r_c=ahead[0], binding_limit="", utilization=0.0,
-                       low=False)  # fmt: skip
+        to = Intercept(
+            t_c=ball.t + T, end=end, r_c=ahead[0], binding_limit="", utilization=0.0, low=False
+        )
         w.plan = self.planner(start, ball.t, to) or plan_quintic(start, ball.t, to)
         w.planned, w.end = ball.t, ball.t + T
 
@@ -349,8 +356,9 @@ class LineTracking:
         if w.r is None:
             return ball
         travel, speed, ddr = e.at(ball.t if self.compensated else e.now)
-        return replace(ball, r_o=w.r + (travel - w.travel) * e.along, dr_o=speed * e.along,
-                       ddr_o=ddr * e.along)  # fmt: skip
+        return replace(
+            ball, r_o=w.r + (travel - w.travel) * e.along, dr_o=speed * e.along, ddr_o=ddr * e.along
+        )
 
 
 PLANNERS: Final[dict[str, Callable[[Arm], Planner]]] = {
@@ -389,8 +397,12 @@ def make_meeter(name: str, meeting: Meeting, *, rate: float = 100.0) -> Generato
     if name not in LINES:
         raise UnknownNameError("--generator", name, MEETERS)
     if meeting.settings.along is None:
-        raise InputError("--generator", f"a belt for {name}, which reads its encoder", "none",
-                         do="choose --target belt, or another generator")  # fmt: skip
+        raise InputError(
+            "--generator",
+            f"a belt for {name}, which reads its encoder",
+            "none",
+            do="choose --target belt, or another generator",
+        )
     return _rival(meeting, LineTracking(BeltEncoder(np.array(meeting.settings.along)), LINES[name]))
 
 

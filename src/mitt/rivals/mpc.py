@@ -43,7 +43,8 @@ from mitt.rivals.pursuit import SPEED, rival
 from mitt.signals import Array
 
 #: Kinds of DAQP's rows: an equality, an inequality that may give way.
-_EQUAL, _SOFT = 5, 8
+_EQUAL = 5
+_SOFT = 8
 
 
 @final
@@ -127,9 +128,12 @@ class MpcPlanner:
         """Return the programme from q, dq, ddq (3, n) to ``end`` in M steps of ``step`` [s]."""
         s, size, kind = self.settings, (self.settings.parts + 1) * self.arm.n, self._kind
         out = Rows(
-            np.zeros((len(kind), size)), np.empty(len(kind)), np.empty(len(kind)),
-            np.zeros((2 * size, size)), np.empty(2 * size),
-        )  # fmt: skip
+            np.zeros((len(kind), size)),
+            np.empty(len(kind)),
+            np.empty(len(kind)),
+            np.zeros((2 * size, size)),
+            np.empty(2 * size),
+        )
         h = Horizon(motion, end, step, *responses(s.parts, step))
         condense(*self._scales, self._ranges, h, (s.share, s.speed), out)
         H = 2.0 * (out.price.T @ out.price)

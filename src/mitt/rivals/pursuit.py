@@ -27,10 +27,12 @@ from mitt.verdict.feasibility import Outcome, Verdict, tempered
 
 #: A predicted catch point that has moved so far since it was chosen is chosen anew [m], if the
 #: catch is at least so far away [s].
-_MOVED, _CHOOSE_UNTIL = 0.03, 0.021
+_MOVED = 0.03
+_CHOOSE_UNTIL = 0.021
 #: Utilization of a limit from which on a low catch is left for one after a bounce, and distance
 #: from the nominal catch point within which a ball has come back [m].
-_HARD, _NEAR = 0.95, 0.5
+_HARD = 0.95
+_NEAR = 0.5
 #: Share of the speed limits that rivals plan with.
 SPEED = 0.98
 
@@ -89,10 +91,15 @@ class ChaseMemory:
             return resting(now.t, before.motion[0])
         self.after = now
         return JointReference(
-            t=now.t, status=MapStatus.INSIDE, q_d=motion[0], dq_d=motion[1], ddq_d=motion[2],
-            q_o=catch.end[0], dq_o=catch.end[1],
+            t=now.t,
+            status=MapStatus.INSIDE,
+            q_d=motion[0],
+            dq_d=motion[1],
+            ddq_d=motion[2],
+            q_o=catch.end[0],
+            dq_o=catch.end[1],
             time_to_catch=np.inf if lost else catch.t_c - now.t,
-        )  # fmt: skip
+        )
 
 
 @final
@@ -308,6 +315,12 @@ def resting(t: float, q: Array) -> JointReference:
     """Return rest in ``q``, with nothing to catch."""
     zero = np.zeros(len(q))
     return JointReference(
-        t=t, status=MapStatus.DOMAIN, q_d=q, dq_d=zero, ddq_d=zero, q_o=q, dq_o=zero,
+        t=t,
+        status=MapStatus.DOMAIN,
+        q_d=q,
+        dq_d=zero,
+        ddq_d=zero,
+        q_o=q,
+        dq_o=zero,
         time_to_catch=np.inf,
-    )  # fmt: skip
+    )

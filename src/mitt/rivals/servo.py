@@ -36,9 +36,11 @@ from mitt.rivals.pursuit import SPEED, rival
 from mitt.signals import Array, BallState
 
 #: Relative acceleration along the palm's normal at the catch [m/s^2], largest set-back h [m].
-_APPROACH, _BACK = 90.0, 0.2
+_APPROACH = 90.0
+_BACK = 0.2
 #: Bandwidth of the joints times the time to the catch, and its largest value [rad/s].
-_SHARPEN, _FASTEST = 6.0, 60.0
+_SHARPEN = 6.0
+_FASTEST = 60.0
 
 
 class Bounds(NamedTuple):
@@ -311,11 +313,13 @@ def virtual_ball(catch: Intercept, ball: BallState) -> Array:
     dds = float(np.sum(2.0 * (do * do + o * ddo))) / size
     soft, dsoft = left * left * left, -3.0 * left * left * ds
     ddsoft = 6.0 * left * ds * ds - 3.0 * left * left * dds
-    return np.array([
-        catch.r_c + soft * o,
-        soft * do + dsoft * o,
-        soft * ddo + 2.0 * dsoft * do + ddsoft * o,
-    ])  # fmt: skip
+    return np.array(
+        [
+            catch.r_c + soft * o,
+            soft * do + dsoft * o,
+            soft * ddo + 2.0 * dsoft * do + ddsoft * o,
+        ]
+    )
 
 
 def make_ds(f: DirectMap) -> Generator:

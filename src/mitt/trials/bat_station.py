@@ -39,10 +39,14 @@ TARGET: Final = (3.0, 0.0, 0.3)
 _USUAL = 6.0
 #: Where the cameras are and what they look at, from where balls are struck [m]: in view are all
 #: default throws, and the returns as far as they tell their velocity.
-_BACK, _AHEAD = (-2.15, 1.7, 1.35), np.array([1.32, 0.0, 0.02])
+_BACK = (-2.15, 1.7, 1.35)
+_AHEAD = np.array([1.32, 0.0, 0.02])
 #: Recorded flights are struck so long after their bounce [s], if so much of it is recorded, or
 #: else so long before it; the arm then has so long for its motion.
-_AFTER_BOUNCE, _ENOUGH, _BEFORE_BOUNCE, _SOON = 0.3, 0.2, 0.1, (0.2, 0.4)
+_AFTER_BOUNCE = 0.3
+_ENOUGH = 0.2
+_BEFORE_BOUNCE = 0.1
+_SOON = (0.2, 0.4)
 #: Half-widths of the box that balls are aimed at [m].
 _BOX = (0.05, 0.15, 0.1)
 
@@ -128,9 +132,14 @@ _STANCES: Final = {
 
 
 def bat_station(
-    name: str | Path, *, scene: Scene, target: Array | None, limits: str | None = None,
-    around: Neighbourhood = STRUCK, learns: bool = True,
-) -> BatStation:  # fmt: skip
+    name: str | Path,
+    *,
+    scene: Scene,
+    target: Array | None,
+    limits: str | None = None,
+    around: Neighbourhood = STRUCK,
+    learns: bool = True,
+) -> BatStation:
     """Return the station of an arm.
 
     Args:
@@ -213,9 +222,11 @@ def coming(
     speeds = np.linalg.norm(met, axis=1)
     descents = np.arcsin(-np.array(met)[:, 2] / speeds)
     return replace(
-        STRUCK, arrival=(float(speeds.min()), float(speeds.max())),
-        descent=(float(descents.min()), float(descents.max())), flight=_SOON,
-    )  # fmt: skip
+        STRUCK,
+        arrival=(float(speeds.min()), float(speeds.max())),
+        descent=(float(descents.min()), float(descents.max())),
+        flight=_SOON,
+    )
 
 
 def strike_share(recording: Recording) -> float:
@@ -244,9 +255,12 @@ def arm_with_paddle(
     file = arm_of_task(name)
     stance = _STANCES.get(str(file.arm))
     if stance is None:
-        raise ModelError(f"arm {name}", f"one whose stance for batting is known: "
-                         f"{', '.join(_STANCES)}, or an arm file of one", file.arm,
-                         do=meant(str(name), _STANCES) or "choose one of these; mitt meet and mitt"
-                         " catch take any arm")  # fmt: skip
+        raise ModelError(
+            f"arm {name}",
+            f"one whose stance for batting is known: {', '.join(_STANCES)}, or an arm file of one",
+            file.arm,
+            do=meant(str(name), _STANCES)
+            or "choose one of these; mitt meet and mitt catch take any arm",
+        )
     arm = file.carrying(paddle, joints=stance.joints, limits=limits)
     return with_notes_logged(arm, name), stance

@@ -46,17 +46,25 @@ from mitt.trials.task_study import (
 )
 
 BAT: Final = Task(
-    schema="mitt.bat-study/1", trial=BatTrial, statuses=STATUSES, success="hit", rate="hit_rate",
+    schema="mitt.bat-study/1",
+    trial=BatTrial,
+    statuses=STATUSES,
+    success="hit",
+    rate="hit_rate",
     counted="balls hit",
     measures={
         "miss_cm": Measure("miss at the target [cm]", lambda row: _times(100.0, row["miss_m"]), 1),
-        "off_middle_mm": Measure("off the paddle's middle [mm]",
-                                 lambda row: row["off_middle_mm"], 1),
-        "acceleration": Measure("peak acceleration [rad/s^2]",
-                                lambda row: max(row["peak_acceleration"], default=None), 0),
+        "off_middle_mm": Measure(
+            "off the paddle's middle [mm]", lambda row: row["off_middle_mm"], 1
+        ),
+        "acceleration": Measure(
+            "peak acceleration [rad/s^2]",
+            lambda row: max(row["peak_acceleration"], default=None),
+            0,
+        ),
         "force_n": Measure("force on the ball [N]", lambda row: row["peak_contact_force_n"], 0),
     },
-)  # fmt: skip
+)
 """The task."""
 
 AXES: Final = ("away", "to the left", "up")
@@ -175,9 +183,12 @@ class BatStudy(BatStudySettings, TaskStudy):
         """Run trials of a generator in a condition; return them, and the times of the ticks."""
         at = _station_of(self.model_dump_json(), condition, get_ident())
         source = source_of(
-            at.arm, seed=self.seed, drag=at.scene.ball.drag, count=trials.stop,
+            at.arm,
+            seed=self.seed,
+            drag=at.scene.ball.drag,
+            count=trials.stop,
             ranges=throw_ranges(condition.speed, at),
-        )  # fmt: skip
+        )
         runner = BatRunner(at, source, pixels=self.vision == "pixels", generator=player.name)
         return [runner.trial(k) for k in trials], runner.stopwatch
 
@@ -198,8 +209,10 @@ class BatStudy(BatStudySettings, TaskStudy):
         ]
         if good:
             misses = sorted(row["miss_cm"]["median"] for row in good)
-            out[0] += (f"; there the median miss is {misses[0]:.1f} to {misses[-1]:.1f} cm, in "
-                       f"half of them at most {misses[(len(misses) - 1) // 2]:.1f} cm")  # fmt: skip
+            out[0] += (
+                f"; there the median miss is {misses[0]:.1f} to {misses[-1]:.1f} cm, in "
+                f"half of them at most {misses[(len(misses) - 1) // 2]:.1f} cm"
+            )
         out[0] += "."
         refused = [row for _, row in cells if row["unreachable"]]
         if refused:
@@ -218,9 +231,12 @@ def _station_of(text: str, condition: BatCondition, thread: int) -> BatStation: 
     study = BatStudy.model_validate_json(text)
     with noted() as files:
         at = bat_station(
-            study.arm, scene=study.world, target=np.array(condition.target), limits=study.limits,
+            study.arm,
+            scene=study.world,
+            target=np.array(condition.target),
+            limits=study.limits,
             around=coming(condition.speed),
-        )  # fmt: skip
+        )
     check_files(study, files)
     return at
 
@@ -233,10 +249,16 @@ def _mapped(of: MapSettings) -> list[BatCondition]:
         for axis, off in [(-1, 0.0), *moved]:
             target = np.array(TARGET) + off * np.eye(3)[axis]
             place = "usual target" if axis < 0 else f"target {off:+g} m {AXES[axis]}"
-            out.append(BatCondition(
-                name=f"{place} {low:g} to {high:g} m/s", target=tuple(target.tolist()),
-                speed=(low, high), trials=of.trials, generators=(REFERENCE,), moved=(axis, off),
-            ))  # fmt: skip
+            out.append(
+                BatCondition(
+                    name=f"{place} {low:g} to {high:g} m/s",
+                    target=tuple(target.tolist()),
+                    speed=(low, high),
+                    trials=of.trials,
+                    generators=(REFERENCE,),
+                    moved=(axis, off),
+                )
+            )
     return out
 
 

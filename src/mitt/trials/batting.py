@@ -48,14 +48,18 @@ STATUSES: Final = ("hit", "missed", "unreachable", "stopped", "aborted")
 
 #: By how much the restitution of a run differs from the one that the catcher is told, at most and
 #: as share; and what the catcher assumes of that, 1 sigma.
-DOUBT, _SIGMA = 0.03, 0.03
+DOUBT = 0.03
+_SIGMA = 0.03
 #: A trial without contact ends after this time [s], and one with it so long after it.
-_LONGEST, _AFTER = 2.5, 2.0
+_LONGEST = 2.5
+_AFTER = 2.0
 #: How far beyond the target's distance a ball is followed [m].
 _BEYOND = 0.3
 #: For how long after a hit the ball is looked at [s], from when on [s], and the least number of
 #: sightings that tell its velocity.
-_LOOK, _CLEAR, _ENOUGH = 0.12, 0.003, 12
+_LOOK = 0.12
+_CLEAR = 0.003
+_ENOUGH = 12
 #: By how many of its sigmas a hit may change what is believed; more, and it was no clean hit.
 _SURPRISE = 3.0
 #: Ticks over which joints' readings are compared with their commands.
@@ -114,9 +118,14 @@ class BatRunner:
     """
 
     def __init__(
-        self, station: BatStation, source: Source, *, pixels: bool = True,
-        generator: str = "direct", keeps: bool = False,
-    ) -> None:  # fmt: skip
+        self,
+        station: BatStation,
+        source: Source,
+        *,
+        pixels: bool = True,
+        generator: str = "direct",
+        keeps: bool = False,
+    ) -> None:
         """Build the world.
 
         Args:
@@ -190,13 +199,22 @@ class BatRunner:
         if self._generator != "direct":
             raise InputError("a recording of batting", "trials of the map", self._generator)
         if not self.senses:
-            raise InputError("a recording of batting", "a trial that was kept", "none",
-                             do="run trials with keeps=True")  # fmt: skip
+            raise InputError(
+                "a recording of batting",
+                "a trial that was kept",
+                "none",
+                do="run trials with keeps=True",
+            )
         about = About(
-            arm=s.arm, generator="batting", maps=(), batting=s.generator(trial.restitution),
-            settings=s.catcher, rig=s.rig, eyes=eyes_settings(s.scene),
+            arm=s.arm,
+            generator="batting",
+            maps=(),
+            batting=s.generator(trial.restitution),
+            settings=s.catcher,
+            rig=s.rig,
+            eyes=eyes_settings(s.scene),
             notes={"scene": s.scene.model_dump_json()},
-        )  # fmt: skip
+        )
         return recording_of(self.log(), trial, about, {"seed": self._source.seed})
 
     def _fresh(self, restitution: float) -> Catcher:
@@ -348,9 +366,12 @@ def hit_of(arm: Arm, world: World, target: Array | None) -> Hit | None:
     to = target - truth.r_o[left]
     path = _free_path(truth, left)
     return Hit(
-        off_middle=off, returned=float(truth.dr_o[left] @ to) > 0.0, speed=speed,
-        miss=nearest(path, target), passes=passing(path, target),
-    )  # fmt: skip
+        off_middle=off,
+        returned=float(truth.dr_o[left] @ to) > 0.0,
+        speed=speed,
+        miss=nearest(path, target),
+        passes=passing(path, target),
+    )
 
 
 def _free_path(truth: Trace, left: int) -> Array:
@@ -431,12 +452,22 @@ def strike_of(arm: Arm, ticks: Result, met: float) -> Strike:
     dq = ticks.command[k, 1] + behind[1] + middle * ticks.command[k, 2]
     q = ticks.command[k, 0] + behind[0] + middle * dq
     ball = ticks.ball[k - 1, :2].copy()
-    advance(ball[0], ball[1], float(ticks.scalars["drag"][k - 1]),
-            met - float(ticks.scalars["t_ball"][k - 1]))  # fmt: skip
+    advance(
+        ball[0],
+        ball[1],
+        float(ticks.scalars["drag"][k - 1]),
+        met - float(ticks.scalars["t_ball"][k - 1]),
+    )
     return Strike(
-        q=q, dq=dq, ball=ball, normal=arm.orientation(q)[:, 2], v_paddle=arm.jacobian(q) @ dq,
-        v_out=np.zeros(3), T=0.0, astray=0.0,
-    )  # fmt: skip
+        q=q,
+        dq=dq,
+        ball=ball,
+        normal=arm.orientation(q)[:, 2],
+        v_paddle=arm.jacobian(q) @ dq,
+        v_out=np.zeros(3),
+        T=0.0,
+        astray=0.0,
+    )
 
 
 def learned(

@@ -22,7 +22,8 @@ from mitt.verdict.feasibility import Outcome
 _NEAR = CatcherSettings().tolerance
 #: Age of the last measurement that a catch survives [s], a choice of this project.
 _OLD = 0.1
-_STATES, _CONTACT = tuple(State), (EVENT, FIRST_CONTACT)
+_STATES = tuple(State)
+_CONTACT = (EVENT, FIRST_CONTACT)
 #: What a limit that binds means, by its kind.
 LIMITS = {
     "torque": "{0} would need more torque than it has",
@@ -50,8 +51,11 @@ LIMITS = {
     "taken": "the part fell, left its belt or was taken away",
 }
 #: What is said of a trial that did what it was to do, of whatever task.
-_SUCCESS = {"caught": "The ball was caught.", "met": "The part was met.",
-            "hit": "The ball was hit."}  # fmt: skip
+_SUCCESS = {
+    "caught": "The ball was caught.",
+    "met": "The part was met.",
+    "hit": "The ball was hit.",
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -122,8 +126,10 @@ def evidence_of(x: Replayed) -> Evidence:
     s, arm, command = x.ticks.scalars, x.about.driven_arm, x.ticks.command
     tracked, following = s["tracked"] & np.isin(s["phase"], (WATCH, FOLLOW)), s["following"]
     q, q_d = command[:, 0], x.ticks.reference[:, 0]
-    places = [np.array([_place(arm, row) for row in rows]).reshape(-1, 3)
-              for rows in (q, q_d, x.ticks.encoders[:, 0])]  # fmt: skip
+    places = [
+        np.array([_place(arm, row) for row in rows]).reshape(-1, 3)
+        for rows in (q, q_d, x.ticks.encoders[:, 0])
+    ]
     behind = np.linalg.norm([places[1] - places[0], places[2] - places[0]], axis=2).T
     behind[~following] = np.nan
     read = np.nan_to_num(x.ticks.encoders)
@@ -179,8 +185,10 @@ def explain(x: Replayed, e: Evidence) -> Explanation:
     status = _status(x)
     if np.any(x.differs):
         k = int(np.argmax(x.differs))
-        cause = (f"From {_ms(e.t[k])} on this replay commands something else. The arm moved as"
-                 " recorded, so what comes later says nothing of a catch.")  # fmt: skip
+        cause = (
+            f"From {_ms(e.t[k])} on this replay commands something else. The arm moved as"
+            " recorded, so what comes later says nothing of a catch."
+        )
     else:
         cause = _SUCCESS.get(status) or next(_causes(x, e))
     return Explanation(status=status, cause=cause, facts=tuple(_facts(x, e)))
@@ -203,8 +211,10 @@ def _causes(x: Replayed, e: Evidence) -> Iterator[str]:
         said = "no verdict was reached" if last is None else f"the verdict was {_said(last)}"
         yield f"The arm never started: {said}; the ball was known to {1e3 * best:.0f} mm at best."
     if e.catch is None:
-        yield ("The arm started, but no catch came: the ball left the domain of the map, or the"
-               " recording ends before.")  # fmt: skip
+        yield (
+            "The arm started, but no catch came: the ball left the domain of the map, or the"
+            " recording ends before."
+        )
         return
     yield from _at_the_catch(x, e, e.catch)
 
@@ -213,14 +223,18 @@ def _at_the_catch(x: Replayed, e: Evidence, k: int) -> Iterator[str]:
     """Yield what was wrong in the tick of the catch."""
     held, lag = e.behind[k]
     if e.last_error > _NEAR:
-        yield (f"The estimate was wrong: {1e3 * e.last_error:.0f} mm from the ball when it should"
-               " have met the hand.")  # fmt: skip
+        yield (
+            f"The estimate was wrong: {1e3 * e.last_error:.0f} mm from the ball when it should"
+            " have met the hand."
+        )
     if e.age[k] > _OLD:
         yield f"The ball had not been seen for {1e3 * e.age[k]:.0f} ms at the catch."
     if held > _NEAR:
         ticks = int(np.sum(x.ticks.scalars["saturated"]))
-        yield (f"Limits held the arm back: at the catch its command was {1e3 * held:.0f} mm behind"
-               f" the map; a torque limit was met in {ticks} ticks.")  # fmt: skip
+        yield (
+            f"Limits held the arm back: at the catch its command was {1e3 * held:.0f} mm behind"
+            f" the map; a torque limit was met in {ticks} ticks."
+        )
     if lag > _NEAR:
         yield f"The arm did not follow its commands: {1e3 * lag:.0f} mm off at the catch."
     hand = x.about.driven_arm.model.hand
@@ -229,9 +243,11 @@ def _at_the_catch(x: Replayed, e: Evidence, k: int) -> Iterator[str]:
     if closes and (not len(closing) or closing[0] > k):
         yield "The fingers began to close after the catch, too late."
     timing = " the timing of the fingers" if closes else " the speed of the ball in the basket"
-    yield ("By what the catcher knew, hand and ball met: command, arm and estimate agreed within"
-           f" {1e3 * np.nanmax([held, lag]):.0f} mm. Look at the contact,{timing}"
-           " or the calibration.")  # fmt: skip
+    yield (
+        "By what the catcher knew, hand and ball met: command, arm and estimate agreed within"
+        f" {1e3 * np.nanmax([held, lag]):.0f} mm. Look at the contact,{timing}"
+        " or the calibration."
+    )
 
 
 def _facts(x: Replayed, e: Evidence) -> Iterator[tuple[str, str]]:

@@ -96,9 +96,15 @@ class TrialLog:
 
 
 def log_of(
-    arm: Arm, ticks: Result, truth: Trace, *, t_0: float, senses: tuple[Senses, ...] = (),
-    background: tuple[Frame, ...] = (), clock_offset: float = 0.0,
-) -> TrialLog:  # fmt: skip
+    arm: Arm,
+    ticks: Result,
+    truth: Trace,
+    *,
+    t_0: float,
+    senses: tuple[Senses, ...] = (),
+    background: tuple[Frame, ...] = (),
+    clock_offset: float = 0.0,
+) -> TrialLog:
     """Return the log of a finished trial from the results of its ticks; what else as it has it."""
     s, command = ticks.scalars, ticks.command
     reference = np.where(s["following"][:, None, None], ticks.reference, 0.0)

@@ -34,17 +34,24 @@ from mitt.trials.task_study import (
 )
 
 MEET: Final = Task(
-    schema="mitt.meet-study/1", trial=MeetTrial, statuses=STATUSES, success="met",
-    rate="meet_rate", counted="targets met",
+    schema="mitt.meet-study/1",
+    trial=MeetTrial,
+    statuses=STATUSES,
+    success="met",
+    rate="meet_rate",
+    counted="targets met",
     measures={
         "error_mm": Measure("error at the grasp [mm]", lambda row: row["position_error_mm"], 1),
         "velocity_m_s": Measure("relative speed [m/s]", lambda row: row["velocity_error_m_s"], 3),
-        "acceleration": Measure("peak acceleration [rad/s^2]",
-                                lambda row: max(row["peak_acceleration"], default=None), 0),
+        "acceleration": Measure(
+            "peak acceleration [rad/s^2]",
+            lambda row: max(row["peak_acceleration"], default=None),
+            0,
+        ),
         "force_n": Measure("force on the part [N]", lambda row: row["peak_contact_force_n"], 0),
         "in_sync_s": Measure("in step [s]", lambda row: row["in_sync_s"], 3, more=True),
     },
-)  # fmt: skip
+)
 """The task."""
 
 
@@ -132,9 +139,15 @@ def _station_of(text: str, condition: MeetCondition, thread: int) -> Station:  #
     speed = np.inf if condition.tool_speed is None else condition.tool_speed
     with noted() as files:
         at = station(
-            study.arm, study.gripper, condition.target, study.world, tip=study.tip,
-            joints=joint_names(study.joints), limits=study.limits, speed=speed,
-        )  # fmt: skip
+            study.arm,
+            study.gripper,
+            condition.target,
+            study.world,
+            tip=study.tip,
+            joints=joint_names(study.joints),
+            limits=study.limits,
+            speed=speed,
+        )
     check_files(study, files)
     return at
 
@@ -150,7 +163,15 @@ def read_meet_study(path: Path) -> MeetStudy:
     once(f"{path} key rates", settings.rates)
     tool = TOOLS[settings.tool]
     return study_of(
-        MeetStudy, path, settings, settings.conditions,
-        lambda: arm_with_tool(settings.arm, tool, tip=settings.tip,
-                              joints=joint_names(settings.joints), limits=settings.limits),
-    )  # fmt: skip
+        MeetStudy,
+        path,
+        settings,
+        settings.conditions,
+        lambda: arm_with_tool(
+            settings.arm,
+            tool,
+            tip=settings.tip,
+            joints=joint_names(settings.joints),
+            limits=settings.limits,
+        ),
+    )

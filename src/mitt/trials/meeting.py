@@ -49,21 +49,29 @@ SCHEMA = "mitt.meet/1"
 STATUSES = ("met", "slipped", "missed", "unreachable", "stopped", "aborted")
 
 #: Longest time from the start of a trial to the meeting [s], and from the end of a recording.
-_LONGEST, _BEYOND = 7.0, 3.0
+_LONGEST = 7.0
+_BEYOND = 3.0
 #: How long after it has closed the tool has to hold the part [s]; last ticks of that time in one of
 #: which it touches it.
-_HELD, _LAST = 0.5, 20
+_HELD = 0.5
+_LAST = 20
 #: Time that the arm is given to come to rest at the end of a trial, and that a tool is given to
 #: open, beyond its delay [s].
-_SETTLES, _OPENS = 0.5, 0.7
+_SETTLES = 0.5
+_OPENS = 0.7
 #: In step with the target: position and velocity of tool and part so near [m, m/s].
-NEAR, SLOW = 0.005, 0.05
+NEAR = 0.005
+SLOW = 0.05
 #: How far a part that is held may be from where the tool holds it, how near to its place a part is
 #: put, seen from above [m], how slow it is there [m/s], and how near to its place a tool that
 #: waits again is [m].
-_KEPT, _PUT, _LIES, _WAITS = 0.03, 0.05, 0.02, 0.02
+_KEPT = 0.03
+_PUT = 0.05
+_LIES = 0.02
+_WAITS = 0.02
 #: Last ticks of a trial in which a joint that rests turns by no more than this [rad].
-_STILL, _RESTS = 100, 0.01
+_STILL = 100
+_RESTS = 0.01
 #: Longest time that the arm takes to come to rest where it is told to put a part down [s].
 _COMES_TO_REST = 0.5
 
@@ -152,9 +160,14 @@ class MeetRunner:
     """
 
     def __init__(
-        self, station: Station, *, seed: int, speed: float, generator: Generator | None = None,
+        self,
+        station: Station,
+        *,
+        seed: int,
+        speed: float,
+        generator: Generator | None = None,
         recordings: tuple[Recording, ...] = (),
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Build the world.
 
         Args:
@@ -211,9 +224,10 @@ class MeetRunner:
             pass
         trial = self._scored(index, catcher, results, closed)
         return replace(
-            trial, placed=None if trial.status != "met" or put is None else self._lies(put),
+            trial,
+            placed=None if trial.status != "met" or put is None else self._lies(put),
             binding_limit=left or trial.binding_limit,
-        )  # fmt: skip
+        )
 
     def _ticks(
         self, catcher: Catcher, results: list[Result], longest: float, *, look: bool = True
@@ -243,9 +257,15 @@ class MeetRunner:
         if not isinstance(self._generator, Meeting):
             raise InputError("a recording of a meeting", "the generator direct", "another")
         about = About(
-            arm=s.arm, generator="meeting", maps=(), meeting=Meeting(s.map, s.settings),
-            settings=s.catcher, rig=fixed_rig(), eyes=EyesConfig(), notes=s.notes,
-        )  # fmt: skip
+            arm=s.arm,
+            generator="meeting",
+            maps=(),
+            meeting=Meeting(s.map, s.settings),
+            settings=s.catcher,
+            rig=fixed_rig(),
+            eyes=EyesConfig(),
+            notes=s.notes,
+        )
         truth = self.world.trace()
         said = {
             "trial": json.dumps(finite(asdict(trial)), allow_nan=False),
@@ -255,9 +275,11 @@ class MeetRunner:
             heading=heading_of(about, said),
             ticks=tick_rows(gathered(ticks), self.senses, 0),
             points={k: x.points for k, x in enumerate(self.senses) if x.points},
-            tracks=(Track(topic=TRUTH, t=truth.t, r=truth.r_o),
-                    Track(topic=CATCH_POINT, t=truth.t, r=truth.position)),
-        )  # fmt: skip
+            tracks=(
+                Track(topic=TRUTH, t=truth.t, r=truth.r_o),
+                Track(topic=CATCH_POINT, t=truth.t, r=truth.position),
+            ),
+        )
 
     def _read_belt(self, t: float) -> None:
         """Let a generator that follows the belt's encoder have its reading of this tick."""

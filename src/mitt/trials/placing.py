@@ -21,10 +21,12 @@ from mitt.world.scene import Scene, Tray
 
 #: Angles about the first axis and heights of the tray below the station's place that are tried
 #: [rad, m], and the tray's least distance from the middle of a belt, beyond half its width [m].
-_ANGLES, _LOWER = (1.57, -1.57, 1.2, -1.2, 2.0, -2.0, 2.6, -2.6), (0.0, 0.15, 0.3)
+_ANGLES = (1.57, -1.57, 1.2, -1.2, 2.0, -2.0, 2.6, -2.6)
+_LOWER = (0.0, 0.15, 0.3)
 _BESIDE = 0.17
 #: How far above its place a part comes down from, and is let go over a tray [m].
-_ABOVE, _DROP = 0.1, 0.003
+_ABOVE = 0.1
+_DROP = 0.003
 #: How far back the tool goes along its axis from where it has met a part [m].
 _BACK = 0.1
 #: Share of the joints' speeds with which a part is carried.

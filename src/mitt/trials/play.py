@@ -136,10 +136,17 @@ class Kept(NamedTuple):
 
 #: Cameras where there are none, and where their noise begins.
 _DARK = Film(
-    0.0, np.zeros(0, HEAD), np.zeros((0, 4)), np.zeros((0, 2), CAMERA),
-    Balls(np.zeros(1), np.zeros(1), *(np.zeros((1, 3)) for _ in range(5))), Light(*(0.0,) * 13),
-    np.zeros((0, 0), np.uint8), np.zeros(0, np.float32), scratch_for(0), np.zeros(0, np.float32),
-)  # fmt: skip
+    0.0,
+    np.zeros(0, HEAD),
+    np.zeros((0, 4)),
+    np.zeros((0, 2), CAMERA),
+    Balls(np.zeros(1), np.zeros(1), *(np.zeros((1, 3)) for _ in range(5))),
+    Light(*(0.0,) * 13),
+    np.zeros((0, 0), np.uint8),
+    np.zeros(0, np.float32),
+    scratch_for(0),
+    np.zeros(0, np.float32),
+)
 _NO_STARTS = np.zeros((BLOCK, 0), np.int64)
 MARGIN = 2.0
 """What the hand may be off where it was expected a tick before [px]."""
@@ -166,9 +173,13 @@ def render(sight: Sight, k: int, state: StateHandle, held: bool) -> None:
         for i in range(3):
             hand[i] = state.hand[2, i] + TICK * state.hand[1, i]
         for n in range(2):
-            if not held or window_about(
-                eyes.cameras[n], hand, eyes.ball[0].radius, MARGIN, images[n].shape, windows[n]
-            ) == 0.0:  # fmt: skip
+            if (
+                not held
+                or window_about(
+                    eyes.cameras[n], hand, eyes.ball[0].radius, MARGIN, images[n].shape, windows[n]
+                )
+                == 0.0
+            ):
                 whole_image(images[n], windows[n])
         render_images(images, film, starts, exposure, windows)
         return
@@ -182,9 +193,14 @@ def render(sight: Sight, k: int, state: StateHandle, held: bool) -> None:
         render_images(images, film, starts, exposure, windows)
         for n in range(2):
             missed |= known[n] and not suffices(
-                images[n], sight.backgrounds[n], sight.backgrounds[2], windows[n], eyes.targets[n],
-                eyes.segmenter[0], ahead.work[0],
-            )  # fmt: skip
+                images[n],
+                sight.backgrounds[n],
+                sight.backgrounds[2],
+                windows[n],
+                eyes.targets[n],
+                eyes.segmenter[0],
+                ahead.work[0],
+            )
         if not missed:
             return
 
@@ -211,9 +227,14 @@ def capture(plant: Plant, sight: Sight, state: StateHandle, k: int, held: bool) 
 
 @kernel
 def play(
-    plant: Plant, sight: Sight, catcher: tuple[Array, StateHandle, ResultHandle], kept: Kept,
-    until: tuple[float, float], count: int, path: Array,
-) -> int:  # fmt: skip
+    plant: Plant,
+    sight: Sight,
+    catcher: tuple[Array, StateHandle, ResultHandle],
+    kept: Kept,
+    until: tuple[float, float],
+    count: int,
+    path: Array,
+) -> int:
     """Make up to ``count`` ticks, until there is something to think about or the trial is over.
 
     Args:
@@ -279,15 +300,29 @@ def sight_of(stage: Stage, catcher: Catcher, offset: float = 0.0) -> Sight:
     )
     points = Points(np.zeros((0, 3)), stage.sensors.covariance, np.zeros((latency + 1, 3)))
     return Sight(
-        stage.body, film, starts, shots, points, stage.radius, offset, stage.sensors.encoders,
-        NOTHING, catcher.backgrounds, ahead,
-    )  # fmt: skip
+        stage.body,
+        film,
+        starts,
+        shots,
+        points,
+        stage.radius,
+        offset,
+        stage.sensors.encoders,
+        NOTHING,
+        catcher.backgrounds,
+        ahead,
+    )
 
 
 def play_out(
-    stage: Stage, catcher: Catcher, stopwatch: Stopwatch, *, longest: float, held: float,
+    stage: Stage,
+    catcher: Catcher,
+    stopwatch: Stopwatch,
+    *,
+    longest: float,
+    held: float,
     offset: float = 0.0,
-) -> Result:  # fmt: skip
+) -> Result:
     """Play a trial from its first tick to its end and return the results of all ticks.
 
     Args:

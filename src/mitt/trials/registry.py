@@ -79,8 +79,12 @@ def factory_of(name: str) -> Factory:
     entry, where = _added()[name], f"generator {name!r}"
     places = sorted({x.value for x in entry_points(group=GROUP) if x.name == name})
     if len(places) > 1:
-        raise InputError(where, "one package that adds it", " and ".join(places),
-                         do="uninstall one of the packages")  # fmt: skip
+        raise InputError(
+            where,
+            "one package that adds it",
+            " and ".join(places),
+            do="uninstall one of the packages",
+        )
     try:
         factory: Factory = entry.load()
     except (ImportError, AttributeError) as error:

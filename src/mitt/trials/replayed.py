@@ -116,9 +116,12 @@ def catcher_of(about: About) -> Catcher:
 
 
 def changed(
-    about: About, *, map_file: Path | None = None, settings: Path | None = None,
+    about: About,
+    *,
+    map_file: Path | None = None,
+    settings: Path | None = None,
     generator: str | None = None,
-) -> About:  # fmt: skip
+) -> About:
     """Return what makes a catcher, with another choice.
 
     Args:

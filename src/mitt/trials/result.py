@@ -28,13 +28,18 @@ from mitt.trials.statistics import wilson
 
 SCHEMA = "mitt.catch/1"
 STATUSES = ("caught", "dropped", "missed", "unreachable", "stopped", "aborted")
-NAME, RESULT, MAP, PAGE = "trials.jsonl", "result.json", "map.json", "report.html"
+NAME = "trials.jsonl"
+RESULT = "result.json"
+MAP = "map.json"
+PAGE = "report.html"
 """What the throws are called in the folder of a run, the result, the map and the page."""
 
 LEAVES = Leaves(
-    command="mitt catch", schema=SCHEMA, manifests=(NAME, RESULT),
+    command="mitt catch",
+    schema=SCHEMA,
+    manifests=(NAME, RESULT),
     names=(*map(re.escape, (NAME, RESULT, MAP, PAGE)), r"recordings/throw-\d{5,}\.mcap"),
-)  # fmt: skip
+)
 """All that a run leaves in its folder."""
 
 MAX_BYTES = 200_000_000
@@ -126,9 +131,12 @@ class Journal(AbstractContextManager["Journal"]):
     """
 
     def __init__(
-        self, folder: Path, head: dict[str, Any], wanted: int,
+        self,
+        folder: Path,
+        head: dict[str, Any],
+        wanted: int,
         again: Mapping[str, Any] | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Begin the list in a folder that is claimed.
 
         Args:

@@ -147,9 +147,14 @@ class TrialRunner:
         return senses
 
     def run(
-        self, index: int, ball: Throw | BallPath, *, seed: int, log: bool = False,
+        self,
+        index: int,
+        ball: Throw | BallPath,
+        *,
+        seed: int,
+        log: bool = False,
         images: bool = False,
-    ) -> LoggedTrial:  # fmt: skip
+    ) -> LoggedTrial:
         """Throw once.
 
         Args:
@@ -167,9 +172,14 @@ class TrialRunner:
             return LoggedTrial(trial, None)
         ground = tuple(frame for view in self.views for frame in view) if images else ()
         kept = log_of(
-            self.arm, ticks, truth, t_0=catcher.t_0, senses=tuple(senses), background=ground,
+            self.arm,
+            ticks,
+            truth,
+            t_0=catcher.t_0,
+            senses=tuple(senses),
+            background=ground,
             clock_offset=self.clock_offset,
-        )  # fmt: skip
+        )
         return LoggedTrial(trial, kept)
 
     def throw(
@@ -231,8 +241,11 @@ def _caught(catcher: Catcher, ticks: Result, points: Sequence[Sighting]) -> Catc
     seen = s["sighted"]
     found = s["t_sighted"][seen], ticks.sighting[seen, 0], ticks.sighting[seen, 1:]
     if given := [p for p in points if p.found]:
-        found = (np.array([p.t for p in given]), np.array([p.r_o for p in given]),
-                 np.array([p.covariance for p in given]))  # fmt: skip
+        found = (
+            np.array([p.t for p in given]),
+            np.array([p.r_o for p in given]),
+            np.array([p.covariance for p in given]),
+        )
     return catch_of(catcher.state, s["t"], ticks.encoders[:, 0], found)
 
 

@@ -59,9 +59,14 @@ _COMPILING = "compiling, once"
 
 @contextmanager
 def warming(
-    arm: Arm, design: MapDesign, scene: Scene, ball: Throw | BallPath, *, pixels: bool,
+    arm: Arm,
+    design: MapDesign,
+    scene: Scene,
+    ball: Throw | BallPath,
+    *,
+    pixels: bool,
     progress: Progress,
-) -> Iterator[None]:  # fmt: skip
+) -> Iterator[None]:
     """Compile what a throw needs, part by part, in a second process and, when it is free, in this.
 
     Does nothing where the kernels have been compiled before, or cannot be kept. What a process
@@ -107,9 +112,13 @@ def _compile_beside(*job: Any) -> None:  # noqa: ANN401
 
 
 def _compile_parts(
-    f: DirectMap, scene: Scene, ball: Throw | BallPath, pixels: bool, begun: Count,
+    f: DirectMap,
+    scene: Scene,
+    ball: Throw | BallPath,
+    pixels: bool,
+    begun: Count,
     done: Count,
-) -> None:  # fmt: skip
+) -> None:
     """Compile the next part that nobody has begun, until none is left."""
     runner = TrialRunner(f.arm, Direct(f), scene, pixels=pixels)
     runner.world.reset(ball, 0)
@@ -329,10 +338,15 @@ def _thrown(runner: TrialRunner, source: Source, index: int, clock: LearnedClock
         clock.take(found, used)
     runner.clock_offset = clock.offset
     known = not found.unknown
-    return replace(trial, clock={
-        "offset_s": used, "found_s": used + found.offset if known else None,
-        "sigma_s": found.sigma if known else None, "unknown": found.unknown or None,
-    })  # fmt: skip
+    return replace(
+        trial,
+        clock={
+            "offset_s": used,
+            "found_s": used + found.offset if known else None,
+            "sigma_s": found.sigma if known else None,
+            "unknown": found.unknown or None,
+        },
+    )
 
 
 def simulate(

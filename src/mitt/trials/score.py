@@ -26,7 +26,8 @@ from mitt.world.simulation import World
 from mitt.world.truth import Trace, Truth
 
 #: Limit violations: commanded beyond a limit by more than this, and the plant beyond by a share.
-COMMANDED, MEASURED = 1e-9, 0.01
+COMMANDED = 1e-9
+MEASURED = 0.01
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -102,7 +103,9 @@ def _hold(arm: Tables, q: Array, dq: Array, tau: Array, work: Record, out: Array
 
 #: Caught: the ball's centre so near the catch point beyond its radius [m], touched by so many
 #: geoms of the hand, so long after first contact [s].
-HELD_GAP, HELD_GEOMS, HELD_AFTER = 0.020, 2, 0.5
+HELD_GAP = 0.020
+HELD_GEOMS = 2
+HELD_AFTER = 0.5
 #: Caught in a basket: the last ticks of that time in which the ball is inside and touched.
 LYING = 100
 

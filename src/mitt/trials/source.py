@@ -21,7 +21,8 @@ from mitt.world.flights import (
 from mitt.world.throws import Aim, Throw, ThrowRanges, default_throw, read_throws
 
 #: Streams drawn from one seed and index, so that no use of one disturbs another.
-_BALL, _TRIAL = 0, 1
+_BALL = 0
+_TRIAL = 1
 #: Half-widths of the box of joint angles that is aimed at, first and second joint [rad].
 _HALF = (0.3, 0.22)
 #: Height of the WAM's aim above its shoulder [m]: l(q) of the centre of that box.
@@ -90,8 +91,9 @@ class Source:
         if self.recordings:
             k = index % len(self.recordings)
             share = self.shares[k] if self.shares else CATCH_FRACTION
-            return place_flight(self.recordings[k], self.catch_point, rng=rng, drag=self.drag,
-                                share=share)  # fmt: skip
+            return place_flight(
+                self.recordings[k], self.catch_point, rng=rng, drag=self.drag, share=share
+            )
         if self.throws:
             return self.throws[index % len(self.throws)]
         return self.drawn(rng)

@@ -41,9 +41,14 @@ TARGETS: Final[tuple[Target, ...]] = ("belt", "hand")
 """What moves the thing that is met."""
 
 CARRIED: Final = FilterConfig(
-    other_motion=0.998, watchful=True, min_sightings=4, driven_sigma=1.5, driven_time=0.3,
-    steady_density=3e-3, switch_time=0.15,
-)  # fmt: skip
+    other_motion=0.998,
+    watchful=True,
+    min_sightings=4,
+    driven_sigma=1.5,
+    driven_time=0.3,
+    steady_density=3e-3,
+    switch_time=0.15,
+)
 """What the filter assumes of a thing that is carried: it does not fly, and speeds up by 1.5 m/s^2.
 """
 
@@ -61,7 +66,8 @@ PARTS_SCENE: Final = scene_of(
 #: seven one is held.
 _COUNTS = (3, 5, 6, 7)
 #: How far above its place the tool waits, and where its way down begins [m].
-_WAITS, _ABOVE = 0.15, 0.06
+_WAITS = 0.15
+_ABOVE = 0.06
 #: Time from the meeting until the tool begins to close [s].
 _SETTLE = {"belt": 0.2, "hand": 0.0}
 #: Rate at which what a person holds is followed once it is met [1/s].
@@ -77,36 +83,42 @@ _SHARES = (0.5, 0.6, 0.7)
 _HIGHER = {"belt": (-0.12,), "hand": (0.05, 0.2, 0.35)}
 #: Half-widths of the work area that are tried, along a belt, in lengths of the arm: fast belts want
 #: long areas; and how far it goes along it at most: beyond, the tool lifts the part and rests.
-_WIDE, _ALONG = {"belt": (0.42, 0.32, 0.22), "hand": (0.2,)}, 0.32
+_WIDE = {"belt": (0.42, 0.32, 0.22), "hand": (0.2,)}
+_ALONG = 0.32
 #: The least half-widths [m].
 _LEAST_ROOM = {"belt": np.array([0.06, 0.06, 0.05]), "hand": np.array([0.06, 0.06, 0.1])}
 #: How far inside the work area a person offers a thing [m].
 _INSIDE = 0.02
 #: Gap between told and true joint angles at which an arm whose tool has a largest speed gives up
 #: [rad], at least, and for each m/s of that speed.
-_BEHIND, _LAGS = 0.02, 0.08
+_BEHIND = 0.02
+_LAGS = 0.08
 #: What to do where no pose brings the tool over what moves the part, looked for towards +x.
 _ELSEWHERE: dict[Target, str] = {
     "belt": "name other joints (--joints), a tip whose z axis points out of the flange (--tip), or"
-            " another place of the belt ([belt] of a scene)",
+    " another place of the belt ([belt] of a scene)",
     "hand": "name other joints (--joints), or a tip whose z axis points out of the flange (--tip)",
-}  # fmt: skip
+}
 #: Turns of the tool about its axis that are tried.
 _QUARTERS = [
     np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     for c, s in ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
 ]
 #: Poses from which the one to wait in is looked for, and their seed.
-_POSES, _SEED = 600, 5
+_POSES = 600
+_SEED = 5
 #: Gap that it keeps from itself [m]. What is nearer than 10 mm as in a wrist, is not watched later.
 _GAP = 0.005
 #: What it keeps beyond ``MARGIN`` over the work area, to come to rest in [m], unless it waits with
 #: less, and how far a joint turns at most there for a metre of the target's way [rad/m]: at
 #: 0.25 m/s those of a Panda are at their speed.
-_SPARE, _STEEPEST = 0.005, 10.0
+_SPARE = 0.005
+_STEEPEST = 10.0
 #: Merits of a pose that has all; rounding of a gap [m].
-_ALL, _ROUNDING = 2, 1e-6
-_SIN, _COS = float(np.sin(np.deg2rad(40.0))), float(np.cos(np.deg2rad(40.0)))
+_ALL = 2
+_ROUNDING = 1e-6
+_SIN = float(np.sin(np.deg2rad(40.0)))
+_COS = float(np.cos(np.deg2rad(40.0)))
 #: How the tool points: down on a belt, away from the arm and 40 degrees down to a person.
 _FRAMES = {
     "belt": np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]]),
@@ -179,9 +191,14 @@ class Station:
             under = _under(belt, hand.yields - MARGIN)
             around = replace(around, zones=(*around.zones, under))
         return replace(
-            settings, flight=CARRIED, sigma_ready=0.05, ball_radius=0.5 * across, adapt_dq=np.inf,
-            adapt_q=behind, around=around,
-        )  # fmt: skip
+            settings,
+            flight=CARRIED,
+            sigma_ready=0.05,
+            ball_radius=0.5 * across,
+            adapt_dq=np.inf,
+            adapt_q=behind,
+            around=around,
+        )
 
     @property
     def notes(self) -> dict[str, str]:
@@ -195,10 +212,17 @@ class Station:
 
 
 def station(
-    name: str | Path, tool: Suction | Jaw, target: Target, scene: Scene, *,
-    tip: str | None = None, joints: Sequence[str] | None = None, limits: str | None = None,
-    speed: float = np.inf, speed_scale: float = 1.0,
-) -> Station:  # fmt: skip
+    name: str | Path,
+    tool: Suction | Jaw,
+    target: Target,
+    scene: Scene,
+    *,
+    tip: str | None = None,
+    joints: Sequence[str] | None = None,
+    limits: str | None = None,
+    speed: float = np.inf,
+    speed_scale: float = 1.0,
+) -> Station:
     """Return the station of an arm.
 
     Args:
@@ -229,8 +253,12 @@ def station(
         places = [np.array([*scene.belt.middle, scene.belt.height + half])]
     best = _best_pose(raw, reach_of(raw, free, coupling), target, scene, places)
     if best is None:
-        raise ModelError(f"arm {name}", f"one that reaches over the {target}", "no pose that does",
-                         do=_ELSEWHERE[target])  # fmt: skip
+        raise ModelError(
+            f"arm {name}",
+            f"one that reaches over the {target}",
+            "no pose that does",
+            do=_ELSEWHERE[target],
+        )
     (_, q, frame), place, room = best
     if scene.belt is None and target == "belt":
         belt = Belt(middle=(float(place[0]), float(place[1])), height=float(place[2]) - half)
@@ -241,10 +269,15 @@ def station(
     low, high = _work_area(place, room, moves, reach)
     f = unlearned_meeting(arm, free, frame=frame, coupling=coupling)
     settings = MeetingSettings(
-        low=tuple(low.tolist()), high=tuple(high.tolist()), above=_ABOVE, settle=_SETTLE[target],
-        closing=_takes(tool, scene), speed=speed, gentle=_GENTLE[target],
+        low=tuple(low.tolist()),
+        high=tuple(high.tolist()),
+        above=_ABOVE,
+        settle=_SETTLE[target],
+        closing=_takes(tool, scene),
+        speed=speed,
+        gentle=_GENTLE[target],
         along=None if moves is None else tuple(moves.along.tolist()),
-    )  # fmt: skip
+    )
     settings = replace(settings, down=_time_down(f, settings, place, _LEAST_DOWN[target]))
     return Station(arm=arm, map=f, settings=settings, scene=scene, place=place, target=target)
 
@@ -296,9 +329,13 @@ def _takes(tool: Suction | Jaw, scene: Scene) -> float:
 
 
 def arm_with_tool(
-    name: str | Path, tool: Suction | Jaw, *, tip: str | None = None,
-    joints: Sequence[str] | None = None, limits: str | None = None,
-) -> Arm:  # fmt: skip
+    name: str | Path,
+    tool: Suction | Jaw,
+    *,
+    tip: str | None = None,
+    joints: Sequence[str] | None = None,
+    limits: str | None = None,
+) -> Arm:
     """Return an arm with a tool, as of :func:`station`, with the joints that move at any target.
 
     Raises:
@@ -311,15 +348,21 @@ def arm_with_tool(
         arm = file.carrying(tool, joints=(*file.joints, *file.held), limits=limits)
     if arm.n not in _COUNTS:
         given = f"{arm.n}: {', '.join(arm.names)}"
-        raise ModelError(f"arm {name}", "3, 5, 6 or 7 joints that move", given,
-                         do="name others (--joints)")  # fmt: skip
+        raise ModelError(
+            f"arm {name}", "3, 5, 6 or 7 joints that move", given, do="name others (--joints)"
+        )
     return with_notes_logged(arm, name)
 
 
 def _raw(
-    name: str | Path, tool: Suction | Jaw, target: Target, *, tip: str | None,
-    joints: Sequence[str] | None, limits: str | None,
-) -> tuple[Arm, tuple[int, ...], Array | None]:  # fmt: skip
+    name: str | Path,
+    tool: Suction | Jaw,
+    target: Target,
+    *,
+    tip: str | None,
+    joints: Sequence[str] | None,
+    limits: str | None,
+) -> tuple[Arm, tuple[int, ...], Array | None]:
     """Return an arm with a tool, the joints that bring it to a target, and how others follow.
 
     Of seven joints the third is held, where it is straight. The WAM carries the tool on its wrist,

@@ -21,18 +21,31 @@ from mitt.signals import Array
 
 #: How balls come to a paddle: those of the default throws that are aimed at a box before the arm.
 STRUCK = Neighbourhood(
-    flights=100, kicked=0.0, bounced=0.0, after=0.008, box=(0.05, 0.15, 0.1), arrival=(4.8, 6.9),
-    descent=(0.3, 0.75), azimuth=(-0.12, 0.12), flight=(0.38, 0.55), t_0=(0.0, 0.0),
-)  # fmt: skip
+    flights=100,
+    kicked=0.0,
+    bounced=0.0,
+    after=0.008,
+    box=(0.05, 0.15, 0.1),
+    arrival=(4.8, 6.9),
+    descent=(0.3, 0.75),
+    azimuth=(-0.12, 0.12),
+    flight=(0.38, 0.55),
+    t_0=(0.0, 0.0),
+)
 #: Draws for each flight that is wanted, at most.
 _DRAWS = 10
 
 
 def learn_strikes(
-    g: BattingMap, batting: BattingSettings, place: Array, *, around: Neighbourhood = STRUCK,
-    spread: tuple[float, float, float] = (0.0, 0.0, 0.0), seed: int = LEARNING_SEED,
+    g: BattingMap,
+    batting: BattingSettings,
+    place: Array,
+    *,
+    around: Neighbourhood = STRUCK,
+    spread: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    seed: int = LEARNING_SEED,
     settings: LearnSettings | None = None,
-) -> tuple[BattingMap, Learned]:  # fmt: skip
+) -> tuple[BattingMap, Learned]:
     """Learn a batting map over balls that come to a place.
 
     Args:
@@ -54,14 +67,21 @@ def learn_strikes(
         flights += [] if drawn is None else [drawn]
         if len(flights) == around.flights:
             return learn_batting(g, flights, settings=settings)
-    raise InputError("place", "one where balls can be struck towards the target", place.tolist(),
-                     do="move target or place, or leave another joint free")  # fmt: skip
+    raise InputError(
+        "place",
+        "one where balls can be struck towards the target",
+        place.tolist(),
+        do="move target or place, or leave another joint free",
+    )
 
 
 def _drawn(
-    g: BattingMap, batting: BattingSettings, place: Array, around: Neighbourhood,
+    g: BattingMap,
+    batting: BattingSettings,
+    place: Array,
+    around: Neighbourhood,
     of: tuple[np.random.Generator, Array],
-) -> tuple[Flight, Strike] | None:  # fmt: skip
+) -> tuple[Flight, Strike] | None:
     """Draw a flight, and how its ball is struck; None where it cannot be."""
     rng, spread = of
     drag = float(rng.uniform(*around.drag))

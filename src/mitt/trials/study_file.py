@@ -216,8 +216,12 @@ def study_path(path: Path) -> Path:
     if not path.is_file() and path.name == str(path) and str(path) in known:
         return shipped_path("studies", str(path))
     if path.suffix == "" and not path.exists():
-        raise FileError(str(path), f"a study file, or one of {', '.join(known)}", "neither",
-                        do=meant(str(path), known))  # fmt: skip
+        raise FileError(
+            str(path),
+            f"a study file, or one of {', '.join(known)}",
+            "neither",
+            do=meant(str(path), known),
+        )
     return path
 
 
@@ -255,10 +259,13 @@ def read_study(path: Path, *, generators: tuple[str, ...]) -> Study:
         chunk=settings.chunk,
         record=settings.record,
         version=mitt.__version__,
-        flights={c.flights: _digest(Path(c.flights)) for c in conditions
-                 if c.flights is not None and c.flights != "builtin"},
+        flights={
+            c.flights: _digest(Path(c.flights))
+            for c in conditions
+            if c.flights is not None and c.flights != "builtin"
+        },
         plugins={name: origin for name in chosen if (origin := origin_of(name))},
-    )  # fmt: skip
+    )
 
 
 def _digest(path: Path) -> str:

@@ -37,11 +37,22 @@ MANIFEST = "study.json"
 
 _MANIFEST_SCHEMA = "mitt.study-run/1"
 LEAVES = Leaves(
-    command="mitt study", schema=_MANIFEST_SCHEMA, manifests=(MANIFEST,),
-    names=(r"study\.json", r"maps/map-[0-9a-f]{12}\.json", r"flights/[0-9a-f]{16}\.csv",
-           r"parts/part-\d{6,}\.parquet", r"recordings/.+-\d+\.mcap", r"replays/.+-\d+\.html",
-           r"trials\.parquet", r"summary\.json", r"timing\.json", r"report\.html"),
-)  # fmt: skip
+    command="mitt study",
+    schema=_MANIFEST_SCHEMA,
+    manifests=(MANIFEST,),
+    names=(
+        r"study\.json",
+        r"maps/map-[0-9a-f]{12}\.json",
+        r"flights/[0-9a-f]{16}\.csv",
+        r"parts/part-\d{6,}\.parquet",
+        r"recordings/.+-\d+\.mcap",
+        r"replays/.+-\d+\.html",
+        r"trials\.parquet",
+        r"summary\.json",
+        r"timing\.json",
+        r"report\.html",
+    ),
+)
 """All that a study leaves in its folder."""
 
 
@@ -128,8 +139,13 @@ class Folder:
         """
         if not (resume and self._is_ours(study)):
             flights = [x for a, d in study.flights.items() for x in (Path(a), self._flights(d))]
-            claim_folder(self.path, LEAVES, overwrite=overwrite or resume, made=self._made(),
-                         keep=(self.path / MANIFEST, *flights))  # fmt: skip
+            claim_folder(
+                self.path,
+                LEAVES,
+                overwrite=overwrite or resume,
+                made=self._made(),
+                keep=(self.path / MANIFEST, *flights),
+            )
             write_json(self.path / MANIFEST, _manifest(study))
         make_folder(self.path / "parts")
         clear_temporary(self.path, LEAVES)
@@ -169,9 +185,12 @@ class Folder:
         given = read_json(manifest)
         digest = given.get("digest") if isinstance(given, dict) else None
         if digest != study.digest:
-            raise InputError("--resume", f"a folder of the study {study.name!r} as it is now",
-                             f"{self.path}, made by {_other(given, study)}",
-                             do="choose another folder or say --overwrite instead")  # fmt: skip
+            raise InputError(
+                "--resume",
+                f"a folder of the study {study.name!r} as it is now",
+                f"{self.path}, made by {_other(given, study)}",
+                do="choose another folder or say --overwrite instead",
+            )
         return True
 
 
@@ -239,8 +258,12 @@ def read_manifest(path: Path, kind: type[_Kind]) -> _Kind:
     path = checks.path("study", path)
     if not (path / MANIFEST).is_file():
         if (path / "result.json").is_file():
-            raise FileError(str(path), "the folder of a study", "one of mitt catch",
-                            do="its page is report.html, written by mitt catch itself")  # fmt: skip
+            raise FileError(
+                str(path),
+                "the folder of a study",
+                "one of mitt catch",
+                do="its page is report.html, written by mitt catch itself",
+            )
         raise FileError(str(path), "the folder of a study, with study.json in it", "none")
     raw = read_json(path / MANIFEST)
     if not isinstance(raw, dict) or raw.get("schema") != _MANIFEST_SCHEMA:

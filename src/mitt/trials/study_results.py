@@ -33,12 +33,28 @@ Row = dict[str, Any]
 """A throw, by columns of the table."""
 
 _AXES = ("x", "y", "z", "vx", "vy", "vz")
-_FLOATS = ("t_catch_s", "position_error_mm", "velocity_error_m_s", "demand_cost",
-           "peak_contact_force_n", "range_excess_rad", "effort_s", "jerk_rad_s3")  # fmt: skip
+_FLOATS = (
+    "t_catch_s",
+    "position_error_mm",
+    "velocity_error_m_s",
+    "demand_cost",
+    "peak_contact_force_n",
+    "range_excess_rad",
+    "effort_s",
+    "jerk_rad_s3",
+)
 #: Fields of ``stopped_by``, each a column of its own.
 _STOP_WORDS = ("state", "reason", "joint", "hint")
-_STOP_ROWS = ("q", "dq", "q_read", "dq_read", "command_q", "command_dq", "command_ddq",
-              "command_tau")  # fmt: skip
+_STOP_ROWS = (
+    "q",
+    "dq",
+    "q_read",
+    "dq_read",
+    "command_q",
+    "command_dq",
+    "command_ddq",
+    "command_tau",
+)
 
 COLUMNS = pa.schema(
     [
@@ -161,8 +177,9 @@ def _groups(parts: Sequence[Path]) -> Iterator[Any]:
     """Yield the rows of all parts in groups."""
     held: list[Any] = []
     for path in parts:
-        held.append(pq.read_table(path, page_checksum_verification=True)
-                    .replace_schema_metadata(None))  # fmt: skip
+        held.append(
+            pq.read_table(path, page_checksum_verification=True).replace_schema_metadata(None)
+        )
         if sum(table.num_rows for table in held) >= 4096:
             yield pa.concat_tables(held).combine_chunks()
             held = []
@@ -187,12 +204,27 @@ Cell = tuple[dict[str, Any], Mapping[int, bool], Mapping[int, Efforts]]
 """A row of the summary; whether each of its throws was caught, and what it took, by its index."""
 
 #: Columns of which the rows give the median.
-_MEDIANS = ("position_error_mm", "velocity_error_m_s", "peak_contact_force_n", "energy_j",
-            "demand_cost", "peak_torque_ratio", "peak_speed_ratio", "effort_s",
-            "jerk_rad_s3")  # fmt: skip
+_MEDIANS = (
+    "position_error_mm",
+    "velocity_error_m_s",
+    "peak_contact_force_n",
+    "energy_j",
+    "demand_cost",
+    "peak_torque_ratio",
+    "peak_speed_ratio",
+    "effort_s",
+    "jerk_rad_s3",
+)
 #: Columns that a summary needs.
-_SUMMED = ("index", "status", "limit_violations", "over_force", "stopped_by_reason",
-            "stopped_by_joint", *_MEDIANS)  # fmt: skip
+_SUMMED = (
+    "index",
+    "status",
+    "limit_violations",
+    "over_force",
+    "stopped_by_reason",
+    "stopped_by_joint",
+    *_MEDIANS,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -218,8 +250,12 @@ def read_result(folder: Folder) -> StudyResult:
     """
     study = read_manifest(folder.path, Study)
     if not folder.summary.exists() or not folder.trials.exists():
-        raise FileError(str(folder.path), "a study with a summary", "one that is not over",
-                        do="finish it with mitt study --resume")  # fmt: skip
+        raise FileError(
+            str(folder.path),
+            "a study with a summary",
+            "one that is not over",
+            do="finish it with mitt study --resume",
+        )
     return StudyResult(study=study, folder=folder, rows=summary(study, folder))
 
 
@@ -301,8 +337,9 @@ def compared(cells: Sequence[Cell]) -> list[dict[str, Any]]:
         if pair is not None:
             ours = REFERENCE, place[1]
             both = [k for k, hit in caught[ours].items() if hit and caught[place].get(k)]
-            pair = pair | {"ratio": _ratios([took[ours][k] for k in both],
-                                            [took[place][k] for k in both])}  # fmt: skip
+            pair = pair | {
+                "ratio": _ratios([took[ours][k] for k in both], [took[place][k] for k in both])
+            }
         out.append(row | {"against_direct": pair})
     return out
 
@@ -314,8 +351,9 @@ def _ratios(ours: Sequence[Efforts], theirs: Sequence[Efforts]) -> dict[str, lis
     """
     out = {}
     for name in _MEDIANS:
-        known = [(a[name], b[name]) for a, b in zip(ours, theirs, strict=True)
-                 if name in a and name in b]  # fmt: skip
+        known = [
+            (a[name], b[name]) for a, b in zip(ours, theirs, strict=True) if name in a and name in b
+        ]
         found = ratio_of_means([a for a, _ in known], [b for _, b in known])
         if found is not None:
             out[name] = list(found)

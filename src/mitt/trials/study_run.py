@@ -217,8 +217,11 @@ def _thrown(job: Job) -> bytes:
         rows = [_row(job, runner, source, learned.map.arm, k) for k in range(job.start, job.stop)]
     timing = runner.stopwatch.percentiles_us() | {"seconds": 1e-6 * watch.percentiles_us()["max"]}
     timing["deadline_misses"] = float(runner.stopwatch.misses())
-    notes = {"condition": job.condition.model_dump_json(), "timing": json.dumps(timing),
-             "map": job.map_digest}  # fmt: skip
+    notes = {
+        "condition": job.condition.model_dump_json(),
+        "timing": json.dumps(timing),
+        "map": job.map_digest,
+    }
     return write_rows(rows, dict(job.notes) | notes)
 
 
@@ -368,9 +371,14 @@ def throw_all(
 
 
 def _throw(
-    jobs: list[Chunk], folder: Folder, engine: Engine, done: FinishedStudy, progress: Progress, *,
+    jobs: list[Chunk],
+    folder: Folder,
+    engine: Engine,
+    done: FinishedStudy,
+    progress: Progress,
+    *,
     window: int,
-) -> list[Chunk]:  # fmt: skip
+) -> list[Chunk]:
     """Throw chunks and keep their parts; return those whose worker died."""
     suspects = []
     for job, outcome in run_tasks(engine, throw_chunk, jobs, window=window):

@@ -25,8 +25,12 @@ Result = Callable[[], dict[str, Any]]
 def leaves_of(command: str, schema: str) -> Leaves:
     """Return what a command leaves in its folder, by the schema of its result."""
     recordings = r"recordings/trial-\d{5,}\.mcap"
-    return Leaves(command=command, schema=schema, manifests=(RESULT,),
-                  names=(*map(re.escape, (RESULT, PAGE)), recordings))  # fmt: skip
+    return Leaves(
+        command=command,
+        schema=schema,
+        manifests=(RESULT,),
+        names=(*map(re.escape, (RESULT, PAGE)), recordings),
+    )
 
 
 MEETING: Final = leaves_of("mitt meet", "mitt.meet/1")

@@ -35,8 +35,13 @@ except ImportError as error:
 #: Below this p a difference counts.
 _SURE = 0.05
 #: Types of columns, by those of fields.
-_TYPES: Final = {str: pa.string(), int: pa.int64(), float: pa.float64(), bool: pa.bool_(),
-                 list[float]: pa.list_(pa.float64())}  # fmt: skip
+_TYPES: Final = {
+    str: pa.string(),
+    int: pa.int64(),
+    float: pa.float64(),
+    bool: pa.bool_(),
+    list[float]: pa.list_(pa.float64()),
+}
 
 
 @cache
@@ -118,8 +123,12 @@ def task_jobs(study: TaskStudy) -> list[TaskJob]:
     notes = tuple((notes_of(study) | {"schema": study.task_of.schema}).items())
     cells = [(x, c) for c in study.conditions for x in study.players(c)]
     most = max(study.count(c) for c in study.conditions)
-    places = [(start, x, c) for start in range(0, most, study.chunk) for x, c in cells
-              if start < study.count(c)]  # fmt: skip
+    places = [
+        (start, x, c)
+        for start in range(0, most, study.chunk)
+        for x, c in cells
+        if start < study.count(c)
+    ]
     return [
         TaskJob(number=k, study=study, player=x, condition=c, start=start, notes=notes)
         for k, (start, x, c) in enumerate(places)
@@ -163,8 +172,12 @@ def read_task_result(folder: Folder, kind: type[_Kind]) -> tuple[_Kind, list[dic
     """
     study = read_manifest(folder.path, kind)
     if not folder.trials.exists():
-        raise FileError(str(folder.path), "a study with a table", "one that is not over",
-                        do="finish it with mitt study --resume")  # fmt: skip
+        raise FileError(
+            str(folder.path),
+            "a study with a table",
+            "one that is not over",
+            do="finish it with mitt study --resume",
+        )
     return study, task_summary(study, folder)
 
 
@@ -243,8 +256,10 @@ def answer(study: TaskStudy, rows: Sequence[Row]) -> list[str]:
     for condition in dict.fromkeys(row["condition"] for row in rows):
         cells = {row["generator"]: row for row in rows if row["condition"] == condition}
         if REFERENCE in cells and any(row["against_direct"] for row in cells.values()):
-            out += [f"{condition}, {text}: {_places(task, cells, name)}."
-                    for name, text in words.items()]  # fmt: skip
+            out += [
+                f"{condition}, {text}: {_places(task, cells, name)}."
+                for name, text in words.items()
+            ]
     return out + study.answer_more(rows)
 
 

@@ -168,8 +168,11 @@ class TaskStudy(Settings):
 
     @abstractmethod
     def played(
-        self, player: Player, condition: Any, trials: range  # noqa: ANN401 (one of its own)
-    ) -> tuple[list[Any], Stopwatch]:  # fmt: skip
+        self,
+        player: Player,
+        condition: Any,  # noqa: ANN401 (one of its own)
+        trials: range,
+    ) -> tuple[list[Any], Stopwatch]:
         """Run trials of a generator in a condition; return them, and the times of the ticks."""
 
     def answer_more(self, rows: Sequence[Row]) -> list[str]:  # noqa: ARG002
@@ -234,9 +237,12 @@ _Made = TypeVar("_Made", bound=TaskStudy)
 
 
 def study_of(
-    kind: type[_Made], path: Path, settings: TaskStudySettings,
-    conditions: Sequence[TaskCondition], arm: Callable[[], object],
-) -> _Made:  # fmt: skip
+    kind: type[_Made],
+    path: Path,
+    settings: TaskStudySettings,
+    conditions: Sequence[TaskCondition],
+    arm: Callable[[], object],
+) -> _Made:
     """Return the study that follows from a file.
 
     Args:
@@ -260,5 +266,9 @@ def study_of(
 def check_files(study: TaskStudy, files: Mapping[str, str]) -> None:
     """Refuse an arm that was read from other files than those of a study."""
     if name := difference(study.arm_files, dict(files)):
-        raise FileError(name, "the file that the study was made with", "another content",
-                        do="put it back, or begin the study anew")  # fmt: skip
+        raise FileError(
+            name,
+            "the file that the study was made with",
+            "another content",
+            do="put it back, or begin the study anew",
+        )

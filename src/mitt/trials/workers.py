@@ -33,7 +33,8 @@ _Task = TypeVar("_Task")
 #: How long a scheduler may take to answer [s].
 _ANSWER = "5s"
 #: How long a process may take to be gone, and how often that is looked at [s].
-_SOON, _OFTEN = 5.0, 0.05
+_SOON = 5.0
+_OFTEN = 0.05
 
 
 class Engine(Protocol):
@@ -193,8 +194,9 @@ def _end_of(code: int | None) -> str:
 
 def _no_workers(why: str) -> InputError:
     """Return the error of workers that do not live."""
-    return InputError("workers", "processes that live", why,
-                      do="see to the memory and the limits of the machine")  # fmt: skip
+    return InputError(
+        "workers", "processes that live", why, do="see to the memory and the limits of the machine"
+    )
 
 
 def _begin(module: str, told: Connection) -> None:
@@ -234,8 +236,12 @@ class Cluster:
             self._client = Client(place, timeout=_ANSWER)
         except (OSError, ValueError) as error:
             wanted = "the address of a Dask scheduler that answers"
-            raise InputError("--engine", wanted, f"{address} ({type(error).__name__})",
-                             do="start one with dask scheduler") from None  # fmt: skip
+            raise InputError(
+                "--engine",
+                wanted,
+                f"{address} ({type(error).__name__})",
+                do="start one with dask scheduler",
+            ) from None
         self._pool: Executor = self._client.get_executor(pure=False)
         self.workers = max(1, sum(self._client.nthreads().values()))
 

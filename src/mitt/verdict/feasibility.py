@@ -105,9 +105,15 @@ class Verdict:
 
 
 def judge(
-    f: DirectMap, ball: BallState, q: Array, *, tolerance: Tolerance, dq: Array | None = None,
-    pieces: Pieces | None = None, name: str = "",
-) -> Verdict:  # fmt: skip
+    f: DirectMap,
+    ball: BallState,
+    q: Array,
+    *,
+    tolerance: Tolerance,
+    dq: Array | None = None,
+    pieces: Pieces | None = None,
+    name: str = "",
+) -> Verdict:
     """Return the verdict on a ball for an arm in ``q`` [rad], (n,), at rest or moving at ``dq``.
 
     Args:
@@ -151,9 +157,13 @@ def _comes_soon(ball: BallState, t_catch: float) -> bool:
 
 
 def _judged(
-    f: DirectMap, ball: BallState, start: tuple[Array, Array], tolerance: Tolerance,
-    pieces: Pieces, name: str,
-) -> Verdict:  # fmt: skip
+    f: DirectMap,
+    ball: BallState,
+    start: tuple[Array, Array],
+    tolerance: Tolerance,
+    pieces: Pieces,
+    name: str,
+) -> Verdict:
     """Return the verdict on a ball that goes on by its law of motion; see :func:`judge`."""
     seen, where, alpha = pieces.of(f"{name}start", _started, f, ball, start)
     if alpha is None:
@@ -181,7 +191,7 @@ def _started(
 
 def _weighed(
     f: DirectMap, alpha: Array, ball: BallState, after: float, tolerance: Tolerance
-) -> Verdict:  # fmt: skip
+) -> Verdict:
     """Return the verdict of a map with other coefficients; see :func:`weigh`."""
     return weigh(f.with_alpha(alpha), ball, after, tolerance)
 
@@ -291,7 +301,7 @@ def _may_rise(f: DirectMap, ball: BallState, seen: Foresight) -> bool:
 
 def _level_way(
     f: DirectMap, ball: BallState, start: tuple[Array, Array]
-) -> tuple[Array, Array] | None:  # fmt: skip
+) -> tuple[Array, Array] | None:
     """Return a ball's surrogate target up to its catch, (K, 3, 3), and alpha that follows it.
 
     None where the ball has passed by already, or is about to.

@@ -53,7 +53,8 @@ _STRETCH = 50
 _ROUNDS = 4
 #: Share of its speed limit to which a joint is slowed down at most, for an impact and for a brake.
 #: Slower, with 48 V and half a kilogram, the impact was harder than expected (8 ticks in 3 of 20).
-_SLOWEST, _SLOWEST_TO_BRAKE = 0.7, 0.4
+_SLOWEST = 0.7
+_SLOWEST_TO_BRAKE = 0.4
 
 
 def speed_jump(arm: Arm, q: Array, v_rel: Array, mass: float) -> Array:
@@ -187,9 +188,13 @@ def _hardest(arm: Arm, q: Array, ball: CaughtBall) -> Array:
 
 
 def examined(
-    arm: Arm, verdict: Verdict, ball: CaughtBall, *, bandwidth: float,
+    arm: Arm,
+    verdict: Verdict,
+    ball: CaughtBall,
+    *,
+    bandwidth: float,
     pieces: Pieces | None = None,
-) -> Verdict:  # fmt: skip
+) -> Verdict:
     """Return a verdict that has looked at what the arm will do, up to the catch and after it.
 
     One that refuses for torque or speed is run on the model (:func:`gap_at_catch`); one that is
@@ -222,9 +227,13 @@ def examined(
 
 
 def _rehearsed(
-    arm: Arm, verdict: Verdict, approach: Approach, ball: CaughtBall, bandwidth: float,
+    arm: Arm,
+    verdict: Verdict,
+    approach: Approach,
+    ball: CaughtBall,
+    bandwidth: float,
     pieces: Pieces,
-) -> Verdict:  # fmt: skip
+) -> Verdict:
     """Return the verdict by how far the hand will be from its place, where no range is exceeded."""
     endless = Tolerance(torque=np.inf, speed=np.inf, acceleration=np.inf)
     shares = pieces.of("ranges", shares_of, arm, approach.motion, endless)
@@ -257,7 +266,7 @@ def shares_after(
 
 def _shares_after(
     arm: Arm, approach: Approach, ball: CaughtBall, pieces: Pieces
-) -> dict[str, float]:  # fmt: skip
+) -> dict[str, float]:
     """Return the same."""
     cap, brake, end = pieces.whole("slowed", _slowed, arm, approach, ball, pieces)
     dq = np.clip(approach.motion[-1, 1], -cap, cap)
@@ -361,9 +370,15 @@ def _each_tick(approach: Approach) -> Array:
 
 @kernel
 def rehearse(
-    arm: Tables, b: Record, bandwidth: float, rows: Array, state: Array, last: Array, w: Tracking,
+    arm: Tables,
+    b: Record,
+    bandwidth: float,
+    rows: Array,
+    state: Array,
+    last: Array,
+    w: Tracking,
     m: MassWork,
-) -> None:  # fmt: skip
+) -> None:
     """Carry q, dq on along a motion within all limits, on the model of the arm.
 
     Args:

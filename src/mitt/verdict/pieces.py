@@ -32,9 +32,7 @@ class Pieces:
         self.left = self._granted = left
         self._known = dict[str, Any]()
 
-    def of(
-        self, name: str, work: Callable[_P, _T], /, *args: _P.args, **kwargs: _P.kwargs
-    ) -> _T:  # fmt: skip
+    def of(self, name: str, work: Callable[_P, _T], /, *args: _P.args, **kwargs: _P.kwargs) -> _T:
         """Return a piece.
 
         Args:
@@ -66,7 +64,7 @@ class Pieces:
 
     def whole(
         self, name: str, work: Callable[_P, _T], /, *args: _P.args, **kwargs: _P.kwargs
-    ) -> _T:  # fmt: skip
+    ) -> _T:
         """Return what is made of pieces, and is none itself; as :meth:`of`."""
         if name not in self._known:
             self._known[name] = work(*args, **kwargs)

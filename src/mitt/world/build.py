@@ -42,7 +42,8 @@ from mitt.world.scene import Belt, Material, Scene, Tray
 
 #: Simulation step near a contact [s]; two make a control tick. With a paddle, whose contact is
 #: harder, so many do.
-STEP, _PADDLE_STEPS = 0.0005, 20
+STEP = 0.0005
+_PADDLE_STEPS = 20
 
 #: Deceleration by dry friction beyond which a light joint would tremble from step to step
 #: [rad/s^2]: the speed at which that friction begins (mitt.world.motion.STICTION_SPEED) in a tick.
@@ -55,8 +56,11 @@ _ORANGE = (0.95, 0.45, 0.10, 1.0)
 _WHITE = (0.93, 0.94, 0.95, 1.0)
 
 RESTITUTION: dict[Material, float] = {
-    "foam": 0.61, "tennis": 0.75, "table-tennis": 0.90, "rubber": 0.92,
-}  # fmt: skip
+    "foam": 0.61,
+    "tennis": 0.75,
+    "table-tennis": 0.90,
+    "rubber": 0.92,
+}
 """Coefficient of restitution of a ball dropped on a hard surface; the root of rebound over drop.
 
 | material | source |
@@ -68,8 +72,11 @@ RESTITUTION: dict[Material, float] = {
 """
 
 FRICTION_ON_PAD: dict[Material, float] = {
-    "foam": 1.0, "tennis": 0.8, "table-tennis": 0.5, "rubber": 1.0,
-}  # fmt: skip
+    "foam": 1.0,
+    "tennis": 0.8,
+    "table-tennis": 0.5,
+    "rubber": 1.0,
+}
 """Coefficient of sliding friction on the hand's pads; choices of this project."""
 
 PAD = 0.3
@@ -90,8 +97,11 @@ _CONTACTS = np.array([
 _STIFF_IMPEDANCE = (0.9999, 0.9999, 0.001, 0.5, 2.0)
 
 TOUCH: dict[Material, float] = {
-    "foam": 0.005, "tennis": 0.005, "table-tennis": 0.001, "rubber": 0.003,
-}  # fmt: skip
+    "foam": 0.005,
+    "tennis": 0.005,
+    "table-tennis": 0.001,
+    "rubber": 0.003,
+}
 """How long a ball and a paddle touch [s]: those of tennis as R. Cross, Am. J. Phys. 67, 222 (1999),
 has it, those of table tennis as M. Hubbard and W. Stronge, Sports Eng. 4, 49 (2001); else choices.
 """
@@ -246,8 +256,9 @@ def _add_belt(spec: mujoco.MjSpec, belt: Belt) -> None:
     body.quat = [np.cos(0.5 * belt.direction), 0.0, 0.0, np.sin(0.5 * belt.direction)]
     body.add_joint(name="belt", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[1.0, 0.0, 0.0])
     size = [0.5 * belt.length, 0.5 * belt.width, 0.5 * THICK]
-    geom = body.add_geom(name="belt", type=mujoco.mjtGeom.mjGEOM_BOX, size=size, mass=_BELT_MASS,
-                         rgba=_WHITE)  # fmt: skip
+    geom = body.add_geom(
+        name="belt", type=mujoco.mjtGeom.mjGEOM_BOX, size=size, mass=_BELT_MASS, rgba=_WHITE
+    )
     geom.contype, geom.conaffinity = FLOOR, BALL | ARM | HAND
 
 

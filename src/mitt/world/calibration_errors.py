@@ -23,13 +23,16 @@ from mitt.eyes.lens import distort
 from mitt.signals import Array
 
 #: The board: inner corners across and down, side of a square [m]; as large as one carries about.
-_CORNERS, _SQUARE = (8, 5), 0.10
+_CORNERS = (8, 5)
+_SQUARE = 0.10
 #: Where boards are held, lowest and highest [m], and how far they are tilted [rad].
-_BOARDS, _TILT = ((0.8, -0.5, -0.3), (2.6, 0.5, 0.8)), 0.7
+_BOARDS = ((0.8, -0.5, -0.3), (2.6, 0.5, 0.8))
+_TILT = 0.7
 #: Where the ball is held: the region that the hand reaches before the cameras [m].
 _HAND = ((0.35, -0.45, -0.2), (0.85, 0.45, 0.75))
 #: Numbers of a lens that calibration finds; numbers of a pose.
-_LENS, _POSE = 6, 6
+_LENS = 6
+_POSE = 6
 _SEED = 2002
 
 
@@ -67,9 +70,12 @@ def drawn_rig(rig: Rig, root: Array, rng: np.random.Generator) -> Rig:
     for n, (camera, error) in enumerate(zip(rig.cameras, errors, strict=True)):
         longer, du, dv = pinhole_errors(camera, error[:_LENS])
         cameras[n] = replace(
-            camera, f_px=camera.f_px * (1.0 + longer), cu=camera.cu + du, cv=camera.cv + dv,
+            camera,
+            f_px=camera.f_px * (1.0 + longer),
+            cu=camera.cu + du,
+            cv=camera.cv + dv,
             T_world_cam=_moved(camera.T_world_cam, error[_LENS:]),
-        )  # fmt: skip
+        )
     return Rig(cameras=tuple(cameras))
 
 
@@ -137,9 +143,13 @@ def _boards(
 
 
 def _placed(
-    rig: Rig, places: int, noise: float, k: tuple[float, float], rng: np.random.Generator,
+    rig: Rig,
+    places: int,
+    noise: float,
+    k: tuple[float, float],
+    rng: np.random.Generator,
     from_boards: Array,
-) -> Array:  # fmt: skip
+) -> Array:
     """Return a root of the covariance of lenses and twists once the rig is placed by a ball."""
     n = len(rig.cameras)
     known = len(from_boards)

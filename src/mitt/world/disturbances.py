@@ -30,7 +30,9 @@ Chance = Annotated[float, Field(ge=0.0, le=1.0)]
 
 #: Steps between instants at which the undisturbed flight is looked at, first and then between
 #: them, and how far [s].
-_COARSE, _FINE, _LONGEST = 0.02, 0.001, 1.6
+_COARSE = 0.02
+_FINE = 0.001
+_LONGEST = 1.6
 #: How far a disturbed flight is flown beforehand [s].
 _BEFOREHAND = 2.0
 #: Time in which a flutter rises from none [s].

@@ -35,9 +35,12 @@ from mitt.world.scene import Actuation, Scene
 
 #: Length of the longest simulation step [s], and the parts of its limit of stability that springs
 #: and dampers of all brakes together may take.
-_STEP, _SPRING, _DAMPER = 0.001, 0.3, 0.6
+_STEP = 0.001
+_SPRING = 0.3
+_DAMPER = 0.6
 #: Poses over which the smallest inertia of a joint is looked for, and their seed.
-_POSES, _SEED = 64, 1
+_POSES = 64
+_SEED = 1
 #: Torque of a brake where neither the arm's description nor a limit set states one [N m].
 _STRONG = 100.0
 
@@ -198,8 +201,12 @@ def servo_of(scene: Scene, arm: ArmModel, limits: Limits | None) -> "JointServo 
         return None
     unheard = sorted({x.kind for x in scene.faults} & {"torque", "command"})
     if unheard:
-        raise InputError("faults", "others, for a robot that takes no torques", unheard,
-                         do="take them out, or say actuation.takes = torque")  # fmt: skip
+        raise InputError(
+            "faults",
+            "others, for a robot that takes no torques",
+            unheard,
+            do="take them out, or say actuation.takes = torque",
+        )
     if limits is None:
         raise InputError("actuation.takes", "torque, or an arm with limits", scene.actuation.takes)
     return JointServo(Arm(arm, limits), scene.actuation)

@@ -35,14 +35,27 @@ from mitt.world.scene import Actuation
 MOST = 256
 
 #: What touches what, as bits of the result of :func:`survey`.
-BALL_HAND, BALL_ARM, BALL_FLOOR, SELF, ARM_FLOOR = 1, 2, 4, 8, 16
+BALL_HAND = 1
+BALL_ARM = 2
+BALL_FLOOR = 4
+SELF = 8
+ARM_FLOOR = 16
 BALL_ANY = BALL_HAND | BALL_ARM | BALL_FLOOR
 
 #: What ``Plant.state`` is at the release of a ball.
 _RELEASED = {
-    "ticks": 0, "steps": 1, "seen": 0, "broken": False, "prescribed": False, "force": 0.0,
-    "peak": 0.0, "load": 0.0, "touched": -1.0, "braked": -1.0, "stopped": -1.0,
-}  # fmt: skip
+    "ticks": 0,
+    "steps": 1,
+    "seen": 0,
+    "broken": False,
+    "prescribed": False,
+    "force": 0.0,
+    "peak": 0.0,
+    "load": 0.0,
+    "touched": -1.0,
+    "braked": -1.0,
+    "stopped": -1.0,
+}
 
 # The library is in the process already; this makes its names known to compiled code.
 _PATH = next(path for path in Path(mujoco.__file__).parent.glob("*mujoco*.[sd]*"))
@@ -332,9 +345,12 @@ def _view(
 ) -> NDArray[Any]:
     """Return memory of an owner at an address as an array, which keeps the owner alive."""
     interface: dict[str, object] = {
-        "version": 3, "typestr": kind, "shape": tuple(shape), "strides": strides,
+        "version": 3,
+        "typestr": kind,
+        "shape": tuple(shape),
+        "strides": strides,
         "data": (address, False),
-    }  # fmt: skip
+    }
     return np.asarray(_Owned(owner, interface))
 
 

@@ -26,8 +26,12 @@ _LENGTHS = {"m": 1.0, "mm": 1000.0, "cm": 100.0, "inches": 1.0 / 0.0254, "feet":
 _TIMES = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 #: Where balls may fall to, and what x, y, z become so that they fall along -z.
 _TURNS = {
-    "-x": "y, z, x", "+x": "z, y, -x", "-y": "x, -z, y", "+y": "x, z, -y", "+z": "x, -y, -z",
-}  # fmt: skip
+    "-x": "y, z, x",
+    "+x": "z, y, -x",
+    "-y": "x, -z, y",
+    "+y": "x, z, -y",
+    "+z": "x, -y, -z",
+}
 #: What spin adds to gravity at most: a part [m/s^2], and one that grows with the speed [1/s].
 _SPIN = (3.0, 2.5)
 #: Largest drag of a thrown ball [1/m]: twice that of one of table tennis.
@@ -100,12 +104,16 @@ def doubt_of_throws(r: Array, dr: Array) -> Doubt | None:
         return None
     for axis, turn in _TURNS.items():
         if _near(_turned(turn, r), _turned(turn, dr), _NEAR) >= _MANY:
-            return Doubt(f"throws of which most miss the arm, but would not if they fell along"
-                         f" {axis}", f"turn the axes: write {turn} for x, y, z")  # fmt: skip
+            return Doubt(
+                f"throws of which most miss the arm, but would not if they fell along {axis}",
+                f"turn the axes: write {turn} for x, y, z",
+            )
     for name, per_metre in _LENGTHS.items():
         if name != "m" and _near(r / per_metre, dr / per_metre, _NEAR) >= _MANY:
-            return Doubt(f"throws of which most miss the arm, but would not in {name}",
-                         "write metres and metres a second")  # fmt: skip
+            return Doubt(
+                f"throws of which most miss the arm, but would not in {name}",
+                "write metres and metres a second",
+            )
     return None
 
 
@@ -136,8 +144,10 @@ def fall_of(t: Array, r: Array) -> Fall | None:
         r: Positions, in any unit, shape (n, 3).
     """
     size = min(max(len(t) // 4, 8), 200)  # of a piece
-    pieces = [_piece(t[k : k + size], r[k : k + size])
-              for k in range(0, len(t) - size + 1, max(size // 2, 1))]  # fmt: skip
+    pieces = [
+        _piece(t[k : k + size], r[k : k + size])
+        for k in range(0, len(t) - size + 1, max(size // 2, 1))
+    ]
     if not pieces:
         return None
     a, v = (np.array(x) for x in zip(*pieces, strict=True))
@@ -187,8 +197,13 @@ def _fit(a: Array, v: Array, axis: int) -> tuple[float, float]:
         solved = np.linalg.lstsq(rows.reshape(-1, 2), wanted.ravel(), rcond=None)
         found = np.asarray(solved[0], np.float64)
         if found[1] < 0.0:  # nothing drives a ball on
-            found = np.array((float(rows[:, :, 0].ravel() @ wanted.ravel())
-                              / float(np.sum(rows[:, :, 0] ** 2)), 0.0))  # fmt: skip
+            found = np.array(
+                (
+                    float(rows[:, :, 0].ravel() @ wanted.ravel())
+                    / float(np.sum(rows[:, :, 0] ** 2)),
+                    0.0,
+                )
+            )
         off = a - columns @ found
         rest = np.sqrt(np.sum(off**2, axis=1))
         weight = 1.0 / np.maximum(rest, least)
@@ -200,19 +215,27 @@ def _fit(a: Array, v: Array, axis: int) -> tuple[float, float]:
 def _doubt(fall: Fall) -> Doubt | None:
     """Return what is wrong with how a flight falls; None where nothing is."""
     if fall.axis != "-z" and 0.65 * GRAVITY < fall.size < 1.6 * GRAVITY:
-        return Doubt(f"balls that fall along {fall.axis}",
-                     f"turn the axes: write {_TURNS[fall.axis]} for x, y, z")  # fmt: skip
+        return Doubt(
+            f"balls that fall along {fall.axis}",
+            f"turn the axes: write {_TURNS[fall.axis]} for x, y, z",
+        )
     for (length, metre), (time, second) in product(_LENGTHS.items(), _TIMES.items()):
         ratio = fall.size * second**2 / (GRAVITY * metre)
         if 0.87 < ratio < 1.15 and not metre == second == 1.0:
             turn = "" if fall.axis == "-z" else f", and {_TURNS[fall.axis]} for x, y, z"
             units = [x for x in (length, time) if x not in ("m", "s")]
-            return Doubt(f"balls that fall along {fall.axis} as if in {' and '.join(units)}",
-                         f"write metres and seconds{turn}")  # fmt: skip
+            return Doubt(
+                f"balls that fall along {fall.axis} as if in {' and '.join(units)}",
+                f"write metres and seconds{turn}",
+            )
     if fall.axis == "-z" and abs(fall.size - GRAVITY) > _SPIN[0] + _SPIN[1] * fall.speed:
         slow = fall.size < GRAVITY
-        return Doubt("balls that fall too slowly for their speed" if slow else
-                     "balls that fall too fast for their speed",
-                     "write metres and seconds: are the times numbers of frames, or those of slow"
-                     " motion?" if slow else "write metres and seconds")  # fmt: skip
+        return Doubt(
+            "balls that fall too slowly for their speed"
+            if slow
+            else "balls that fall too fast for their speed",
+            "write metres and seconds: are the times numbers of frames, or those of slow motion?"
+            if slow
+            else "write metres and seconds",
+        )
     return None

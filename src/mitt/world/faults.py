@@ -493,10 +493,34 @@ class Payload(Fault):
 
 
 AnyFault = (
-    Noise | Outlier | Dropout | Frozen | Latency | Late | Duplicate | Calibration
-    | NotNumber | Clock | Encoder | Torque | CommandFault | Payload | Drag | Spin | Gust | Kick
-    | Bounce | Spring | Carried | Flutter | Elastic | Light | BeltChange | Turned | Taken
-)  # fmt: skip
+    Noise
+    | Outlier
+    | Dropout
+    | Frozen
+    | Latency
+    | Late
+    | Duplicate
+    | Calibration
+    | NotNumber
+    | Clock
+    | Encoder
+    | Torque
+    | CommandFault
+    | Payload
+    | Drag
+    | Spin
+    | Gust
+    | Kick
+    | Bounce
+    | Spring
+    | Carried
+    | Flutter
+    | Elastic
+    | Light
+    | BeltChange
+    | Turned
+    | Taken
+)
 """One entry of a plan."""
 
 FaultPlan = Annotated[

@@ -224,9 +224,13 @@ def builtin_flights() -> tuple[Recording, ...]:
 
 
 def place_flight(
-    recording: Recording, catch_point: Array, *, rng: np.random.Generator | None,
-    drag: float = 0.12, share: float = CATCH_FRACTION,
-) -> PlacedFlight:  # fmt: skip
+    recording: Recording,
+    catch_point: Array,
+    *,
+    rng: np.random.Generator | None,
+    drag: float = 0.12,
+    share: float = CATCH_FRACTION,
+) -> PlacedFlight:
     """Smooth a recording and put it before the arm.
 
     It is turned about the vertical so that its chord comes from +x, shifted so that it passes
@@ -335,8 +339,9 @@ def release_of(t: Array, r: Array, hits: Sequence[float] = ()) -> float:
         The time of a sample [s]; the first one where the ball is not seen in a hand.
     """
     first, last, free = _windows(t, r)
-    across = np.array([any(a < x < b for x in hits) for a, b in zip(first, last, strict=True)],
-                      np.bool_)  # fmt: skip
+    across = np.array(
+        [any(a < x < b for x in hits) for a, b in zip(first, last, strict=True)], np.bool_
+    )
     end = len(free)
     while end > 0:
         stop = end - 1
@@ -356,8 +361,11 @@ def _windows(t: Array, r: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
     One begins at each sample that has enough of them behind it, all of shape (m,).
     """
     ends = np.maximum(np.searchsorted(t, t + SPAN), np.arange(len(t)) + MIN_WINDOW - 1)
-    rows = [(t[k], t[end], _is_free(t[k : end + 1], r[k : end + 1]))
-            for k, end in enumerate(ends) if end < len(t)]  # fmt: skip
+    rows = [
+        (t[k], t[end], _is_free(t[k : end + 1], r[k : end + 1]))
+        for k, end in enumerate(ends)
+        if end < len(t)
+    ]
     first, last, free = zip(*rows, strict=True) if rows else ((), (), ())
     return np.array(first, float), np.array(last, float), np.array(free, np.bool_)
 
@@ -478,5 +486,4 @@ def _pieces(edges: Array, fits: list[Array], used: NDArray[np.bool_], release: f
             power = legendre.leg2poly(fit[:, axis])
             coefficients[p, : len(power), axis] = power
             rates[p, : len(power) - 1, axis] = scale * power[1:] * np.arange(1, len(power))
-    return Pieces(edges=edges, coefficients=coefficients, rates=rates, used=used,
-                  release=release)  # fmt: skip
+    return Pieces(edges=edges, coefficients=coefficients, rates=rates, used=used, release=release)

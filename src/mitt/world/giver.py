@@ -16,7 +16,8 @@ from mitt.signals import TICK, Array
 from mitt.world.targets import InHand
 
 #: Stiffness of a hand [N/m], and about its axes [N m/rad].
-STIFF, TURNS = 300.0, 0.6
+STIFF = 300.0
+TURNS = 0.6
 #: From the first hold of the tool until the hand lets go [s].
 REACTION = 0.15
 #: Highest angular frequency of hand and thing [rad/s]: what steps of a tick carry.
@@ -37,8 +38,10 @@ class Giver:
         """Hold a thing of some mass [kg] and inertia [kg m^2]."""
         self.path, self.force, self.lets_go = path, 0.0, np.inf
         stiff, turns = min(STIFF, mass * _FASTEST**2), min(TURNS, inertia * _FASTEST**2)
-        self._stiff, self._damps = (stiff, turns), (2.0 * np.sqrt(stiff * mass),
-                                                    2.0 * np.sqrt(turns * inertia))  # fmt: skip
+        self._stiff, self._damps = (
+            (stiff, turns),
+            (2.0 * np.sqrt(stiff * mass), 2.0 * np.sqrt(turns * inertia)),
+        )
         self._mass, self._held = mass, np.zeros(4)
         mujoco.mju_mat2Quat(self._held, np.ascontiguousarray(path.orientation).ravel())
 

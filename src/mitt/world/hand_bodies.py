@@ -21,7 +21,10 @@ from mitt.signals import Array
 
 #: Who may touch whom: a bit for each kind of geom. Two geoms meet if the one's kind is among
 #: those that the other meets.
-BALL, HAND, ARM, FLOOR = 1, 2, 4, 8
+BALL = 1
+HAND = 2
+ARM = 4
+FLOOR = 8
 
 #: Stops and contacts settle within 4 ms, eight simulation steps, critically damped.
 STIFF = (0.004, 1.0)
@@ -38,7 +41,9 @@ NET_FRICTION = (0.5, 0.01, 1e-4)
 #: Parts that never reach the arm's last links: their names begin so.
 SMALL_PARTS = ("finger", "rim", "cord")
 
-_PALM, _METAL, _CORD = (0.17, 0.18, 0.21, 1.0), (0.72, 0.74, 0.78, 1.0), (0.93, 0.93, 0.90, 1.0)
+_PALM = (0.17, 0.18, 0.21, 1.0)
+_METAL = (0.72, 0.74, 0.78, 1.0)
+_CORD = (0.93, 0.93, 0.90, 1.0)
 
 
 def add_tool(spec: mujoco.MjSpec, plate: mujoco.MjsBody, hand: Hand) -> tuple[str, ...]:
@@ -128,8 +133,12 @@ def _rest(hand: HandModel, fingers: list[tuple[float, Array, Array]]) -> tuple[f
     whole_com = np.array([0.0, 0.0, hand.com])
     mass = hand.mass - sum(m for m, _, _ in fingers)
     if not mass > 0.0:
-        raise ModelError("HandModel.mass", f"more than its {hand.fingers} fingers weigh",
-                         f"{hand.mass:g} kg", do=do)  # fmt: skip
+        raise ModelError(
+            "HandModel.mass",
+            f"more than its {hand.fingers} fingers weigh",
+            f"{hand.mass:g} kg",
+            do=do,
+        )
     com = (hand.mass * whole_com - sum(m * p for m, p, _ in fingers)) / mass
     inertia = hand.inertia - sum(i + steiner(m, p - whole_com) for m, p, i in fingers)
     own = np.asarray(inertia - steiner(mass, com - whole_com))
@@ -273,8 +282,9 @@ def add_suction(spec: mujoco.MjSpec, plate: mujoco.MjsBody, cup: Suction) -> tup
     set_inertial(end, moving, np.array([0.0, 0.0, 0.5 * lip]), _small(moving, cup.radius))
     joint = end.add_joint(name="finger0", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0.0, 0.0, -1.0])
     joint.limited, joint.range, joint.solref_limit = True, [0.0, cup.bellows], STIFF
-    spec.add_actuator(name="finger0", target="finger0",
-                      trntype=mujoco.mjtTrn.mjTRN_JOINT).set_to_motor()  # fmt: skip
+    spec.add_actuator(
+        name="finger0", target="finger0", trntype=mujoco.mjtTrn.mjTRN_JOINT
+    ).set_to_motor()
     pad = _disc(end, "finger0/lip", cup.radius, thickness=lip, middle=0.5 * lip)
     pad.conaffinity, pad.friction = BALL, (cup.friction, 0.02, 1e-4)
     pad.priority = 2
@@ -303,8 +313,7 @@ def add_jaw(spec: mujoco.MjSpec, plate: mujoco.MjsBody, jaw: Jaw) -> tuple[str, 
         joint = finger.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
         joint.limited, joint.range = True, [0.0, 0.5 * jaw.opening]
         joint.solref_limit, joint.armature = STIFF, 0.2
-        spec.add_actuator(name=name, target=name,
-                          trntype=mujoco.mjtTrn.mjTRN_JOINT).set_to_motor()  # fmt: skip
+        spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT).set_to_motor()
         size = [thick, 0.5 * jaw.width, 0.5 * jaw.finger]
         geom = _geom(finger, f"{name}/pad", mujoco.mjtGeom.mjGEOM_BOX, size, _METAL)
         geom.pos, geom.friction = [0.0, 0.0, 0.5 * jaw.finger], (jaw.friction, 0.02, 1e-4)

@@ -32,20 +32,24 @@ NOISE_SIZE = 1 << 20
 """Numbers in the bank of noise."""
 _LARGEST = 1024
 """Margin of the wall for the largest image, and so its largest side [px]."""
-_PATCH, _GRADIENT = 8.0, 0.6
+_PATCH = 8.0
+_GRADIENT = 0.6
 """Size of the wall's patches [px] and the share of its variance that is a slow gradient; choices of
 this project."""
 _BEFORE = 0.008
 """Time between looks before a throw [s]: ten of them see a lamp of 100 Hz in all its phases."""
-_BANDWIDTH, _STEPS = 300.0, 4
+_BANDWIDTH = 300.0
+_STEPS = 4
 """Bandwidth of the heads' servos [rad/s]; steps of integration in a tick."""
 
 _NOTHING = np.zeros((0, 8))
-_NOWHERE, _STILL = np.full(3, np.nan), np.zeros(3)
+_NOWHERE = np.full(3, np.nan)
+_STILL = np.zeros(3)
 
 
 #: Grey levels of 8 bits, and relative amplitudes.
-_LEVEL, _RELATIVE = Range(0.0, 255.0), Range(0.0, 0.9)
+_LEVEL = Range(0.0, 255.0)
+_RELATIVE = Range(0.0, 0.9)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -104,8 +108,11 @@ class ImageSensor(Settings):
 
 def sensor_of(scene: Scene) -> ImageSensor:
     """Return the image sensors of a scene: of its ``sensing`` what a sensor has by that name."""
-    own = {x.name: getattr(scene.sensing, x.name) for x in fields(ImageSensor)
-           if hasattr(scene.sensing, x.name)}  # fmt: skip
+    own = {
+        x.name: getattr(scene.sensing, x.name)
+        for x in fields(ImageSensor)
+        if hasattr(scene.sensing, x.name)
+    }
     return ImageSensor(brightness=scene.ball.brightness, **own)
 
 
@@ -113,12 +120,20 @@ def _light(sensor: ImageSensor, side: int, rng: np.random.Generator) -> Light:
     """Return light and noise; what moves on images of so many pixels has a stream of its own."""
     phase, place = rng.spawn(1)[0].random(2)
     return Light(
-        float(sensor.read_noise), float(sensor.electrons), float(sensor.body),
-        float(sensor.hand_level), float(sensor.shading), float(sensor.grain), float(sensor.blur),
-        float(sensor.light[0]), float(sensor.light[1]), phase=float(2.0 * np.pi * phase),
-        shadow=float(sensor.shadow[0]), shadow_speed=float(sensor.shadow[1]),
+        float(sensor.read_noise),
+        float(sensor.electrons),
+        float(sensor.body),
+        float(sensor.hand_level),
+        float(sensor.shading),
+        float(sensor.grain),
+        float(sensor.blur),
+        float(sensor.light[0]),
+        float(sensor.light[1]),
+        phase=float(2.0 * np.pi * phase),
+        shadow=float(sensor.shadow[0]),
+        shadow_speed=float(sensor.shadow[1]),
         shadow_start=float(side * place),
-    )  # fmt: skip
+    )
 
 
 @lru_cache(maxsize=8)

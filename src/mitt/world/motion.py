@@ -47,7 +47,8 @@ NEAR = 0.25
 
 #: A ball at rest in the hand: so slow against the catch point [m/s], so long after the first
 #: contact [s].
-REST_SPEED, REST_AFTER = 0.2, 0.08
+REST_SPEED = 0.2
+REST_AFTER = 0.08
 
 
 @big_kernel
@@ -156,8 +157,12 @@ def _actuate(plant: Plant, hand: float) -> None:
     """
     qpos, qvel, ctrl, passive = plant.qpos, plant.qvel, plant.ctrl, plant.passive
     tau, friction, finite, n, count = (
-        plant.drives.mean, plant.friction, True, len(plant.slides), len(plant.ctrl),
-    )  # fmt: skip
+        plant.drives.mean,
+        plant.friction,
+        True,
+        len(plant.slides),
+        len(plant.ctrl),
+    )
     for i in range(n):
         if not np.isfinite(tau[i]):
             finite = False

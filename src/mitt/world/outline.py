@@ -23,7 +23,8 @@ from mitt.kernels import kernel
 from mitt.signals import Array
 from mitt.world.capsules import Canvas, Edges, Point, Seen
 
-LINES, SMALL = 16, 12.0
+LINES = 16
+SMALL = 12.0
 """Lines a pixel row, half as many for discs above that radius [px]; the centroid of a 1 px disc
 is then that of exact areas to 0.005 px."""
 

@@ -30,11 +30,16 @@ def check_scene(arm: Arm, scene: Scene) -> None:
 
 def belt_slab(belt: Belt) -> Slab:
     """Return a belt as a slab."""
-    return Slab(middle=belt.middle, direction=belt.direction, height=belt.height,
-                size=(belt.length, belt.width, THICK))  # fmt: skip
+    return Slab(
+        middle=belt.middle,
+        direction=belt.direction,
+        height=belt.height,
+        size=(belt.length, belt.width, THICK),
+    )
 
 
 def tray_slab(tray: Tray) -> Slab:
     """Return a tray as a slab."""
-    return Slab(middle=tray.middle, direction=0.0, height=tray.height,
-                size=(tray.side, tray.side, THICK))  # fmt: skip
+    return Slab(
+        middle=tray.middle, direction=0.0, height=tray.height, size=(tray.side, tray.side, THICK)
+    )

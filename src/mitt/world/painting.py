@@ -187,9 +187,11 @@ def _draw(pixels: Image, n: int, film: Film, shot: Exposure, window: Edges) -> N
     canvas = view(film.canvas, 0, (height, width))
     reach = _reach(film.light.blur) if film.light.blur > 0.0 else 0
     wide = (
-        max(window[0] - reach, 0), min(window[1] + reach, height - 1),
-        max(window[2] - reach, 0), min(window[3] + reach, width - 1),
-    )  # fmt: skip
+        max(window[0] - reach, 0),
+        min(window[1] + reach, height - 1),
+        max(window[2] - reach, 0),
+        min(window[3] + reach, width - 1),
+    )
     pan, tilt = (film.angles[n, 0], film.angles[n, 1]) if len(film.angles) > 0 else (0.0, 0.0)
     _hang(canvas, film.wall, (film.optics[n, 0].f_px, pan, tilt), wide)
     _paint(canvas, _camera(film.optics, n, 0), _camera(film.optics, n, 1), film, shot, wide)
@@ -204,9 +206,22 @@ def _camera(optics: Record, n: int, shut: int) -> Camera:
     o = optics[n, shut]
     R, c = o.R, o.centre
     return (
-        R[0, 0], R[0, 1], R[0, 2], R[1, 0], R[1, 1], R[1, 2], R[2, 0], R[2, 1], R[2, 2],
-        c[0], c[1], c[2], o.f_px, o.cu, o.cv,
-    )  # fmt: skip
+        R[0, 0],
+        R[0, 1],
+        R[0, 2],
+        R[1, 0],
+        R[1, 1],
+        R[1, 2],
+        R[2, 0],
+        R[2, 1],
+        R[2, 2],
+        c[0],
+        c[1],
+        c[2],
+        o.f_px,
+        o.cu,
+        o.cv,
+    )
 
 
 @kernel

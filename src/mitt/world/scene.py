@@ -299,8 +299,12 @@ def read_scene(source: str | Path, *, flights: bool = False) -> Scene:
     if str(source) in NAMES and not Path(source).is_file():
         return named_scene(str(source), flights=flights)
     if path.suffix == "" and not path.exists():
-        raise FileError(str(path), f"a scene file, or one of {', '.join(NAMES)}", "neither",
-                        do=meant(str(path), NAMES))  # fmt: skip
+        raise FileError(
+            str(path),
+            f"a scene file, or one of {', '.join(NAMES)}",
+            "neither",
+            do=meant(str(path), NAMES),
+        )
     return scene_of(read_toml(path), place=str(path), flights=flights)
 
 

@@ -124,8 +124,12 @@ class World:
 
     def __reduce__(self) -> NoReturn:
         """Refuse to be copied: what compiled code works on lies in MuJoCo's memory."""
-        raise InputError("world", "a world that is not copied or sent elsewhere", "a copy",
-                         do="make another from the same scene and arm, and reset it")  # fmt: skip
+        raise InputError(
+            "world",
+            "a world that is not copied or sent elsewhere",
+            "a copy",
+            do="make another from the same scene and arm, and reset it",
+        )
 
     @property
     def t(self) -> float:

@@ -15,16 +15,22 @@ from mitt.signals import Array
 from mitt.world.flights import CATCH_FRACTION, Recording, placing
 
 #: Frequencies of a hand's tremor [Hz], and its amplitude at most [m].
-_TREMOR, _SHAKES = (8.0, 12.0), 3e-4
+_TREMOR = (8.0, 12.0)
+_SHAKES = 3e-4
 #: A reach, by choices of this project: its length [m], the most changes of mind, and the standard
 #: deviation of each, an axis [m].
-_REACH, _CHANGES, _OFF = 0.6, 3, 0.06
+_REACH = 0.6
+_CHANGES = 3
+_OFF = 0.06
 #: A belt: half-width of the relative changes of its speed, and about how long before it comes by
 #: the middle a part appears [s]; choices too.
-_VARIES, _AHEAD = 0.3, 1.6
+_VARIES = 0.3
+_AHEAD = 1.6
 #: Times at which a recorded motion is smoothed, the half width of the window [s], and the least
 #: number of samples in it.
-_STEP, _WINDOW, _FEWEST = 0.005, 0.05, 7
+_STEP = 0.005
+_WINDOW = 0.05
+_FEWEST = 7
 #: Time constant with which a thing comes to rest at the end of its recording [s].
 _FADES = 0.3
 
@@ -97,13 +103,20 @@ def drawn_reach(
     ends = ends if within is None else np.clip(ends, *within)
     way = np.diff(ends, axis=0, prepend=[to + along])
     shorter = np.full(count, 0.5)
-    waves = np.array([
-        _SHAKES * rng.uniform(0.3, 1.0, 3),
-        2.0 * np.pi * rng.uniform(*_TREMOR, 3),
-        rng.uniform(0.0, 2.0 * np.pi, 3),
-    ])  # fmt: skip
-    return HandReach(start=to + along, way=way, begin=begin,
-                     duration=np.concatenate([[first], shorter]), tremor=waves)  # fmt: skip
+    waves = np.array(
+        [
+            _SHAKES * rng.uniform(0.3, 1.0, 3),
+            2.0 * np.pi * rng.uniform(*_TREMOR, 3),
+            rng.uniform(0.0, 2.0 * np.pi, 3),
+        ]
+    )
+    return HandReach(
+        start=to + along,
+        way=way,
+        begin=begin,
+        duration=np.concatenate([[first], shorter]),
+        tremor=waves,
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -213,14 +226,24 @@ class Ride:
         back = np.isfinite(end)
         return replace(
             self,
-            begin=np.concatenate([
-                self.begin[before], [begin], [end] if back else [], self.begin[after],
-            ]),
-            speeds=np.concatenate([
-                self.speeds[:1], speeds[before], [factor * self.speed(begin)],
-                last if back else [], speeds[after],
-            ]),
-        )  # fmt: skip
+            begin=np.concatenate(
+                [
+                    self.begin[before],
+                    [begin],
+                    [end] if back else [],
+                    self.begin[after],
+                ]
+            ),
+            speeds=np.concatenate(
+                [
+                    self.speeds[:1],
+                    speeds[before],
+                    [factor * self.speed(begin)],
+                    last if back else [],
+                    speeds[after],
+                ]
+            ),
+        )
 
 
 def drawn_ride(rng: np.random.Generator, middle: Array, along: Array, *, speed: float) -> Ride:
@@ -237,5 +260,11 @@ def drawn_ride(rng: np.random.Generator, middle: Array, along: Array, *, speed: 
     off = rng.uniform(-0.03, 0.03)
     start = middle + off * across - (0.25 + _AHEAD * speed) * along
     begin = np.sort(rng.uniform(0.3, 3.0, 4))
-    return Ride(start=start, along=along, begin=begin, speeds=speeds, change=0.2,
-                yaw=rng.uniform(-0.05, 0.05))  # fmt: skip
+    return Ride(
+        start=start,
+        along=along,
+        begin=begin,
+        speeds=speeds,
+        change=0.2,
+        yaw=rng.uniform(-0.05, 0.05),
+    )

@@ -186,6 +186,7 @@ def read_throws(path: Path) -> tuple[Throw, ...]:
         raise FileError(str(path), "at least one throw", "none")
     doubt = doubt_of_throws(np.array([x.r for x in throws]), np.array([x.dr for x in throws]))
     if doubt is not None:
-        raise FileError(str(path), "throws towards the arm, z up, in m and m/s", doubt.given,
-                        do=doubt.do)  # fmt: skip
+        raise FileError(
+            str(path), "throws towards the arm, z up, in m and m/s", doubt.given, do=doubt.do
+        )
     return tuple(throws)
