@@ -11,8 +11,8 @@ from mitt.control.setpoints import Setpoints
 from mitt.map.demand import Tolerance
 from mitt.signals import Array
 
-TICK = 0.001
-FALL = np.array([0.0, 0.0, -9.81])  # s, m/s^2
+TICK = 0.001  # s
+FALL = np.array([0.0, 0.0, -9.81])  # m/s^2
 
 arm = mitt.load_arm("wam", limits="paper")
 learned = mitt.learn(arm)  # some seconds, once; keep it: mitt learn --out MAP.json
