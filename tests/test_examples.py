@@ -11,7 +11,7 @@ FOLDER = Path(__file__).parents[1] / "examples"
 EXAMPLES = sorted(FOLDER.glob("[0-9][0-9]_*.py"))
 
 #: Longest example, in lines.
-LONGEST = 40
+LONGEST = 55
 
 _NUMBER = r"([-+.\de]+)"
 

@@ -25,8 +25,8 @@ from mitt.map.mapping import DirectMap
 from soak.examples import Examples
 from soak.values import Value, absurd, nonsense, said, same, same_numbers, wrong_shapes
 
-#: Methods that ask for a certain state, or for a simulation of their own.
-_LEFT_OUT: Final = frozenset(("with_flight", "recover", "move"))
+#: Methods that ask for a certain state, for a simulation of their own, or for what is known so far.
+_LEFT_OUT: Final = frozenset(("with_flight", "recover", "move", "consider"))
 #: Threads of a soak.
 _THREADS = 4
 

@@ -21,6 +21,8 @@ _DIRECTIVE = re.compile(r"auto(function|class|module):: (\S+)\n(?:[ ]+:members:[
 _READER = re.compile(r"^(read|open|load)_")
 #: Packages whose readers take files of users.
 _READERS = ("arm", "cameras", "files", "trials", "world")
+#: Methods that the planner alone calls, with what it knows of a verdict so far.
+_BY_THE_PLANNER = frozenset(("consider",))
 
 
 def of_the_page() -> dict[str, Any]:
@@ -80,7 +82,7 @@ def callables() -> Iterator[tuple[str, list[inspect.Parameter]]]:
         for method, function in inspect.getmembers(value, inspect.isfunction):
             own = function.__module__.startswith("mitt.")
             taken = list(inspect.signature(function).parameters.values())[1:]
-            if own and taken and not method.startswith("_"):
+            if own and taken and not method.startswith("_") and method not in _BY_THE_PLANNER:
                 yield f"{name}.{method}", taken
     for name, (reader, path) in readers().items():
         yield name, [inspect.signature(reader).parameters[path]]

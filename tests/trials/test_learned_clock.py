@@ -82,7 +82,7 @@ def test_the_next_throw_is_corrected_and_its_recording_tells_the_whole_offset(
     used, outcome = runner.clock_offset, runner.throw(throws, 1, log=True)
     assert outcome.log is not None
     path = tmp_path / "x.mcap"
-    about = runner.about("direct", learned.map)
+    about = runner.about("single", learned.map)
     write_recording(path, recording_of(outcome.log, outcome.trial, about))
     assert replayed(path).identical
     ((said, catch),) = catches_in(Recorded(path))
@@ -100,7 +100,7 @@ def test_a_recording_without_a_catch_tells_no_clock(learned: Learned, tmp_path: 
     ball = Throw(r=np.array([3.0, 0.0, 0.5]), dr=np.array([-1.0, 3.0, 0.0]))
     outcome = runner.run(0, ball, seed=3, log=True)
     assert outcome.log is not None
-    about = runner.about("direct", learned.map)
+    about = runner.about("single", learned.map)
     write_recording(path, recording_of(outcome.log, outcome.trial, about))
     with pytest.raises(InputError, match="say nothing of the clocks"):
         calibrate_by_catches(calibrated(), [path])

@@ -108,7 +108,7 @@ def test_stops_recoveries_and_further_throws_of_a_live_loop_replay(
         source_of(f.arm, seed=_SEED, count=2, drag=scene.ball.drag),
         tmp_path / "live.mcap",
     )
-    with Recorder(path, runner.about("direct", f)) as recorder:
+    with Recorder(path, runner.about("single", f)) as recorder:
         for throw in range(2):
             if throw:
                 recorder.call("again")

@@ -477,7 +477,10 @@ class Planner:
         nears = np.einsum("ki,ki->k", path[:, 0] - hand, path[:, 1]) < 0.0
         passes = float(after[nears].max(initial=0.0))
         self._scalars["t_refused"], self._scalars["t_gone"] = begun, ball.t + passes + _LANDS
-        self._state.refused[:] = ball.r_o, ball.dr_o
+        judged = (
+            self._out["t_ball"].item() - ball.t
+        )  # so long ago: from now on it is flown by ticks
+        self._state.refused[:] = flown(ball, np.array([max(judged, 0.0)]))[0, :2]
         self._enter(REFUSED)
 
     def _is_far(self, ball: BallState) -> bool:
