@@ -1,7 +1,8 @@
-"""Draw who catches what changes its mind: ``flutter.py DIR docs/img/flutter.svg``.
+"""Draw who catches what changes its mind: ``flutter.py docs/img/flutter.svg [DIR]``.
 
-``DIR`` is the folder of a study with conditions named ``flutter N ms``, as ``evidence`` has: balls
-with a random acceleration that remembers itself for N ms. A line a generator, with 95 % intervals.
+``DIR`` is the folder, ``runs/flutter`` if left out, of a study with conditions named
+``flutter N ms``: balls with a random acceleration that remembers itself for N ms. A line a
+generator, with 95 % intervals.
 """
 
 import json
@@ -64,7 +65,7 @@ def draw(figure: Figure, rows: list[dict[str, Any]]) -> None:
 
 def main() -> None:
     """Read the study and draw."""
-    folder, path = Path(sys.argv[1]), Path(sys.argv[2])
+    path, folder = Path(sys.argv[1]), Path(*(sys.argv[2:] or ["runs/flutter"]))
     rows = json.loads((folder / "summary.json").read_text(encoding="utf-8"))["rows"]
     with matplotlib.rc_context({**RC, "svg.fonttype": "path", "svg.hashsalt": "flutter"}):
         figure = Figure(figsize=(7.2, 3.6), layout="constrained", facecolor="white")
