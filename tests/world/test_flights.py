@@ -14,7 +14,7 @@ from mitt.signals import Array
 from mitt.world.flights import (
     JITTER_POSITION,
     JITTER_YAW,
-    Pieces,
+    PiecewisePolynomial,
     Recording,
     builtin_flights,
     place_flight,
@@ -188,7 +188,7 @@ def test_a_flight_without_bounce_is_one_piece(seed: int) -> None:
 
 
 @cache
-def of_a_bounce() -> Pieces:
+def of_a_bounce() -> PiecewisePolynomial:
     """Return the curve of a flight without noise that bounces after half a second."""
     t = np.arange(0.0, 0.9, FRAME)
     return smooth(t, bounced(t, 0.5)[0])

@@ -101,8 +101,8 @@ class Recording:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Pieces:
-    """Piecewise polynomial curve.
+class PiecewisePolynomial:
+    """Curve of polynomials, one after the other.
 
     Attributes:
         edges: Ends of the pieces, rising [s], shape (p + 1,).
@@ -150,7 +150,7 @@ class PlacedFlight:
     """
 
     name: str
-    pieces: Pieces
+    pieces: PiecewisePolynomial
     rotation: Array
     shift: Array
     drag: float
@@ -271,7 +271,7 @@ def placing(
     return rotation, place - rotation @ anchor
 
 
-def smooth(t: Array, r: Array) -> Pieces:
+def smooth(t: Array, r: Array) -> PiecewisePolynomial:
     """Fit a smooth curve to recorded positions.
 
     Args:
@@ -475,7 +475,9 @@ def _fit(edges: Array, t: Array, r: Array) -> list[Array]:
     return [np.asarray(solution[starts[p] : starts[p + 1]], float) for p in range(len(members))]
 
 
-def _pieces(edges: Array, fits: list[Array], used: NDArray[np.bool_], release: float) -> Pieces:
+def _pieces(
+    edges: Array, fits: list[Array], used: NDArray[np.bool_], release: float
+) -> PiecewisePolynomial:
     """Turn Legendre coefficients into padded power series of position and velocity."""
     width = max(len(fit) for fit in fits)
     coefficients = np.zeros((len(fits), width, 3))
@@ -486,4 +488,6 @@ def _pieces(edges: Array, fits: list[Array], used: NDArray[np.bool_], release: f
             power = legendre.leg2poly(fit[:, axis])
             coefficients[p, : len(power), axis] = power
             rates[p, : len(power) - 1, axis] = scale * power[1:] * np.arange(1, len(power))
-    return Pieces(edges=edges, coefficients=coefficients, rates=rates, used=used, release=release)
+    return PiecewisePolynomial(
+        edges=edges, coefficients=coefficients, rates=rates, used=used, release=release
+    )
