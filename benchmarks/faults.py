@@ -27,7 +27,7 @@ from arms import WAM, named
 
 from mitt.arm.arm import Arm
 from mitt.catcher.generators import Direct
-from mitt.catcher.state import REASONS, Result, rows_of
+from mitt.catcher.state import REASONS, Result, ticks_between
 from mitt.control.health import ABORT
 from mitt.map.mapping import DirectMap
 from mitt.map.neighbourhood import learn
@@ -230,7 +230,9 @@ def _at_rest(rows: Row, arm: Arm, ticks: Result, truth: Trace, stop: int) -> Non
     for name, since in (("engaged", held), ("after_brakes", held + ceil(rows["brake_ms"][-1]))):
         later = Trace._make(x[since:] for x in truth)
         if len(later.t) > 1:
-            rows[name] += measure(arm, rows_of(ticks, since, len(truth.t)), later).limit_violations
+            rows[name] += measure(
+                arm, ticks_between(ticks, since, len(truth.t)), later
+            ).limit_violations
     if held + 1 < len(truth.t):
         rest = truth.q[min(held + SETTLED, len(truth.t) - 1) :]
         rows["restless"] += int(np.abs(truth.dq[-1]).max() > STILL)

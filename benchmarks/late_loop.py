@@ -24,7 +24,7 @@ from collections.abc import Sequence
 from mitt.catcher.loading import load_decisions
 from mitt.cell.drivers import LocalRobot, local_connection, local_robot
 from mitt.cell.live import LiveLoop, Mode
-from mitt.cell.prepare import about_of, generator_of, map_of, prepare
+from mitt.cell.prepare import cell_about, cell_generator, cell_map, prepare
 from mitt.cell.session import loop_of
 from mitt.files.cell import read_cell
 from mitt.signals import TICK, ArmState
@@ -91,8 +91,8 @@ def ended(loop: LiveLoop, robot: LateRobot, local: LocalRobot, stall: int) -> li
 def stalls(name: str, throws: int, every: int, lengths: Sequence[int], seed: int) -> None:
     """Try stalls at the phases of throws, and print what became of them."""
     prepared = prepare(read_cell(name))
-    f = map_of(prepared)
-    load_decisions(prepared.arm, generator_of(prepared, f), about_of(prepared, f).settings)
+    f = cell_map(prepared)
+    load_decisions(prepared.arm, cell_generator(prepared, f), cell_about(prepared, f).settings)
     local = local_robot(prepared, seed=seed, count=throws)
     robot, cell = LateRobot(local), local.simulated
     loop = loop_of(prepared, f, local_connection(prepared.cell, robot))  # type: ignore[arg-type]

@@ -17,10 +17,19 @@ from pathlib import Path
 from rich import _export_format
 from rich.console import Console
 
-from mitt.cell.drivers import connect
+from mitt.cell.drivers import connect_robot
 from mitt.cell.live import Mode
-from mitt.cell.prepare import map_of, prepare
-from mitt.cell.session import SHOWN, STATES, Numbers, Person, Session, loop_of, numbers, rehearse
+from mitt.cell.prepare import cell_map, prepare
+from mitt.cell.session import (
+    SHOWN,
+    STATES,
+    Numbers,
+    Person,
+    Session,
+    loop_of,
+    rehearse,
+    shared_numbers,
+)
 from mitt.cli.screen import picture
 from mitt.clock import hurried, uncollected
 from mitt.files.cell import read_cell
@@ -59,10 +68,10 @@ def main() -> None:
     words = ["-m", "mitt", "sim", "wam-sim", "--throws", str(THROWS), "--json"]
     sim = subprocess.Popen([sys.executable, *words], stdout=subprocess.DEVNULL)  # noqa: S603
     try:
-        prepared, shown = prepare(read_cell("wam-sim")), numbers()
-        f = map_of(prepared)
+        prepared, shown = prepare(read_cell("wam-sim")), shared_numbers()
+        f = cell_map(prepared)
         rehearse(prepared, f)
-        connection = connect(prepared)
+        connection = connect_robot(prepared)
         loop = loop_of(prepared, f, connection)
         session = Session(
             loop, connection.robot, Person(yes=True), tell, throws=THROWS, shown=shown

@@ -19,7 +19,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from mitt.arm.basket import Basket
-from mitt.files.shipped_arms import FIGURES, SCHEMA, Figures, ShippedArm, digest, shipped_arms
+from mitt.files.shipped_arms import FIGURES, SCHEMA, Figures, ShippedArm, arm_digest, shipped_arms
 from mitt.files.writing import write_text
 from mitt.interrupts import tell
 
@@ -59,7 +59,7 @@ def measured(arm: ShippedArm) -> Figures:
     beyond = sum(t["limit_violations"] + bool(t["over_force"]) for t in trials)
     hand = "basket" if isinstance(chosen.arm.model.hand, Basket) else "three-finger"
     return Figures(
-        digest=digest(chosen),
+        digest=arm_digest(chosen),
         joints=tuple(chosen.arm.names),
         hand=hand,
         throws=len(trials),
@@ -84,7 +84,7 @@ def main() -> None:
     arms = [x for x in shipped_arms() if x.designed]
     rows = {(x.name, x.limits): x.figures for x in arms}
     for arm in arms:
-        known = arm.figures is not None and arm.figures.digest == digest(arm.spec.read())
+        known = arm.figures is not None and arm.figures.digest == arm_digest(arm.spec.read())
         if (known and not options.all) or arm.name not in (options.names or [arm.name]):
             continue
         rows[arm.name, arm.limits] = found = measured(arm)

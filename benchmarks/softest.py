@@ -24,7 +24,15 @@ from mitt.arm.load import build_arm
 from mitt.ball.flight import acceleration
 from mitt.design.task import BOX, FAR
 from mitt.files.arm_file import ThrowSettings
-from mitt.rivals.clairvoyant import PARTS, Symbolic, braked, casadi, drive_rows, steps, symbolic
+from mitt.rivals.clairvoyant import (
+    PARTS,
+    Symbolic,
+    casadi,
+    drive_rows,
+    pose_after_braking,
+    steps,
+    symbolic,
+)
 from mitt.signals import Array
 from mitt.trials.source import source_of, widened
 from mitt.world.flights import BallPath
@@ -108,7 +116,7 @@ def softest(
             problem.subject_to(problem.bounded(least, value, most))
         for k in range(PARTS + 1):
             problem.subject_to(problem.bounded(low, q[:, k], high))
-        problem.subject_to(problem.bounded(low, braked(arm, q[:, -1], dq[:, -1]), high))
+        problem.subject_to(problem.bounded(low, pose_after_braking(arm, q[:, -1], dq[:, -1]), high))
         r, dr, ddr = (ca.DM(row) for row in ball)
         tip = model.tip(q[:, -1], dq[:, -1], a[:, -1])
         problem.subject_to(tip[:, 0] == r + late * dr + 0.5 * late**2 * ddr)

@@ -14,10 +14,10 @@ from dataclasses import replace
 import numpy as np
 
 from mitt.ball.filter import BallFilter, FilterConfig
-from mitt.cameras.filtering import UNKNOWN_BALL, follow
+from mitt.cameras.filtering import UNKNOWN_BALL, filter_flight
 from mitt.signals import Array, Sighting
 from mitt.trials.catcher_settings import filter_settings
-from mitt.world.flights import Recording, builtin_flights
+from mitt.world.flights import RecordedFlight, builtin_flights
 from mitt.world.throws import fly
 
 SEED = 8000
@@ -45,7 +45,7 @@ Seen = list[tuple[float, Array]]
 Fault = Callable[[Seen, np.random.Generator], Seen]
 
 
-def bounce_of(flight: Recording) -> float:
+def bounce_of(flight: RecordedFlight) -> float:
     """Return when the vertical velocity jumps by more than 2 m/s; infinite if it does not."""
     t, z = flight.t, flight.r[:, 2]
     jump = (z[8:] - z[4:-4]) / (t[8:] - t[4:-4]) - (z[4:-4] - z[:-8]) / (t[4:-4] - t[:-8])
@@ -62,7 +62,7 @@ def ahead_errors(config: FilterConfig) -> tuple[Array, Array]:
     after: list[float] = []
     for flight in builtin_flights():
         t, bounce = flight.t, bounce_of(flight)
-        track = follow(t, flight.r, ahead=AHEAD, config=config)
+        track = filter_flight(t, flight.r, ahead=AHEAD, config=config)
         true = np.stack([np.interp(t + AHEAD, t, flight.r[:, k]) for k in range(3)], axis=1)
         error, there = 1e3 * np.linalg.norm(track.ahead - true, axis=1), t + AHEAD <= t[-1]
         before.extend(error[there & (t >= 0.12) & (t + AHEAD + 0.006 < bounce)])

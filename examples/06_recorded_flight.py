@@ -9,13 +9,13 @@ import numpy as np
 import mitt
 from mitt.ball.filter import TABLE_TENNIS_BALL, BallFilter
 from mitt.signals import Array, Sighting
-from mitt.world.flights import Recording, builtin_flights
+from mitt.world.flights import RecordedFlight, builtin_flights
 
 AHEAD = 0.05  # [s]
 NOISE = np.diag([1.6e-3, 0.6e-3, 0.85e-3]) ** 2  # of the recording [m^2]
 
 
-def errors_ahead(flight: Recording) -> Array:
+def errors_ahead(flight: RecordedFlight) -> Array:
     """Return the errors of the forecasts made from 0.1 s on [m], shape (k,)."""
     track, errors = BallFilter(TABLE_TENNIS_BALL), []
     for t, r in zip(flight.t, flight.r, strict=True):

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 
 from mitt.cameras.board_calibration import BoardViews
-from mitt.cameras.charuco import Board, BoardSpec, Seen
+from mitt.cameras.charuco import Board, BoardCorners, BoardSpec
 from mitt.eyes.camera import applied, turned
 from mitt.eyes.lens import Lens
 from mitt.signals import Array, Image
@@ -39,7 +39,7 @@ def board_pose(board: Board, rng: np.random.Generator, tilt: float) -> Array:
 
 def seen_by(
     board: Board, lens: Lens, T_cam_board: Array, rng: np.random.Generator, noise: float
-) -> Seen | None:
+) -> BoardCorners | None:
     """Return the corners in one image with noise [px]; None where fewer than nine are in it."""
     p = applied(T_cam_board, board.corners)
     uv = lens.project(p)
@@ -48,7 +48,7 @@ def seen_by(
     if inside.sum() < 9 or np.linalg.matrix_rank(flat - flat[0]) < 2:
         return None
     noisy = uv[inside] + noise * rng.standard_normal((int(inside.sum()), 2))
-    return Seen(ids=np.flatnonzero(inside), uv=noisy)
+    return BoardCorners(ids=np.flatnonzero(inside), uv=noisy)
 
 
 def many_views(
@@ -56,7 +56,7 @@ def many_views(
 ) -> BoardViews:
     """Return views in which both cameras see at least nine corners."""
     lens, T = true_lens(), true_stereo()
-    views: list[tuple[Seen | None, ...]] = []
+    views: list[tuple[BoardCorners | None, ...]] = []
     while len(views) < count:
         pose = board_pose(board, rng, tilt)
         view = tuple(seen_by(board, lens, P @ pose, rng, noise) for P in (np.eye(4), T))

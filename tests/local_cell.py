@@ -7,9 +7,9 @@ from mitt.cell.drivers import LocalRobot, local_robot
 from mitt.cell.live import LiveLoop, Mode
 from mitt.cell.prepare import (
     PreparedCell,
-    about_of,
     catchers,
-    map_of,
+    cell_about,
+    cell_map,
     period_of,
     prepare,
     setpoints_of,
@@ -105,9 +105,9 @@ class LocalCell:
         local = local_robot(prepared, seed=seed, count=throws, started=1.7e9)
         self.simulated, port = local.simulated, local.port
         self.robot = FaultyRobot(driver(local, prepared))
-        f = map_of(prepared)
+        f = cell_map(prepared)
         first, again = catchers(prepared, f)
-        self.recorder = None if record is None else Recorder(record, about_of(prepared, f))
+        self.recorder = None if record is None else Recorder(record, cell_about(prepared, f))
         frames = port if cell.source.kind == "images" else None
         self.loop = LiveLoop(
             RobotLink(self.robot, setpoints=setpoints_of(prepared)),

@@ -30,7 +30,7 @@ from mitt.map.learn import Learned
 from mitt.map.neighbourhood import learn
 from mitt.report import painter, pictures
 from mitt.report.painter import painted
-from mitt.report.pictures import placed
+from mitt.report.pictures import placed_faces
 from mitt.trials.batting import STATUSES as STRUCK
 from mitt.trials.explain import LIMITS
 from mitt.trials.meeting import STATUSES as MET
@@ -121,7 +121,7 @@ def test_a_figure_is_drawn_by_its_script(
 ) -> None:
     """The script writes one picture, with as many lines, or frames, as the one that is shown."""
     # All the pictures that move take a quarter minute.
-    monkeypatch.setattr(pictures, "placed", seldom(placed))
+    monkeypatch.setattr(pictures, "placed_faces", seldom(placed_faces))
     monkeypatch.setattr(painter, "painted", seldom(painted))
     monkeypatch.setattr(sys, "argv", [str(script), str(tmp_path)])
     monkeypatch.syspath_prepend(script.parent)

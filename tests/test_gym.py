@@ -162,7 +162,7 @@ def test_tasks_keep_the_rules_of_gymnasium(
 
 def test_only_a_hit_has_a_miss_and_its_reward(monkeypatch: pytest.MonkeyPatch) -> None:
     """A catcher that stops has none, whatever its ball does; nor has a world that broke down."""
-    env = mitt.gym.Bat(ticks=1)
+    env = mitt.gym.BatEnv(ticks=1)
     still = np.zeros(env.action_space.shape or (), np.float32)
     hit = Hit(off_middle=0.0, returned=True, speed=3.0, miss=0.1, passes=None)
     monkeypatch.setattr(mitt.gym, "hit_of", lambda *_: hit)
@@ -178,7 +178,7 @@ def test_only_a_hit_has_a_miss_and_its_reward(monkeypatch: pytest.MonkeyPatch) -
         step=lambda _: rests,
         think=lambda: None,
     )
-    monkeypatch.setattr(mitt.gym.Bat, "residual", property(lambda _: True))
+    monkeypatch.setattr(mitt.gym.BatEnv, "residual", property(lambda _: True))
     monkeypatch.setattr(env, "_catcher", stopped)
     _, less, _, _, info = env.step(still)
     assert (info["status"], "miss_m" in info) == ("stopped", False)
@@ -219,17 +219,17 @@ def test_pictures_show_the_arm_and_the_ball() -> None:
     assert first.shape == (262, 340, 3)
     assert first.dtype == np.uint8
     assert np.any(first != second)
-    assert mitt.gym.Catch().render() is None
+    assert mitt.gym.CatchEnv().render() is None
 
 
 def test_arms_and_scenes_by_keyword_and_what_is_refused() -> None:
     """Other limits and another scene are taken; what is none is one line."""
     env = gymnasium.make("mitt/Catch-v0", limits="wam-48v", scene="rough")
     env.reset(seed=1)
-    assert mitt.gym.Catch(arm="ur5e").arm.limits.name == "ur5e"
+    assert mitt.gym.CatchEnv(arm="ur5e").arm.limits.name == "ur5e"
     for wrong in ({"action": "dance"}, {"scene": "no.toml"}, {"arm": "no"}, {"ticks": 0}):
         with pytest.raises(InputError):
-            mitt.gym.Catch(**wrong)
+            mitt.gym.CatchEnv(**wrong)
     with pytest.raises(InputError, match="finite"):
         env.unwrapped.step(np.full(4, np.nan, np.float32))
     with pytest.raises(InputError, match=r"mitt\.gym"):

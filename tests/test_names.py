@@ -20,6 +20,8 @@ NAMED = re.compile(
 MADE = re.compile(r"^(?:out|runs|DIR|tmp|package|sub)/|^callee|^caller")
 #: Most lines of a module.
 LONGEST = 800
+#: Public functions that stand in more than one module: one summary for each kind of run.
+TWINS = {"summary"}
 
 
 def committed() -> list[Path]:
@@ -106,3 +108,14 @@ def test_the_formatter_decides_except_for_matrices() -> None:
         for path in PACKAGE.rglob("*.py")
     }
     assert sum(kept.values()) <= 10, {x: n for x, n in kept.items() if n}
+
+
+def test_a_public_name_stands_once() -> None:
+    """A class or function without an underscore is defined in one module of the package alone."""
+    where: dict[str, set[str]] = {}
+    for path in sorted((ROOT / "src").rglob("*.py")):
+        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.ClassDef | ast.FunctionDef) and not node.name.startswith("_"):
+                where.setdefault(node.name, set()).add(str(path.relative_to(ROOT)))
+    twice = {name: files for name, files in where.items() if len(files) > 1}
+    assert twice.keys() == TWINS, {name: twice[name] for name in twice.keys() - TWINS}

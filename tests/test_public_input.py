@@ -120,7 +120,9 @@ _ANYTHING = st.one_of(
         hnp.array_shapes(min_dims=0, max_dims=3, min_side=0, max_side=5),
     ),
 )
-_QUICK = sorted(set(_TAKEN) - {"learn", "simulate", "Recorder", "gym.Catch", "gym.CatchPixels"})
+_QUICK = sorted(
+    set(_TAKEN) - {"learn", "simulate", "Recorder", "gym.CatchEnv", "gym.CatchPixelsEnv"}
+)
 
 
 @settings(max_examples=600, suppress_health_check=list(HealthCheck))

@@ -15,7 +15,7 @@ from PIL import Image
 import mitt
 from mitt.arm.arm import Arm
 from mitt.report.painter import View, painted
-from mitt.report.pictures import body_faces, placed
+from mitt.report.pictures import body_faces, placed_faces
 from mitt.report.scene_meshes import skeleton
 from mitt.report.style import INK, RC
 from mitt.signals import Array
@@ -85,7 +85,7 @@ def moving_picture(
         first, last = np.searchsorted(trace.t, (part.first, part.last))
         for k in range(first, last, _EACH_MS):
             trail = trace.r_o[max(k - 96, 0) : k : 8] if trace.t[k] < part.caught else dots[:0]
-            shown = placed(model, bodies, trace.qpos[k], np.concatenate([trail, dots]))
+            shown = placed_faces(model, bodies, trace.qpos[k], np.concatenate([trail, dots]))
             frames.append(painted(*shown, scene.floor, view=view))
     palette = frames[30].quantize(128, Image.Quantize.FASTOCTREE)
     flat = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]

@@ -1,7 +1,7 @@
 """Tasks as Gymnasium environments: ``mitt/Catch-v0``, ``mitt/CatchPixels-v0``.
 
 Parts on a belt, or in a hand, are met in ``mitt/Meet-v0``, and balls hit back in ``mitt/Bat-v0``,
-with keywords of their own: :class:`Meet`, :class:`Bat`.
+with keywords of their own: :class:`MeetEnv`, :class:`BatEnv`.
 
     import gymnasium, mitt.gym
     env = gymnasium.make("mitt/Catch-v0", scene="lab", action="residual", map="MAP.json")
@@ -53,7 +53,7 @@ from mitt.map.map_design import default_design
 from mitt.map.mapping import DirectMap, unlearned
 from mitt.map.neighbourhood import learn
 from mitt.report.painter import Faces, painted
-from mitt.report.pictures import body_faces, placed
+from mitt.report.pictures import body_faces, placed_faces
 from mitt.signals import TICK, Array, Command, Frame, Senses
 from mitt.trials.bat_station import TARGET, BatStation, bat_station
 from mitt.trials.batting import batted, hit_of
@@ -63,8 +63,8 @@ from mitt.trials.score import (
     continuous_shares,
     drive_loads,
     overheated,
-    status_of,
     ticks_beyond,
+    trial_status,
     was_held,
 )
 from mitt.trials.source import source_of, widened
@@ -73,7 +73,7 @@ from mitt.world.scene import Scene, scene_from
 from mitt.world.simulation import World
 from mitt.world.truth import Instant
 
-__all__ = ["Bat", "Catch", "CatchPixels", "Environment", "Meet", "map_policy"]
+__all__ = ["BatEnv", "CatchEnv", "CatchPixelsEnv", "Environment", "MeetEnv", "map_policy"]
 
 Observation: TypeAlias = Any
 Numbers: TypeAlias = NDArray[np.float32]
@@ -221,7 +221,7 @@ class Driven(gymnasium.Env[Observation, Numbers]):
             faces = [body_faces(model, b, self.arm, self.scene) for b in range(model.nbody)]
             self._drawn = model, faces
         qpos = self.world.data.qpos.copy()
-        picture = painted(*placed(*self._drawn, qpos, np.zeros((0, 3))), self.scene.floor)
+        picture = painted(*placed_faces(*self._drawn, qpos, np.zeros((0, 3))), self.scene.floor)
         return np.array(picture, np.uint8)
 
     @property
@@ -425,7 +425,7 @@ class Environment(Driven):
         beyond = ticks_beyond(arm, trace, drives, commanded, driven=driven)
         shares = continuous_shares(arm, np.sum(drives.torque**2, axis=0), len(drives.torque))
         return {
-            "status": status_of(world, phase, refused=refused, was_held=held),
+            "status": trial_status(world, phase, refused=refused, was_held=held),
             "limit_violations": int(np.sum(beyond)) + overheated(shares),
             **self._contact(),
         }
@@ -445,12 +445,12 @@ class Environment(Driven):
 
 
 @final
-class Catch(Environment):
+class CatchEnv(Environment):
     """``mitt/Catch-v0``: joints, and the true position and velocity of the ball."""
 
 
 @final
-class CatchPixels(Environment):
+class CatchPixelsEnv(Environment):
     """``mitt/CatchPixels-v0``: joints, and the newest image of each of two cameras."""
 
     pixels = True
@@ -471,7 +471,7 @@ class CatchPixels(Environment):
 
 
 @final
-class Meet(Driven):
+class MeetEnv(Driven):
     """``mitt/Meet-v0``: joints, and the true position and velocity of a part that comes by."""
 
     def __init__(
@@ -581,7 +581,7 @@ class Meet(Driven):
 
 
 @final
-class Bat(Driven):
+class BatEnv(Driven):
     """``mitt/Bat-v0``: joints, and the true position and velocity of a ball to be hit back."""
 
     def __init__(
@@ -724,7 +724,7 @@ class _MapPolicy:
         return env.as_action(self._last.tau, self._last.hand)
 
 
-gymnasium.register(id="mitt/Catch-v0", entry_point="mitt.gym:Catch")
-gymnasium.register(id="mitt/CatchPixels-v0", entry_point="mitt.gym:CatchPixels")
-gymnasium.register(id="mitt/Meet-v0", entry_point="mitt.gym:Meet")
-gymnasium.register(id="mitt/Bat-v0", entry_point="mitt.gym:Bat")
+gymnasium.register(id="mitt/Catch-v0", entry_point="mitt.gym:CatchEnv")
+gymnasium.register(id="mitt/CatchPixels-v0", entry_point="mitt.gym:CatchPixelsEnv")
+gymnasium.register(id="mitt/Meet-v0", entry_point="mitt.gym:MeetEnv")
+gymnasium.register(id="mitt/Bat-v0", entry_point="mitt.gym:BatEnv")

@@ -62,7 +62,7 @@ def noted() -> Iterator[dict[str, str]]:
         _noted.reset(token)
 
 
-def difference(was: Mapping[str, str], now: Mapping[str, str]) -> str:
+def changed_file(was: Mapping[str, str], now: Mapping[str, str]) -> str:
     """Return the name of the first file that holds something else than before; nothing if none."""
     pairs = zip_longest(was.items(), now.items(), fillvalue=("", ""))
     return next((b[0] or a[0] for a, b in pairs if a[1] != b[1]), "")

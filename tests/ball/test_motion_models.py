@@ -7,7 +7,7 @@ import pytest
 
 from mitt.ball.filter import fresh_filter, update
 from mitt.ball.flight import advance
-from mitt.cameras.filtering import UNKNOWN_BALL, follow
+from mitt.cameras.filtering import UNKNOWN_BALL, filter_flight
 from mitt.signals import Array
 
 NOISE = 1.5e-3
@@ -26,7 +26,7 @@ def test_gravity_does_not_pull_at_what_does_not_fly(hz: float, speed: float) -> 
     rng, t = np.random.default_rng(0), np.arange(0.0, 1.2, 1.0 / hz)
     velocity = speed * np.array((0.6, -0.8, 0.0))
     true = 1.0 + t[:, None] * velocity
-    track = follow(t, true + NOISE * rng.normal(size=true.shape), ahead=0.1)
+    track = filter_flight(t, true + NOISE * rng.normal(size=true.shape), ahead=0.1)
     late = t > 0.3
     assert rms((track.r - true)[late]) < NOISE * np.sqrt(3.0)
     assert rms((track.dr - velocity)[late]) < 0.06
@@ -37,7 +37,7 @@ def test_a_swinging_target_is_followed() -> None:
     """On a spring, 0.1 m at 2 Hz, 16 m/s^2: position better than the sightings, sigma true."""
     rng, t = np.random.default_rng(1), np.arange(0.0, 2.0, 1e-3)
     true = np.outer(0.1 * np.sin(4.0 * np.pi * t), (0.6, 0.0, 0.8))
-    track = follow(t, true + NOISE * rng.normal(size=true.shape))
+    track = filter_flight(t, true + NOISE * rng.normal(size=true.shape))
     error, late = track.r - true, t > 0.3
     assert rms(error[late]) < 0.6 * NOISE * np.sqrt(3.0)
     assert 0.6 < rms(error[late]) / rms(track.sigma[late]) < 1.5

@@ -14,7 +14,7 @@ import pytest
 from numpy.typing import NDArray
 
 from mitt.cameras import cameras as source
-from mitt.cameras.cameras import Camera, grey, open_cameras, optional, read_image
+from mitt.cameras.cameras import ImageSource, grey, open_cameras, optional, read_image
 from mitt.cameras.two_cameras import PairCounts, pairs
 from mitt.cameras.video_writer import VideoWriter
 from mitt.errors import FileError, InputError
@@ -258,7 +258,7 @@ def test_a_camera_that_is_not_there_is_one_line(spec: str, says: str) -> None:
     assert "\n" not in str(caught.value)
 
 
-class Device(Camera):
+class Device(ImageSource):
     """A live camera whose device stamps its frames."""
 
     live = True

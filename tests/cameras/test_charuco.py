@@ -8,14 +8,14 @@ import pytest
 from boards import SIZE, SPEC, drawn, true_lens
 
 from mitt.cameras.board_calibration import board_problem, free_numbers, look_for_board
-from mitt.cameras.cameras import Camera
+from mitt.cameras.cameras import ImageSource
 from mitt.cameras.charuco import Board, BoardSpec, shown_instead
 from mitt.errors import InputError
 from mitt.eyes.camera import turned
 from mitt.signals import Array, Image
 
 
-class Taken(Camera):
+class Taken(ImageSource):
     """Images that were taken."""
 
     def __init__(self, images: list[Image]) -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from boards import SPEC, seen_by, true_lens
 
-from mitt.cameras.charuco import Board, Seen
+from mitt.cameras.charuco import Board, BoardCorners
 from mitt.cameras.head_calibration import calibrate_head, head_problem
 from mitt.cameras.least_squares import fit
 from mitt.errors import InputError
@@ -28,7 +28,7 @@ def true_head() -> HeadAxes:
     )
 
 
-def views(board: Board, noise: float, seed: int = 0) -> tuple[Array, list[Seen]]:
+def views(board: Board, noise: float, seed: int = 0) -> tuple[Array, list[BoardCorners]]:
     """Return angles and corners of a sweep over both axes."""
     rng, head = np.random.default_rng(seed), true_head()
     angles = [(p, t) for p in (-0.15, -0.05, 0.05, 0.15) for t in (-0.1, 0.0, 0.1)]

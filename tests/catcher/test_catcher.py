@@ -16,7 +16,7 @@ from mitt.arm.shapes import Surroundings
 from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
 from mitt.catcher.family import Family
 from mitt.catcher.generators import Direct, Unoptimised, refining
-from mitt.catcher.state import arm_numbers
+from mitt.catcher.state import tick_numbers
 from mitt.control.encoders import GOOD_TICKS, LOSSY_TICKS, SILENT_TICKS
 from mitt.control.health import Reason
 from mitt.errors import InputError
@@ -264,9 +264,9 @@ def test_no_catch_waits_for_what_is_known_of_the_arm_with_the_ball() -> None:
         Eyes(fixed_rig()),
         settings=CatcherSettings(ball_mass=0.123),
     )
-    before = arm_numbers.cache_info().misses
-    arm_numbers(arm.holding(0.123))
-    assert arm_numbers.cache_info().misses == before
+    before = tick_numbers.cache_info().misses
+    tick_numbers(arm.holding(0.123))
+    assert tick_numbers.cache_info().misses == before
 
 
 def test_the_arm_holds_its_pose_until_t_0(

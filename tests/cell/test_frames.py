@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mitt.cell.frames import SLOTS, FrameReader, FrameWriter, SharedFrames, frames_of
+from mitt.cell.frames import SLOTS, FrameReader, FrameWriter, SharedFrames, as_frames
 from mitt.errors import InputError
 
 SHAPE = (12, 20)
@@ -32,7 +32,7 @@ def test_frames_come_whole_and_in_order() -> None:
     assert [(x.t, x.number) for x in got] == [(10.0 + k, k + 1) for k in range(5)]
     assert all(np.array_equal(x.images, images(k)) for k, x in enumerate(got))
     assert reader.take() == []
-    assert [f.camera for f in frames_of(got[0], 1.5)] == [0, 1]
+    assert [f.camera for f in as_frames(got[0], 1.5)] == [0, 1]
     reader.close()
     writer.close()
 

@@ -14,7 +14,7 @@ from mitt.catcher.catcher import Catcher
 from mitt.catcher.generators import Direct
 from mitt.cell.drivers import LocalPort
 from mitt.cell.live import Mode
-from mitt.cell.prepare import PreparedCell, feed_of, map_of, prepare, scene_of_cell
+from mitt.cell.prepare import PreparedCell, cell_map, feed_of, prepare, scene_of_cell
 from mitt.cell.robot import ReceivedCommand
 from mitt.cell.simulated import SimulatedCell
 from mitt.files.cell import cell_of
@@ -66,11 +66,11 @@ def test_an_environment_judges_as_mitt_catch_does(
 ) -> None:
     """A residual of nothing is the catcher itself: the same status, the same ticks beyond."""
     pytest.importorskip("gymnasium")
-    from mitt.gym import Catch  # noqa: PLC0415
+    from mitt.gym import CatchEnv  # noqa: PLC0415
 
     if hand == "basket":
         prepared = request.getfixturevalue("basket")
-        f = map_of(prepared)
+        f = cell_map(prepared)
         assert isinstance(f, DirectMap)
     else:
         f = request.getfixturevalue("learned").map
@@ -82,7 +82,7 @@ def test_an_environment_judges_as_mitt_catch_does(
         return release(self, ball, seed=seed)
 
     monkeypatch.setattr(TrialRunner, "release", noted)
-    env = Catch(action="residual", map=f, arm=f.arm, ticks=20)
+    env = CatchEnv(action="residual", map=f, arm=f.arm, ticks=20)
     runner = TrialRunner(f.arm, Direct(f), env.scene, pixels=False)
     if tight:
         env.arm = runner.arm = judged(f.arm)

@@ -139,16 +139,16 @@ def test_what_others_tell_brakes_and_hand_is_seen(graph: Callable[[str], Graph])
     hand = one.node.publish(f"/{tag}/hand/commands", dds.MultiArray, "command")
     while brake.listeners() < 2 or hand.listeners() < 2:
         time.sleep(0.01)
-    brake.send(messages.flag(True))
+    brake.send(messages.bool_message(True))
     says = f"another program engaged the brakes on /{tag}/brake"
     one.until(lambda said: said == says)
     assert one.robot.trouble() == says
     one.robot.release()
     assert one.robot.trouble() == ""
-    brake.send(messages.flag(False))
+    brake.send(messages.bool_message(False))
     one.until(lambda said: "another program released the brakes" in said)
     one.until(lambda said: said == "")
-    hand.send(messages.array(np.ones(1)))
+    hand.send(messages.array_message(np.ones(1)))
     one.until(lambda said: "another program commands the hand" in said)
 
 

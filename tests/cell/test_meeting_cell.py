@@ -12,7 +12,7 @@ from local_cell import LocalCell
 from mitt.catcher.catcher import Phase
 from mitt.cell import live
 from mitt.cell.live import Mode
-from mitt.cell.prepare import about_of, map_of, prepare, scene_of_cell
+from mitt.cell.prepare import cell_about, cell_map, prepare, scene_of_cell
 from mitt.cell.ticks import Ticks
 from mitt.errors import FileError, InputError
 from mitt.files.cell import cell_of
@@ -137,7 +137,7 @@ def test_what_keeps_people_safe_acts_in_a_cell(target: str) -> None:
     prepared = prepare(
         cell_of(raw | {"task": task | belt | {"target": target, "tool_speed": 0.2}}, place="a cell")
     )
-    about = about_of(prepared, map_of(prepared))
+    about = cell_about(prepared, cell_map(prepared))
     assert about.settings.adapt_q < inf
     assert about.meeting is not None
     assert about.meeting.settings.speed == 0.2

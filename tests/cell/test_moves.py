@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from ruckig import InputParameter, Ruckig, Synchronization, Trajectory
 
 from mitt.arm.load import build_arm
-from mitt.control.slow_motion import sampled, slow_motion
+from mitt.control.slow_motion import sample_motion, slow_motion
 from mitt.signals import TICK
 
 ARM = build_arm("wam", limits="paper")
@@ -39,8 +39,8 @@ def test_its_samples_are_those_of_ruckig(shares: list[float]) -> None:
         Ruckig(3).calculate(request, way)
         t = np.append(np.arange(0.0, way.duration + 0.01, 0.01), way.duration + 1.0)
         wanted = [way.at_time(min(x, way.duration))[:3] for x in t.tolist()]
-        assert np.allclose(sampled(way, t)[:, :2], np.array(wanted)[:, :2], atol=1e-9)
-        inside = np.abs(sampled(way, t)[:, 2] - np.array(wanted)[:, 2]).max(axis=1) > 1e-6
+        assert np.allclose(sample_motion(way, t)[:, :2], np.array(wanted)[:, :2], atol=1e-9)
+        inside = np.abs(sample_motion(way, t)[:, 2] - np.array(wanted)[:, 2]).max(axis=1) > 1e-6
         assert np.count_nonzero(inside) <= 1  # at the very end Ruckig says the last acceleration
 
 

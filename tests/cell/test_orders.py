@@ -138,7 +138,9 @@ def test_what_has_other_joints_is_refused(takes: str, wam: Arm, *, plain: bool) 
 
     def made(names: tuple[str, ...], row: Array) -> bytes:
         return (
-            messages.array(row) if plain else messages.trajectory(1.0, names, np.tile(row, (4, 1)))
+            messages.array_message(row)
+            if plain
+            else messages.trajectory(1.0, names, np.tile(row, (4, 1)))
         )
 
     assert of.read(made(of.names, np.ones(n)), 0.0) is not None

@@ -12,7 +12,7 @@ from support import thorough
 
 from mitt.cell.drivers import Connection
 from mitt.cell.live import Mode
-from mitt.cell.prepare import feed_of, map_of, prepare, scene_of_cell
+from mitt.cell.prepare import cell_map, feed_of, prepare, scene_of_cell
 from mitt.cell.robot import Robot
 from mitt.cell.session import loop_of
 from mitt.cell.simulated import SimulatedCell
@@ -111,7 +111,7 @@ def test_a_ball_is_caught_over_dds(takes: str, monkeypatch: pytest.MonkeyPatch) 
     )
     robot = WaitsForCommands(inner, simulated, port)
     connection = Connection(robot, None, clock=lambda: simulated.t)
-    loop = loop_of(prepared, map_of(prepared), connection)
+    loop = loop_of(prepared, cell_map(prepared), connection)
     soon(lambda: not loop.healthy())
     assert loop.healthy() == ""
     loop.begin()

@@ -22,7 +22,7 @@ from mitt.files.cell import Cell, read_cell
 
 try:
     from mitt.cell import dds
-    from mitt.cell.ros2 import Joints, Ros2Robot, options_of
+    from mitt.cell.ros2 import Joints, Ros2Robot, ros2_options
 except InputError:
     pytest.skip("no Cyclone DDS", allow_module_level=True)
 
@@ -71,8 +71,8 @@ def line_of(call: Callable[[], object]) -> str:
 def joints_said(cell: Cell, *told: Sequence[str], angle: float = 0.0) -> str:
     """Return what is wrong with joints that are told of in messages, each of so many names."""
     joints, orders = (
-        Joints(cell, ARM, options_of(cell)["others"]),
-        Orders(cell, ARM, options_of(cell)),
+        Joints(cell, ARM, ros2_options(cell)["others"]),
+        Orders(cell, ARM, ros2_options(cell)),
     )
 
     def taken() -> str:
@@ -97,9 +97,9 @@ def source_of(cell: Cell, **given: Any) -> Cell:  # noqa: ANN401
 def joined(cell: Cell) -> str:
     """Return what a driver says that waits at a cell of which only ``/there/...`` is there."""
     node, robot, q = dds.Node(), Ros2Robot(cell, ARM), np.zeros(3)
-    state = node.publish(options_of(cell)["state"], dds.JointState, "sensor")
+    state = node.publish(ros2_options(cell)["state"], dds.JointState, "sensor")
     kept = [
-        node.subscribe(options_of(cell)["command"], dds.JointTrajectory, "command"),
+        node.subscribe(ros2_options(cell)["command"], dds.JointTrajectory, "command"),
         node.subscribe("/there/brake", dds.Bool, "command"),
         node.subscribe("/there/hand/commands", dds.MultiArray, "command"),
         node.publish("/there/ball", dds.PointStamped, "sensor"),

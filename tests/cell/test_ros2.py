@@ -250,7 +250,7 @@ def test_arrays_reach_the_simulated_cell(takes: str) -> None:
     assert np.array_equal(told.joints[row], rows[row])
     assert np.isnan(told.joints[[k for k in range(4) if k != row]]).all()
     assert told.hand == 0.5
-    robot._commands().send(messages.array(np.zeros(2)))
+    robot._commands().send(messages.array_message(np.zeros(2)))
     time.sleep(0.2)
     assert other.command() is None
 
@@ -304,7 +304,7 @@ def test_diagnostics_of_others_neither_stop_nor_delay_the_arm(
     for _ in range(1999):
         crowd.byte(0).string("others").string("m").string("").uint32(0)
     crowd.byte(2).string("robot").string("in a crowd").string("").uint32(0)
-    broken = [long, good[:30], good[:20] + b"robot\0", b"", b"\0", messages.text("robot")]
+    broken = [long, good[:30], good[:20] + b"robot\0", b"", b"\0", messages.string_message("robot")]
     robot._diagnostics = Heard([*broken, crowd.done(), *broken, good])  # type: ignore[assignment]
     steps, walk = 0, messages.search_diagnostics
 

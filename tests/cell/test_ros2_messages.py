@@ -75,15 +75,17 @@ def test_points_and_poses(frame: str) -> None:
 def test_the_others() -> None:
     """Arrays, flags, texts, diagnostics."""
     layout = dds.Layout([dds.Dimension("tau", 2, 2)], 0)
-    assert m.array(np.array([1.0, 2.0])) == theirs(dds.MultiArray(dds.Layout([], 0), [1.0, 2.0]))
+    assert m.array_message(np.array([1.0, 2.0])) == theirs(
+        dds.MultiArray(dds.Layout([], 0), [1.0, 2.0])
+    )
     assert m.read_array(theirs(dds.MultiArray(layout, [1.0, 2.0])))[1].tolist() == [1.0, 2.0]
     layout = dds.Layout([dds.Dimension("1.5", 2, 2)], 0)
-    labelled = m.array(np.array([1.0, 2.0]), 1.5)
+    labelled = m.array_message(np.array([1.0, 2.0]), 1.5)
     assert labelled == theirs(dds.MultiArray(layout, [1.0, 2.0]))
     assert m.read_array(labelled)[0] == 1.5
     assert [m.read_flag(theirs(dds.Bool(x))) for x in (True, False)] == [True, False]
-    assert m.flag(True) == theirs(dds.Bool(True))
-    assert m.read_text(m.text("é")) == "é"
+    assert m.bool_message(True) == theirs(dds.Bool(True))
+    assert m.read_string(m.string_message("é")) == "é"
     entries = [
         dds.Status(2, "robot", "stop", "", [dds.KeyValue("a", "b")]),
         dds.Status(0, "other", "", "x", []),
@@ -125,10 +127,10 @@ VALID: tuple[tuple[Any, bytes, Callable[[Any], bytes]], ...] = (
         m.trajectory(1.5, ("a", "bc"), np.ones((4, 2))),
         lambda x: m.trajectory(*x),
     ),
-    (m.read_array, m.array(np.arange(3.0), 1.5), lambda x: m.array(x[1], x[0])),
+    (m.read_array, m.array_message(np.arange(3.0), 1.5), lambda x: m.array_message(x[1], x[0])),
     (m.read_point, m.pose(1.5, "map", np.ones(3)), lambda x: m.point(*x)),
-    (m.read_flag, m.flag(True), m.flag),
-    (m.read_text, m.text("robot"), m.text),
+    (m.read_flag, m.bool_message(True), m.bool_message),
+    (m.read_string, m.string_message("robot"), m.string_message),
     (
         lambda raw: searched(raw, "robot"),
         m.diagnostics(1.5, "robot", 2, "stop"),

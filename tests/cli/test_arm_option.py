@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from arm.test_load import urdf
 
-from mitt.cli.catching import prepare
+from mitt.cli.catching import prepare_run
 from mitt.cli.main import main
 from mitt.cli.options import CatchOptions
 from mitt.cli.screen import warn
@@ -39,16 +39,16 @@ def path(tmp_path: Path) -> Path:
 def test_catch_takes_arm_map_and_throws_from_the_file(path: Path, tmp_path: Path) -> None:
     """Ranges of speed and the width of the box are those that the file says."""
     out = tmp_path / "run"
-    prepared = prepare(CatchOptions(arm=str(path), out=out))
+    prepared = prepare_run(CatchOptions(arm=str(path), out=out))
     assert prepared.arm.limits.name == "wam-80v"
     assert prepared.arm.q_ready.tolist() == [0.1, 0.8, 0.1]
     assert (prepared.design.q_catch, prepared.design.inward) == (1.1, 0.5)
     assert prepared.source.ranges is not None
     assert prepared.source.ranges.speed == (4.0, 4.5)
-    plain = prepare(CatchOptions(out=out)).source.aim
+    plain = prepare_run(CatchOptions(out=out)).source.aim
     aim = prepared.source.aim
     assert (aim.q_high - aim.q_low)[0] == pytest.approx(0.5 * (plain.q_high - plain.q_low)[0])
-    other = prepare(CatchOptions(arm=str(path), out=out, limits="paper", q_catch=1.3))
+    other = prepare_run(CatchOptions(arm=str(path), out=out, limits="paper", q_catch=1.3))
     assert other.arm.limits.name == "paper"
     assert (other.design.q_catch, other.design.inward) == (1.3, 0.5)
 
@@ -70,13 +70,13 @@ def test_an_arm_without_a_hand_catches_nothing(path: Path, tmp_path: Path) -> No
     text = TEXT.replace('name = "wam"', named).replace('limits = "wam-80v"', "")
     path.write_text(text.replace("[map]", '[hand]\nname = "none"\n[map]'))
     with pytest.raises(InputError, match="an arm with a hand"):
-        prepare(CatchOptions(arm=str(path), out=tmp_path / "run"))
+        prepare_run(CatchOptions(arm=str(path), out=tmp_path / "run"))
     path.write_text(TEXT.replace("[map]", '[hand]\nname = "none"\n[map]'))
     with pytest.raises(MittError, match="a hand on an arm by name"):
-        prepare(CatchOptions(arm=str(path), out=tmp_path / "run"))
+        prepare_run(CatchOptions(arm=str(path), out=tmp_path / "run"))
     path.write_text(TEXT)
     with pytest.raises(InputError, match="nothing beside an arm file"):
-        prepare(CatchOptions(arm=str(path), tip="x", out=tmp_path / "run"))
+        prepare_run(CatchOptions(arm=str(path), tip="x", out=tmp_path / "run"))
 
 
 def test_warnings_leave_json_alone(capsys: pytest.CaptureFixture[str]) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mitt.bench import measure as bench
-from mitt.bench.problem import judged, learning_problem, solve
+from mitt.bench.problem import judged_anew, learning_problem, solve_problem
 from mitt.cli.main import main
 from mitt.map.learn import Learned
 from mitt.trials.source import source_of
@@ -95,10 +95,12 @@ def test_a_library_that_is_missing_is_said_and_left_out(
 def test_the_learning_problem_is_solved_within_its_bound(taught: Learned) -> None:
     """Rows bind at the optimum, and no small step within them lowers the cost."""
     problem = learning_problem(taught.map.arm, flights=4, seed=2)
-    answer = solve(problem)
+    answer = solve_problem(problem)
     assert answer.good
     assert answer.worst == pytest.approx(1.0, abs=1e-5)
     rng = np.random.default_rng(3)
     for _ in range(50):
-        near = judged(problem, answer.alpha + 1e-4 * rng.standard_normal(problem.size), good=True)
+        near = judged_anew(
+            problem, answer.alpha + 1e-4 * rng.standard_normal(problem.size), good=True
+        )
         assert near.worst > 1.0 or near.cost > answer.cost - 1e-7

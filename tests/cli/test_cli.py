@@ -501,7 +501,7 @@ def test_a_fault_of_ours_is_one_line_with_status_1(
         raise ZeroDivisionError("two\nlines")
 
     monkeypatch.delenv("MITT_TRACEBACK", raising=False)
-    monkeypatch.setattr("mitt.cli.catching.prepare", break_down)
+    monkeypatch.setattr("mitt.cli.catching.prepare_run", break_down)
     status, out, err = call("catch")
     assert (status, out) == (1, "")
     line = one_line(err)

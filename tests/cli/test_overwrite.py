@@ -13,7 +13,7 @@ from recorded_trials import CASES, recorded
 from small_study import Here
 from throws_on_film import calibrated
 
-from mitt.cli.catching import prepare
+from mitt.cli.catching import prepare_run
 from mitt.cli.main import main
 from mitt.cli.options import COMMANDS, CatchOptions
 from mitt.files.maps import save_map
@@ -330,7 +330,7 @@ def test_a_generator_of_any_name_stays_below_runs(
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("mitt.cli.catching.check_generator", lambda _: None)
     for name in ("../../up", "/etc/up", "a/b"):
-        out = prepare(CatchOptions(generator=name, throws=1)).out
+        out = prepare_run(CatchOptions(generator=name, throws=1)).out
         assert out.parent == Path("runs")
         assert out.name == file_name(f"0-{name}")
 

@@ -14,7 +14,7 @@ import pytest
 from local_cell import LocalCell
 
 from mitt.cell.live import Mode
-from mitt.cell.prepare import map_of, prepare
+from mitt.cell.prepare import cell_map, prepare
 from mitt.cell.session import STATES, Person, Session, made_ready
 from mitt.cli.cells import _in_words, _show_session, recording
 from mitt.cli.main import main
@@ -114,7 +114,7 @@ def test_a_recording_whose_writer_has_died_is_told_at_once(tmp_path: Path) -> No
 def test_a_second_run_leaves_the_recording_that_a_first_one_writes(tmp_path: Path) -> None:
     """With --overwrite too: the folder is locked until the file is written to its end."""
     prepared, out = prepare(read_cell("wam-sim")), tmp_path / "out"
-    f = map_of(prepared)
+    f = cell_map(prepared)
     with recording(prepared, f, RunOptions(cell="wam-sim", out=out)) as first:
         assert first is not None
         before = first.path.stat().st_ino

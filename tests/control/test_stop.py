@@ -29,10 +29,10 @@ from mitt.control.stop import (
     lay,
     mass_work,
     plan_brake,
-    scratch_of,
+    stop_scratch,
 )
+from mitt.control.stop import largest_torque_share as share_of
 from mitt.control.stop import short_of_room as is_short
-from mitt.control.stop import torque_share as share_of
 from mitt.control.viability import BLOCKED, PASSED
 from mitt.signals import TICK, Array
 
@@ -78,7 +78,7 @@ def short_of_room(arm: Arm, motion: Array) -> bool:
 def test_a_stop_in_closed_form_is_ruckigs(arm: Arm, seed: int) -> None:
     """Q, dq and ddq agree at all instants at which the torque is looked at, and at rest."""
     motion, rate = any_state(seed)
-    w, theirs = scratch_of(arm), ruckigs(motion, rate)
+    w, theirs = stop_scratch(arm), ruckigs(motion, rate)
     w.rate[:] = rate
     lay(motion, w)
     for i in range(INSTANTS):
@@ -108,7 +108,7 @@ def test_the_pieces_of_a_brake_are_ruckigs(arm: Arm, seed: int) -> None:
 def test_the_hardest_stop_leaves_no_room(arm: Arm, seed: int, others: float, urgent: int) -> None:
     """It keeps the share of torque, and one that is a step of the search harder does not."""
     motion, _ = any_state(seed)
-    rate, w = arm.tau_max / np.diag(arm.mass_matrix(motion[0])), scratch_of(arm)
+    rate, w = arm.tau_max / np.diag(arm.mass_matrix(motion[0])), stop_scratch(arm)
     share = hardest(arm.tables, motion, rate, urgent, others, w)
     found = w.rate[urgent] / rate[urgent]
     if found > 0.2 + EXACT:

@@ -13,8 +13,8 @@ from mitt.design.arm_design import Design, design
 from mitt.design.driven_arm import whole_arm
 from mitt.design.evaluation import Evaluation
 from mitt.design.search import RATE, Effort, search_of
-from mitt.design.search_jobs import Answers, Evaluator, Job
-from mitt.design.task import Balls, Task
+from mitt.design.search_jobs import Answers, Evaluator, SearchJob
+from mitt.design.task import Balls, DesignTask
 from mitt.world.scene import read_scene
 
 #: A search that is over in seconds.
@@ -59,22 +59,22 @@ def whole() -> Arm:
 
 
 @pytest.fixture(scope="session")
-def task() -> Task:
-    return Task(balls=Balls(), scene=read_scene("lab"), seed=3)
+def task() -> DesignTask:
+    return DesignTask(balls=Balls(), scene=read_scene("lab"), seed=3)
 
 
 @pytest.fixture(scope="session")
 def searched(
-    whole: Arm, task: Task, tmp_path_factory: pytest.TempPathFactory
-) -> tuple[Design, list[tuple[str, Job]]]:
+    whole: Arm, task: DesignTask, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Design, list[tuple[str, SearchJob]]]:
     """The search, and what it asked of candidates in which stage.
 
     Processes that test side by side search once: the second finds the answers of the first.
     """
-    folder, asked = folder_of_all(tmp_path_factory), list[tuple[str, Job]]()
+    folder, asked = folder_of_all(tmp_path_factory), list[tuple[str, SearchJob]]()
     inner = Evaluator._worth
 
-    def noted(self: Evaluator, name: str, jobs: Sequence[Job]) -> list[Evaluation]:
+    def noted(self: Evaluator, name: str, jobs: Sequence[SearchJob]) -> list[Evaluation]:
         asked.extend((name, job) for job in jobs)
         return inner(self, name, jobs)
 
@@ -96,5 +96,5 @@ def answered(found: Design, tmp_path_factory: pytest.TempPathFactory) -> list[by
 
 
 @pytest.fixture(scope="session")
-def found(searched: tuple[Design, list[tuple[str, Job]]]) -> Design:
+def found(searched: tuple[Design, list[tuple[str, SearchJob]]]) -> Design:
     return searched[0]

@@ -9,7 +9,7 @@ from design.conftest import TINY
 from mitt.arm.arm import Arm
 from mitt.design import arm_design as module
 from mitt.design.arm_design import Design, Region, region_of
-from mitt.design.task import Task
+from mitt.design.task import DesignTask
 from mitt.report.design_page import region_plot
 from mitt.world.throws import fly
 
@@ -46,7 +46,7 @@ def test_a_limit_is_named_where_a_ball_is_not_caught_and_nowhere_else(region: Re
 
 
 def test_a_weaker_arm_catches_fewer_balls_for_want_of_torque(
-    region: Region, found: Design, whole: Arm, task: Task
+    region: Region, found: Design, whole: Arm, task: DesignTask
 ) -> None:
     assert found.best is not None
     weak = Arm(whole.model, replace(whole.limits, tau_peak=0.35 * whole.limits.tau_peak))
@@ -57,7 +57,7 @@ def test_a_weaker_arm_catches_fewer_balls_for_want_of_torque(
 
 
 @pytest.mark.parametrize("faster", [-1.0, 0.0, 1.0])
-def test_a_ball_passes_the_point_that_is_meant(task: Task, faster: float) -> None:
+def test_a_ball_passes_the_point_that_is_meant(task: DesignTask, faster: float) -> None:
     """It does so with the velocity of the task, half a second after its release."""
     point = np.array([0.7, 0.2, 0.1])
     ball = module._through(point, task, faster)

@@ -9,12 +9,12 @@ from mitt.arm.arm import Arm
 from mitt.catcher.settings import CatcherSettings
 from mitt.design.evaluation import balls_of as thrown
 from mitt.design.evaluation import verdicts
-from mitt.design.task import Balls, Task
+from mitt.design.task import Balls, DesignTask
 from mitt.map.learn import Flight, Learned, learn_from
 from mitt.map.map_design import MapDesign, catch_place
 from mitt.map.mapping import unlearned
 from mitt.signals import GRAVITY, BallState
-from mitt.world.flights import Recording
+from mitt.world.flights import RecordedFlight
 from mitt.world.scene import read_scene
 from mitt.world.throws import Throw, fly
 
@@ -83,7 +83,7 @@ def test_throws_of_a_user_are_judged_once_each(learned: Learned) -> None:
     throws = tuple(
         Throw(r=np.array([3.0, 0.1 * k, 0.3]), dr=np.array([-5.5, 0.0, 2.0])) for k in range(5)
     )
-    task = Task(balls=Balls(), scene=read_scene("lab"), throws=throws)
+    task = DesignTask(balls=Balls(), scene=read_scene("lab"), throws=throws)
     balls = thrown(learned.map, task, count=30, seed=1)
     assert [ball.r_o[1] for ball in balls] == [0.1 * k for k in range(5)]
     assert balls[0].r_o[0] == pytest.approx(3.0 - 0.05 * 5.5, abs=0.01)
@@ -95,8 +95,8 @@ def test_a_recorded_ball_that_bounces_comes_to_the_catch_point(learned: Learned)
     fall, rise = 1.0 - 0.5 * GRAVITY * t**2, 0.7 * GRAVITY * 0.4 * (t - 0.4)
     up = 1.0 - 0.5 * GRAVITY * 0.16 + rise - 0.5 * GRAVITY * (t - 0.4) ** 2
     r = np.stack([3.0 - 4.0 * t, 0.0 * t, np.where(t < 0.4, fall, up)], axis=1)
-    bounced = Recording(name="bounced", t=t, r=r)
-    task = Task(balls=Balls(), scene=read_scene("lab"), recordings=(bounced,))
+    bounced = RecordedFlight(name="bounced", t=t, r=r)
+    task = DesignTask(balls=Balls(), scene=read_scene("lab"), recordings=(bounced,))
     (ball,) = thrown(learned.map, task, count=30, seed=1)
     there = fly(ball.r_o, ball.dr_o, drag=ball.drag, duration=0.4)[0]
     assert np.linalg.norm(there - catch_place(learned.map.arm)) < 0.1

@@ -9,8 +9,8 @@ from mitt.arm.arm import Arm
 from mitt.arm.hands import HandModel
 from mitt.design import geometry
 from mitt.design.driven_arm import whole_arm
-from mitt.design.geometry import Rows, candidates_of, drawn, triples_of
-from mitt.design.interception import ASKED_SHARE, virtual
+from mitt.design.geometry import CandidateRows, candidates_of, drawn, triples_of
+from mitt.design.interception import ASKED_SHARE, virtual_jacobian
 from mitt.design.poses import Touch, poses_of
 from mitt.design.task import Balls
 from mitt.map.mapping import unlearned
@@ -27,7 +27,7 @@ def whole() -> Arm:
 
 
 @pytest.fixture(scope="module")
-def rows(whole: Arm) -> Rows:
+def rows(whole: Arm) -> CandidateRows:
     touch, rng = Touch(whole, read_scene("ideal")), np.random.default_rng(12)
     found = drawn(whole, Balls(), triples_of(whole, None), rng, count=3000, touch=touch)
     assert len(found.q) > 200
@@ -38,13 +38,13 @@ def _v() -> Array:
     return np.array([Balls().velocity(*x) for x in ((0.0, 0.0, 0.0), (1.0, 0.0, -1.0))])
 
 
-def _weighed(rows: Rows, weight: float) -> Rows:
+def _weighed(rows: CandidateRows, weight: float) -> CandidateRows:
     return rows._replace(weight=np.full(len(rows.q), weight))
 
 
-def test_a_line_lets_the_ball_in_along_itself(whole: Arm, rows: Rows) -> None:
+def test_a_line_lets_the_ball_in_along_itself(whole: Arm, rows: CandidateRows) -> None:
     poses, v = poses_of(whole.model, rows.q), _v()
-    J, w = virtual(poses, rows.A)
+    J, w = virtual_jacobian(poses, rows.A)
     T = rows.kappa[:, None] * J[:, 2] + rows.inward[:, None] * np.cross(w, J[:, 2])
     met = geometry._meeting(whole, _weighed(rows, 0.0), poses, v)
     ds = np.einsum("kbn,bn->kb", met.dq, _catch_row(rows, whole.n))
@@ -52,7 +52,9 @@ def test_a_line_lets_the_ball_in_along_itself(whole: Arm, rows: Rows) -> None:
     np.testing.assert_allclose(met.relative, ds[:, :, None] * (T - J[:, 2]), atol=1e-6)
 
 
-def test_first_order_terms_meet_balls_no_harder_and_within_speeds(whole: Arm, rows: Rows) -> None:
+def test_first_order_terms_meet_balls_no_harder_and_within_speeds(
+    whole: Arm, rows: CandidateRows
+) -> None:
     poses, v = poses_of(whole.model, rows.q), _v()
     plain = geometry._meeting(whole, _weighed(rows, 0.0), poses, v)
     better = geometry._meeting(whole, _weighed(rows, 1.0), poses, v)
@@ -65,16 +67,17 @@ def test_first_order_terms_meet_balls_no_harder_and_within_speeds(whole: Arm, ro
     assert np.all(share[slow] <= ASKED_SHARE + _ROUNDED)
 
 
-def test_scores_fall_where_the_match_is_weighed(whole: Arm, rows: Rows) -> None:
+def test_scores_fall_where_the_match_is_weighed(whole: Arm, rows: CandidateRows) -> None:
     touch = Touch(whole, read_scene("ideal"))
     plain, better = (
-        geometry.spread(whole, Balls(), _weighed(rows, x), touch).score for x in (0.0, 1.0)
+        geometry.score_candidates(whole, Balls(), _weighed(rows, x), touch).score
+        for x in (0.0, 1.0)
     )
     assert len(better) > len(plain) > 0
     assert np.median(better) < np.median(plain)
 
 
-def test_the_domain_is_that_of_the_map(whole: Arm, rows: Rows) -> None:
+def test_the_domain_is_that_of_the_map(whole: Arm, rows: CandidateRows) -> None:
     few = rows.take(np.arange(0, len(rows.q), len(rows.q) // 40))
     share = geometry.share_inside(whole, Balls(), few)
     assert 0.1 < share.mean() < 0.9
@@ -86,13 +89,13 @@ def test_the_domain_is_that_of_the_map(whole: Arm, rows: Rows) -> None:
         assert share[k] == pytest.approx(np.mean(inside))
 
 
-def _catch_row(rows: Rows, n: int) -> Array:
+def _catch_row(rows: CandidateRows, n: int) -> Array:
     return np.eye(n)[rows.free[:, 2]]
 
 
-def _others(rows: Rows, dq: Array) -> Array:
+def _others(rows: CandidateRows, dq: Array) -> Array:
     return np.take_along_axis(dq, np.broadcast_to(rows.free[None, :, :2], (*dq.shape[:2], 2)), 2)
 
 
-def _slope(rows: Rows) -> Array:
+def _slope(rows: CandidateRows) -> Array:
     return rows.A[np.arange(len(rows.q)), rows.free[:, 2], :2]

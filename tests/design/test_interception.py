@@ -12,17 +12,25 @@ from mitt.arm.arm import Arm
 from mitt.arm.hands import HandModel
 from mitt.design.candidate import Candidate, mutated
 from mitt.design.driven_arm import whole_arm
-from mitt.design.geometry import Rows, best_of, candidates_of, drawn, improved, spread, triples_of
+from mitt.design.geometry import (
+    CandidateRows,
+    best_of,
+    candidates_of,
+    drawn,
+    improved,
+    score_candidates,
+    triples_of,
+)
 from mitt.design.interception import (
     alone,
-    bounded,
+    bounded_speeds,
     least_relative_velocity,
     line_rates,
     slope_of,
     sloped,
 )
 from mitt.design.poses import Touch, poses_of
-from mitt.design.task import Balls, Task
+from mitt.design.task import Balls, DesignTask
 from mitt.errors import MittError
 from mitt.map.mapping import coordinates, unlearned
 from mitt.map.tangent import to_go
@@ -41,7 +49,7 @@ def whole() -> Arm:
 
 
 @pytest.fixture(scope="module")
-def rows(whole: Arm) -> Rows:
+def rows(whole: Arm) -> CandidateRows:
     rng = np.random.default_rng(11)
     found = drawn(
         whole,
@@ -98,7 +106,7 @@ def test_bounded_speeds_are_the_least_squares_of_a_solver() -> None:
     high[:, 4] = 0.0  # a joint that is held
     low = -high
     low[3, 0] = 0.05  # a speed that has to be asked
-    dq = bounded(J, v, low, high)
+    dq = bounded_speeds(J, v, low, high)
     assert np.all((dq >= low) & (dq <= high))
     for k in range(20):
         ends = low[k] - 1e-12, high[k] + 1e-12
@@ -106,7 +114,7 @@ def test_bounded_speeds_are_the_least_squares_of_a_solver() -> None:
         assert 0.5 * np.sum((v[k] - J[k].T @ dq[k]) ** 2) <= best + 1e-4
 
 
-def test_joint_speeds_are_those_of_the_map_at_its_catch(whole: Arm, rows: Rows) -> None:
+def test_joint_speeds_are_those_of_the_map_at_its_catch(whole: Arm, rows: CandidateRows) -> None:
     few = rows.take(np.arange(0, len(rows.q), len(rows.q) // 30))
     candidates = candidates_of(whole, Balls(), few, np.random.default_rng(1))
     for k, c in enumerate(candidates):
@@ -124,7 +132,7 @@ def test_joint_speeds_are_those_of_the_map_at_its_catch(whole: Arm, rows: Rows) 
         np.testing.assert_allclose(virtual[1], every, rtol=1e-5, atol=1e-6)
 
 
-def test_candidates_stand_where_they_say(whole: Arm, rows: Rows) -> None:
+def test_candidates_stand_where_they_say(whole: Arm, rows: CandidateRows) -> None:
     for c in _candidates(whole, rows):
         arm = c.arm(whole)
         np.testing.assert_allclose(arm.position(c.q_catch), c.aim[0], atol=1e-9)
@@ -132,7 +140,7 @@ def test_candidates_stand_where_they_say(whole: Arm, rows: Rows) -> None:
         assert np.all((c.q_ready > arm.q_min) & (c.q_ready < arm.q_max))
 
 
-def test_rows_are_drawn_within_speeds_and_above_the_floor(whole: Arm, rows: Rows) -> None:
+def test_rows_are_drawn_within_speeds_and_above_the_floor(whole: Arm, rows: CandidateRows) -> None:
     speeds = np.einsum("bka,ba->bk", rows.A, rows.x)
     assert np.all(np.abs(speeds) <= 0.9 * whole.dq_max + _ROUNDED)
     assert set(rows.moving.tolist()) == {3, 4}
@@ -143,8 +151,8 @@ def test_rows_are_drawn_within_speeds_and_above_the_floor(whole: Arm, rows: Rows
     assert np.all(relative <= np.linalg.norm(Balls().velocity()) + _ROUNDED)
 
 
-def test_balls_all_over_the_box_leave_some_candidates(whole: Arm, rows: Rows) -> None:
-    left = spread(whole, Balls(), rows, Touch(whole, read_scene("ideal")))
+def test_balls_all_over_the_box_leave_some_candidates(whole: Arm, rows: CandidateRows) -> None:
+    left = score_candidates(whole, Balls(), rows, Touch(whole, read_scene("ideal")))
     assert 0 < len(left.q) < len(rows.q)
     best = best_of(left, count=10, each=4)
     assert len(best.q) <= 10
@@ -172,7 +180,7 @@ def test_an_aim_that_is_given_is_on_the_way_of_the_ball(whole: Arm) -> None:
     assert set(found.free.ravel().tolist()) == {0, 1, 3}
 
 
-def _candidates(whole: Arm, rows: Rows) -> list[Candidate]:
+def _candidates(whole: Arm, rows: CandidateRows) -> list[Candidate]:
     return candidates_of(whole, Balls(), rows.take(np.arange(20)), np.random.default_rng(1))
 
 
@@ -196,7 +204,7 @@ def test_a_slope_changes_the_virtual_joints_and_not_what_they_span(seed: int) ->
         assert np.allclose(before @ answer[0], after)
 
 
-def test_candidates_wait_and_catch_in_poses_of_their_own_map(whole: Arm, task: Task) -> None:
+def test_candidates_wait_and_catch_in_poses_of_their_own_map(whole: Arm, task: DesignTask) -> None:
     """Drawn, improved or changed: the nominal catch lies where q_i = q_alpha, sloped or not."""
     rng, touch = np.random.default_rng(4), Touch(whole, task.scene)
     rows = drawn(whole, Balls(), triples_of(whole, None), rng, count=4000, touch=touch)

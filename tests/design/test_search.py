@@ -24,7 +24,7 @@ from mitt.design.arm_design import (
     Design,
     Fastest,
     design,
-    rate_of,
+    rate_in_words,
     release_speed,
     softer,
     task_at,
@@ -37,15 +37,15 @@ from mitt.design.evaluation import (
     Evaluation,
     Verdicts,
     cause_of,
-    learned,
+    learned_map,
     thrown,
     trials_of,
 )
 from mitt.design.geometry import drawn, triples_of
 from mitt.design.poses import Touch
 from mitt.design.search import EFFORTS, best_by_price, effort_of, ranked, search, surely
-from mitt.design.search_jobs import Asked, Evaluator, Job, Procedure
-from mitt.design.task import BOX, FAR, REPORTED, Balls, Task, shifted
+from mitt.design.search_jobs import Asked, Evaluator, Procedure, SearchJob
+from mitt.design.task import BOX, FAR, REPORTED, Balls, DesignTask, shifted
 from mitt.errors import InputError
 from mitt.files.arm_file import ArmFile, design_of, hand_of, load_arm, read_arm_file, write_arm_file
 from mitt.map.mapping import unlearned
@@ -125,19 +125,19 @@ def test_the_design_of_a_file_is_the_candidate_that_it_came_from(name: str) -> N
 
 @pytest.mark.parametrize("best", [1.0, 0.0])
 def test_a_design_is_refined_by_throws_in_images_and_never_made_worse(
-    found: Design, whole: Arm, task: Task, monkeypatch: pytest.MonkeyPatch, best: float
+    found: Design, whole: Arm, task: DesignTask, monkeypatch: pytest.MonkeyPatch, best: float
 ) -> None:
     """Where the share that is caught falls with the distance from some ready pose of joint 1.
 
     It is that of the design itself, or one that is 0.3 rad off.
     """
     assert found.best is not None
-    start, asked = found.best.candidate, list[tuple[str, Job]]()
+    start, asked = found.best.candidate, list[tuple[str, SearchJob]]()
 
     def share(c: Candidate) -> float:
         return float(1.0 / (1.0 + abs(c.ready[0] - start.ready[0] - 0.3 * best)))
 
-    def worth(_: Evaluator, name: str, jobs: list[Job]) -> list[Evaluation]:
+    def worth(_: Evaluator, name: str, jobs: list[SearchJob]) -> list[Evaluation]:
         asked.extend((name, job) for job in jobs)
         return [
             Evaluation(
@@ -172,11 +172,11 @@ def test_an_arm_without_a_design_cannot_be_refined(
 
 
 def test_throws_are_aimed_where_the_design_wants_them(
-    found: Design, whole: Arm, task: Task
+    found: Design, whole: Arm, task: DesignTask
 ) -> None:
     best = found.best
     assert best is not None
-    f = learned(whole, best.candidate, task)
+    f = learned_map(whole, best.candidate, task)
     assert f is not None
     trials = trials_of(f, task, throws=2, seed=70)
     assert [trial.index for trial in trials] == [0, 1]
@@ -201,7 +201,7 @@ def test_small_changes_stay_in_the_ranges_and_keep_the_aim_near_the_hand(
 
 
 @pytest.mark.parametrize("speed", [2.0, 3.0, 5.0, 6.05, 9.0])
-def test_throws_of_one_speed_leave_and_arrive_as_is_said(task: Task, speed: float) -> None:
+def test_throws_of_one_speed_leave_and_arrive_as_is_said(task: DesignTask, speed: float) -> None:
     at = task_at(task, speed)
     assert at.ranges is not None
     assert release_speed(at) == pytest.approx(speed)
@@ -231,7 +231,7 @@ def test_slow_throws_go_with_the_height_of_the_aim(found: Design, whole: Arm) ->
 
 
 def test_a_map_is_learned_on_the_balls_that_are_thrown(
-    found: Design, whole: Arm, task: Task
+    found: Design, whole: Arm, task: DesignTask
 ) -> None:
     assert found.best is not None
     c, at = found.best.candidate, task_at(task, 4.0)
@@ -270,7 +270,7 @@ def test_bad_input_is_one_line(
 
 def test_an_arm_that_cannot_is_told_so_and_no_file_is_written(
     whole: Arm,
-    task: Task,
+    task: DesignTask,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
@@ -397,7 +397,7 @@ def test_an_arm_file_of_another_description_or_without_a_hand_is_refused(
 
 
 def test_what_is_reported_was_thrown_with_seeds_that_no_search_uses(
-    searched: tuple[Design, list[tuple[str, Job]]],
+    searched: tuple[Design, list[tuple[str, SearchJob]]],
 ) -> None:
     found, asked = searched
     names = [name for name, _ in asked]
@@ -416,7 +416,7 @@ def test_what_is_reported_was_thrown_with_seeds_that_no_search_uses(
 
 
 def test_a_share_is_told_with_its_interval(found: Design) -> None:
-    assert rate_of(60, 60) == "60 of 60 (95 % interval 94.0 to 100.0 %)"
+    assert rate_in_words(60, 60) == "60 of 60 (95 % interval 94.0 to 100.0 %)"
     assert found.best is not None
     text = command._comment(found, "field")
     assert "scene field" in text
@@ -471,10 +471,12 @@ def test_of_two_maps_beyond_a_limit_the_nearer_one_counts_more() -> None:
     assert 0.0 < able(0.5, speed=3.0, angle=1.5) < able(0.5, speed=3.0, angle=0.6) < 1.0
 
 
-def test_a_map_counts_as_often_as_throws_come_to_it(found: Design, whole: Arm, task: Task) -> None:
+def test_a_map_counts_as_often_as_throws_come_to_it(
+    found: Design, whole: Arm, task: DesignTask
+) -> None:
     assert found.best is not None
     c = found.best.candidate
-    f = learned(whole, c, task)
+    f = learned_map(whole, c, task)
     assert f is not None
     worth = evaluation.judged(c, f, task)
     assert worth.able > 0.0
@@ -484,11 +486,13 @@ def test_a_map_counts_as_often_as_throws_come_to_it(found: Design, whole: Arm, t
     assert evaluation.judged(c, narrow, task).able <= worth.able
 
 
-def test_balls_too_fast_for_an_arm_count_as_lost(found: Design, whole: Arm, task: Task) -> None:
+def test_balls_too_fast_for_an_arm_count_as_lost(
+    found: Design, whole: Arm, task: DesignTask
+) -> None:
     """Balls that a map cannot follow are not drawn anew: no map looks better than it is."""
     assert found.best is not None
     c = found.best.candidate
-    f = learned(whole, c, task)
+    f = learned_map(whole, c, task)
     assert f is not None
     fast = replace(task, ranges=task_at(task, 12.0).ranges)
     assert evaluation.judged(c, f, fast).able < 0.5 * evaluation.judged(c, f, task).able
@@ -516,10 +520,10 @@ def test_balls_caught_beyond_a_limit_do_not_count(found: Design) -> None:
 
 
 def test_a_cause_is_the_limit_only_where_a_throw_was_refused_for_it(
-    found: Design, whole: Arm, task: Task
+    found: Design, whole: Arm, task: DesignTask
 ) -> None:
     assert found.best is not None
-    f = learned(whole, found.best.candidate, task)
+    f = learned_map(whole, found.best.candidate, task)
     assert f is not None
     one = trials_of(f, task, throws=1, seed=70)[0]
     dropped = replace(one, status="dropped", binding_limit="speed:j2")
@@ -537,13 +541,13 @@ def test_a_cause_is_the_limit_only_where_a_throw_was_refused_for_it(
 
 
 def test_a_design_whose_force_is_too_much_says_so_and_what_helps(
-    found: Design, whole: Arm, task: Task, monkeypatch: pytest.MonkeyPatch
+    found: Design, whole: Arm, task: DesignTask, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Caught above what hand or arm take is beyond a limit; a basket is named, if it is none."""
     assert found.best is not None
     best = found.best
     c, weak = best.candidate, Arm(whole.model, replace(whole.limits, force=20.0))
-    f = learned(whole, c, task)
+    f = learned_map(whole, c, task)
     assert f is not None
     soft = thrown(c, f, task, throws=2, seed=70)
     frail = replace(f.arm.limits, force=10.0)  # less than a finger presses with
@@ -570,7 +574,9 @@ def test_a_design_whose_force_is_too_much_says_so_and_what_helps(
     assert "slower throws" in softer(net)
 
 
-def test_an_arm_that_cannot_hold_itself_is_told_so_after_one_search(whole: Arm, task: Task) -> None:
+def test_an_arm_that_cannot_hold_itself_is_told_so_after_one_search(
+    whole: Arm, task: DesignTask
+) -> None:
     """As by a file with placeholders for torques: slower throws would need as much."""
     limits, asked = whole.limits, list[str]()
     weak = replace(limits, tau_peak=0.02 * limits.tau_peak, tau_stall=0.02 * limits.tau_stall)
@@ -586,7 +592,7 @@ def test_an_arm_that_cannot_hold_itself_is_told_so_after_one_search(whole: Arm, 
 
 
 def test_what_catches_nothing_is_not_thrown_at_again(
-    found: Design, whole: Arm, task: Task, monkeypatch: pytest.MonkeyPatch
+    found: Design, whole: Arm, task: DesignTask, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """By many throws in images; the reason is that of the few throws there were."""
     assert found.best is not None
@@ -594,7 +600,7 @@ def test_what_catches_nothing_is_not_thrown_at_again(
     none = replace(found.best, thrown=4, caught=0, clean=0, hard=0, binding="torque:j2")
     monkeypatch.setattr(search_module, "_sought", lambda *_: [c])
     monkeypatch.setattr(search_jobs, "hindrance", lambda *_: "")
-    monkeypatch.setattr(search_jobs, "learned", lambda *_: object())
+    monkeypatch.setattr(search_jobs, "learned_map", lambda *_: object())
     monkeypatch.setattr(search_jobs, "judged", lambda c, *_: replace(none, candidate=c, thrown=0))
     monkeypatch.setattr(search_jobs, "thrown", lambda c, *_, **__: replace(none, candidate=c))
     monkeypatch.setattr(arm_design, "slower", lambda *_, **__: None)
@@ -610,11 +616,11 @@ def test_what_catches_nothing_is_not_thrown_at_again(
 
 
 def test_what_was_not_thrown_at_has_no_throws_and_says_why(
-    found: Design, whole: Arm, task: Task, monkeypatch: pytest.MonkeyPatch
+    found: Design, whole: Arm, task: DesignTask, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert found.best is not None
     c, bench = found.best.candidate, Evaluator(whole, task, None, silent)
-    monkeypatch.setattr(search_jobs, "learned", lambda *_: None)
+    monkeypatch.setattr(search_jobs, "learned_map", lambda *_: None)
     row = arm_design.by_speed(bench, c, task, [5.0], throws=2)[0]
     assert (row.throws, row.feasible) == (0, 0)
     assert row.binding_limit in ("no pose", "no map")
@@ -622,7 +628,7 @@ def test_what_was_not_thrown_at_has_no_throws_and_says_why(
 
 
 def test_an_error_of_one_candidate_is_counted_and_ends_nothing(
-    found: Design, whole: Arm, task: Task, monkeypatch: pytest.MonkeyPatch
+    found: Design, whole: Arm, task: DesignTask, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert found.best is not None
     c, bench = found.best.candidate, Evaluator(whole, task, None, silent)
@@ -646,7 +652,7 @@ def _rows(*good: bool) -> list[AtSpeed]:
 
 
 def test_the_fastest_throws_are_the_last_before_the_first_failure(
-    found: Design, whole: Arm, task: Task, monkeypatch: pytest.MonkeyPatch
+    found: Design, whole: Arm, task: DesignTask, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert found.best is not None
     best, bench = found.best, Evaluator(whole, task, None, silent)
@@ -681,7 +687,7 @@ def test_the_fastest_throws_are_the_last_before_the_first_failure(
 
 
 def test_a_design_for_slower_throws_only_is_the_one_described(
-    found: Design, whole: Arm, task: Task, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    found: Design, whole: Arm, task: DesignTask, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert found.best is not None
     at = task_at(task, 3.0)
@@ -714,15 +720,15 @@ def test_a_design_for_slower_throws_only_is_the_one_described(
 
 
 def test_candidates_of_a_dead_worker_are_evaluated_by_themselves(
-    found: Design, whole: Arm, task: Task, monkeypatch: pytest.MonkeyPatch
+    found: Design, whole: Arm, task: DesignTask, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The worker of candidate 1 always dies, and takes with it what is under way."""
     assert found.best is not None
     c, windows = found.best.candidate, list[int]()
 
     def run(
-        _: object, __: object, trials: list[Job], *, window: int
-    ) -> Iterator[tuple[Job, bytes | BaseException]]:
+        _: object, __: object, trials: list[SearchJob], *, window: int
+    ) -> Iterator[tuple[SearchJob, bytes | BaseException]]:
         windows.append(window)
         bad = any(trial.number == 1 for trial in trials)
         plain = b'{"able": 0.5, "speed": 1.0}'
@@ -754,12 +760,12 @@ def test_the_effort_in_full_goes_with_the_number_of_joints() -> None:
 
 
 def test_no_more_is_tried_on_paper_than_is_learned(
-    whole: Arm, task: Task, monkeypatch: pytest.MonkeyPatch
+    whole: Arm, task: DesignTask, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The first that are sound, in their order, as if all had been tried."""
     asked = list[Candidate]()
 
-    def worth(_: Evaluator, __: str, jobs: list[Job]) -> list[Evaluation]:
+    def worth(_: Evaluator, __: str, jobs: list[SearchJob]) -> list[Evaluation]:
         asked.extend(job.candidate for job in jobs)
         why = ["", "no pose", "", ""]
         return [
@@ -780,7 +786,7 @@ def test_no_more_is_tried_on_paper_than_is_learned(
 def test_the_last_are_thrown_at_until_the_softest_that_catches_enough_is_known(
     found: Design,
     whole: Arm,
-    task: Task,
+    task: DesignTask,
     monkeypatch: pytest.MonkeyPatch,
     lost: tuple[int, ...],
     tried: int,
@@ -790,7 +796,7 @@ def test_the_last_are_thrown_at_until_the_softest_that_catches_enough_is_known(
     c, further = found.best.candidate, list[int]()
     last = [replace(c, turn=0.1 * k, match_weight=0.0) for k in (2, 0, 3, 1)]
 
-    def worth(_: Evaluator, name: str, jobs: list[Job]) -> list[Evaluation]:
+    def worth(_: Evaluator, name: str, jobs: list[SearchJob]) -> list[Evaluation]:
         out, again = [], name.startswith("confirming again")
         for job in jobs:
             rank, n = round(job.candidate.turn / 0.1), job.by.throws

@@ -22,8 +22,8 @@ from mitt.clock import Pace
 from mitt.design.arm_design import Design, best_so_far, design
 from mitt.design.evaluation import Evaluation
 from mitt.design.search import EFFORTS, RATE, SearchProgress, search_of, stages
-from mitt.design.search_jobs import Answers, Evaluator, Job, Procedure
-from mitt.design.task import Task
+from mitt.design.search_jobs import Answers, Evaluator, Procedure, SearchJob
+from mitt.design.task import DesignTask
 from mitt.errors import FileError, InputError
 from mitt.files.arm_file import load_arm
 from mitt.interrupts import Interrupted
@@ -45,7 +45,7 @@ def breaking(stage: str) -> Callable[[str, int, int], None]:
 
 @pytest.mark.slow
 def test_a_search_that_is_broken_off_again_and_again_comes_to_the_same_design(
-    found: Design, answered: list[bytes], whole: Arm, task: Task, tmp_path: Path
+    found: Design, answered: list[bytes], whole: Arm, task: DesignTask, tmp_path: Path
 ) -> None:
     """Two workers give the answers of none; a search goes on from any of them to the same."""
     search = search_of(whole, task, TINY, joints=None, rate=RATE)
@@ -83,7 +83,7 @@ def test_a_search_that_is_broken_off_again_and_again_comes_to_the_same_design(
 
 
 def test_answers_come_back_to_the_bit_and_none_for_another_question(
-    found: Design, whole: Arm, task: Task, tmp_path: Path
+    found: Design, whole: Arm, task: DesignTask, tmp_path: Path
 ) -> None:
     """Whatever numbers they have; what was lost with a worker is asked again."""
     assert found.best is not None
@@ -92,7 +92,7 @@ def test_answers_come_back_to_the_bit_and_none_for_another_question(
         found.best, able=1.0 / 3.0, speed=float("inf"), force=0.1 + 0.2, said="two\nlines"
     )
     by = Procedure(throws=4, seed=7)
-    job = Job(number=0, whole=whole, candidate=c, task=task, by=by)
+    job = SearchJob(number=0, whole=whole, candidate=c, task=task, by=by)
     others = [
         replace(job, by=replace(by, throws=5)),
         replace(job, by=replace(by, seed=8)),
@@ -137,10 +137,10 @@ def test_answers_of_another_search_are_refused_and_those_in_use(tmp_path: Path) 
     assert not path.exists()  # nothing was answered
 
 
-def test_all_that_decides_a_search_is_in_its_digest(whole: Arm, task: Task) -> None:
+def test_all_that_decides_a_search_is_in_its_digest(whole: Arm, task: DesignTask) -> None:
     def of(
         arm: Arm = whole,
-        task: Task = task,
+        task: DesignTask = task,
         effort: str = "quick",
         joints: list[str] | None = None,
         rate: float = RATE,
@@ -177,10 +177,10 @@ def test_an_interrupt_writes_the_best_so_far_and_says_how_to_go_on(
     assert found.best is not None
     out, before = tmp_path / "d.toml", list[object]()
 
-    def broken(arm: Arm, task: Task, *_: object, answers: Answers, **__: object) -> Design:
+    def broken(arm: Arm, task: DesignTask, *_: object, answers: Answers, **__: object) -> Design:
         assert found.best is not None
         before.append(answers.best)
-        job = Job(
+        job = SearchJob(
             number=0,
             whole=arm,
             candidate=found.best.candidate,
@@ -241,7 +241,7 @@ def test_what_ends_a_search_by_an_error_keeps_it_as_well(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    def broken(_: Arm, task: Task, *__: object, answers: Answers, **___: object) -> Design:
+    def broken(_: Arm, task: DesignTask, *__: object, answers: Answers, **___: object) -> Design:
         assert found.best is not None
         answers.ended(task, [found.best])
         raise InputError("workers", "processes that live", "none")
@@ -271,7 +271,7 @@ def test_an_earlier_design_outlives_a_search_without_one(
     assert main([*words, "--overwrite"]) == 0
     assert f"the earlier design in {out} stays" in capsys.readouterr().out.replace("\n", "")
 
-    def broken(_: Arm, task: Task, *__: object, answers: Answers, **___: object) -> Design:
+    def broken(_: Arm, task: DesignTask, *__: object, answers: Answers, **___: object) -> Design:
         assert found.best is not None
         answers.ended(task, [found.best])
         raise Interrupted(signal.SIGINT)
@@ -283,12 +283,14 @@ def test_an_earlier_design_outlives_a_search_without_one(
 
 
 def test_the_best_so_far_is_of_the_last_stage_that_caught_enough(
-    found: Design, whole: Arm, task: Task
+    found: Design, whole: Arm, task: DesignTask
 ) -> None:
     assert found.best is not None
     answers, first = Answers(), replace(found.best, thrown=10, caught=9, clean=9)
     assert answers.best is None
-    job = Job(number=0, whole=whole, candidate=first.candidate, task=task, by=Procedure(throws=10))
+    job = SearchJob(
+        number=0, whole=whole, candidate=first.candidate, task=task, by=Procedure(throws=10)
+    )
     told = list[str]()
     total = SearchProgress(TINY, lambda name, *_: told.append(name), answers)
     total("throwing", 0, 2)
@@ -365,7 +367,7 @@ def test_the_time_left_is_that_of_the_whole_search(
 
 
 def test_every_stage_of_a_search_is_expected(
-    searched: tuple[Design, list[tuple[str, Job]]],
+    searched: tuple[Design, list[tuple[str, SearchJob]]],
 ) -> None:
     """A stage that nobody expected would not move the bar."""
     total = SearchProgress(TINY, silent, Answers())
@@ -373,7 +375,7 @@ def test_every_stage_of_a_search_is_expected(
 
 
 def test_the_last_throws_are_seen_in_images(
-    searched: tuple[Design, list[tuple[str, Job]]],
+    searched: tuple[Design, list[tuple[str, SearchJob]]],
 ) -> None:
     """As those of ``mitt catch``; those of the stages before as points."""
     last = {"confirming", "confirming again 1 of 1", "reporting", "speeds", "fastest"}
@@ -383,12 +385,12 @@ def test_the_last_throws_are_seen_in_images(
 
 
 def test_the_evaluator_asks_for_nothing_that_is_known(
-    found: Design, whole: Arm, task: Task, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    found: Design, whole: Arm, task: DesignTask, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     assert found.best is not None
-    c, asked = found.best.candidate, list[Job]()
+    c, asked = found.best.candidate, list[SearchJob]()
 
-    def noted(job: Job) -> Evaluation:
+    def noted(job: SearchJob) -> Evaluation:
         asked.append(job)
         return Evaluation(candidate=job.candidate, able=0.5, speed=1.0 + job.number)
 

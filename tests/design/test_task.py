@@ -15,7 +15,7 @@ from mitt.design.arm_design import Design, release_speed, task_at
 from mitt.design.task import (
     REPORTED,
     Balls,
-    Task,
+    DesignTask,
     box_of,
     of_default_throws,
     of_flights,
@@ -124,7 +124,7 @@ def test_recorded_flights_arrive_as_they_are_led() -> None:
 
 
 def test_a_search_sees_other_throws_than_those_that_are_reported(
-    throws: tuple[Throw, ...], task: Task, found: Design, whole: Arm
+    throws: tuple[Throw, ...], task: DesignTask, found: Design, whole: Arm
 ) -> None:
     assert found.best is not None
     f = unlearned(found.best.candidate.arm(whole), found.best.candidate.design)
@@ -144,7 +144,7 @@ def test_a_search_sees_other_throws_than_those_that_are_reported(
 
 
 def test_an_arm_file_says_how_its_balls_arrive(
-    found: Design, task: Task, throws: tuple[Throw, ...], tmp_path: Path
+    found: Design, task: DesignTask, throws: tuple[Throw, ...], tmp_path: Path
 ) -> None:
     """A map is then learned on such balls, whatever command learns it."""
     box = box_of(throws, NOMINAL_DRAG, None, 0.75)
@@ -215,7 +215,7 @@ def test_what_is_kept_for_the_report_decides_nothing(
     _same_but_for_what_is_kept(found, tasks)
 
 
-def _same_but_for_what_is_kept(found: Design, tasks: list[Task]) -> None:
+def _same_but_for_what_is_kept(found: Design, tasks: list[DesignTask]) -> None:
     """Hold two tasks to the same decisions, and to different throws for the report."""
     one, two = tasks
     assert to_plain(one.balls) == to_plain(two.balls)

@@ -10,7 +10,7 @@ from mitt.arm.kinematics import joint_records, tip_motion
 from mitt.eyes.clock_offset import (
     TRIAL,
     WARNED,
-    Catch,
+    CatchSeen,
     ClockOffset,
     LearnedClock,
     caught_offset,
@@ -40,7 +40,7 @@ def catch(
     speeds: Array = SPEEDS,
     every: int = 2,
     seed: int = 0,
-) -> Catch:
+) -> CatchSeen:
     """Return a catch whose eyes see ``offset`` ahead of their stamps."""
     rng = np.random.default_rng(seed)
     t_arm = np.arange(0.3, REST + 0.1, TICK)
@@ -48,7 +48,7 @@ def catch(
     q = joints(arm, t + offset, speeds)
     seen = [arm.position(x) + arm.orientation(x) @ place for x in q]
     covariance = np.tile(noise**2 * np.eye(3), (len(t), 1, 1))
-    return Catch(
+    return CatchSeen(
         t_arm=t_arm,
         q=joints(arm, t_arm, speeds),
         t_seen=t,

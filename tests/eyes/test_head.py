@@ -10,7 +10,7 @@ from mitt.ball.flight import advance
 from mitt.errors import InputError, ShapeError
 from mitt.eyes.camera import Head, Rig, look_at
 from mitt.eyes.eyes import Eyes, EyesStatus
-from mitt.eyes.head import active_rig, aim, bearing, lead, pack_heads, pose_of
+from mitt.eyes.head import active_rig, aim_heads, bearing, lead, pack_heads, pose_of
 from mitt.eyes.localization import eyes_handle
 from mitt.eyes.segmentation import GOOD
 from mitt.signals import Array
@@ -69,7 +69,7 @@ def test_a_bearing_puts_the_point_into_the_middle_and_its_rate_is_its_derivative
             bearing(eyes.heads[n], r + step * v, v, wanted)
             ends.append(wanted[:2].copy())
         assert goals[n, 2:] == pytest.approx((ends[1] - ends[0]) / (2 * h), rel=1e-4, abs=1e-6)
-    aim(eyes_handle(eyes))
+    aim_heads(eyes_handle(eyes))
     for camera in eyes.cameras:
         local = (r - camera["centre"]) @ camera["R"]
         assert local[:2] / local[2] == pytest.approx((0.0, 0.0), abs=1e-12)
@@ -116,7 +116,7 @@ def test_a_head_follows_its_image_only_while_that_may_be_the_ball(
     for n in range(2):
         bearing(eyes.heads[n], *motion, desired[n])
     eyes.angles[:] = desired[:, :2]
-    aim(handle)
+    aim_heads(handle)
     targets["u"], targets["v"] = (103.5, 23.5), 63.5
     targets["state"], targets["expected"], targets["gain"] = GOOD, 700.0, 100.0
     targets["weighed"], targets["moments"]["mass"] = 20.0, mass * 7e4
@@ -135,7 +135,7 @@ def test_heads_that_search_agree_on_a_place_between_flight_and_bounce(silence: f
         motion = np.array([(1.5, 0.1, 0.1), (-4.0, 0.0, -falls)])
         lead(handle, motion, 0.3 - silence, 0.3, 0.3, desired)
         eyes.angles[:] = desired[:, :2]
-        aim(handle)
+        aim_heads(handle)
         a, b, apart = left["R"][:, 2], right["R"][:, 2], right["centre"] - left["centre"]
         far = np.linalg.lstsq(np.stack((a, -b), axis=1), apart)[0]
         place = left["centre"] + far[0] * a

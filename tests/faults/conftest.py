@@ -15,7 +15,7 @@ from mitt.map.learn import Learned
 from mitt.map.neighbourhood import learn
 from mitt.signals import Senses
 from mitt.trials.runner import TrialRunner
-from mitt.trials.score import held, measure, status_of
+from mitt.trials.score import held, measure, trial_status
 from mitt.trials.source import aim_of
 from mitt.world.scene import Scene
 from mitt.world.throws import Throw, default_throw
@@ -104,7 +104,7 @@ class Range:
         ticks = gathered(rows)
         was_held = held(world.truth(), scene.ball.radius)
         return Thrown(
-            status_of(world, catcher.phase, refused=catcher.refused, was_held=was_held),
+            trial_status(world, catcher.phase, refused=catcher.refused, was_held=was_held),
             ticks,
             measure(arm, ticks, world.trace()).limit_violations,
             finite,

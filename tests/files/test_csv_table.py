@@ -9,7 +9,7 @@ import pytest
 from mitt.ball.filter import BallFilter
 from mitt.cameras.filtering import follow_all, read_positions, write_track
 from mitt.errors import FileError
-from mitt.files.csv_table import header_of, read_columns
+from mitt.files.csv_table import header_of, read_table
 from mitt.signals import GRAVITY, Sighting
 from mitt.world.flights import read_flights
 from mitt.world.throws import read_throws
@@ -59,7 +59,7 @@ def test_what_was_not_seen_is_the_same_at_every_door(tmp_path: Path, cells: str)
         assert np.all(np.isfinite(own))
     assert np.array_equal(gap.flight(""), none.flight(""))
 
-    table = read_columns(tmp_path / "c.csv", COLUMNS, seen=POSITION)
+    table = read_table(tmp_path / "c.csv", COLUMNS, seen=POSITION)
     assert np.array_equal(np.isnan(table).any(axis=1), np.isin(np.arange(COUNT), HIDDEN))
 
     balls = BallFilter(), BallFilter()
@@ -117,7 +117,7 @@ def test_what_has_to_be_there_is_refused_with_a_remedy(tmp_path: Path) -> None:
     ],
 )
 @pytest.mark.parametrize(
-    "read", [read_positions, read_flights, read_throws, lambda x: read_columns(x, COLUMNS)]
+    "read", [read_positions, read_flights, read_throws, lambda x: read_table(x, COLUMNS)]
 )
 def test_tables_of_other_programs_are_told_what_to_do(
     tmp_path: Path, text: str, remedy: str, read: Callable[[Path], object]

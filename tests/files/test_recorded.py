@@ -25,7 +25,7 @@ from mitt.errors import FileError
 from mitt.files import messages as of
 from mitt.files import recordings as recorded_file
 from mitt.files.about import about_of
-from mitt.files.cdr import text
+from mitt.files.cdr import encode_text
 from mitt.files.recordings import ABOUT, Recorded
 
 
@@ -122,10 +122,10 @@ def _channel(number: int, topic: str) -> bytes:
 MESSAGES = {
     of.TICKS: of.ticks(3, 0).tobytes(),
     of.POINTS: of.points().tobytes(),
-    of.CALLS: text(""),
+    of.CALLS: encode_text(""),
     of.TRUTH: of.point_stamped().tobytes(),
-    of.EVENT: text(""),
-    of.PHASE: text("x" * 9),
+    of.EVENT: encode_text(""),
+    of.PHASE: encode_text("x" * 9),
     of.STATES: b"",
     "/unknown": b"",
 }

@@ -15,17 +15,17 @@ from mitt.errors import FileError, ShapeError
 from mitt.files import messages as of
 from mitt.files.messages import BRAKES, ESTIMATE, EVENT, PHASE, TICKS, TRUTH
 from mitt.files.recordings import METADATA, Heading, Notice, Recording, Track, write_recording
-from mitt.files.robot_description import Frame
+from mitt.files.robot_description import LinkFrame
 from mitt.signals import Array
 
 _NS = 1e-9
 
 
-def _frames(n: int) -> tuple[Frame, ...]:
+def _frames(n: int) -> tuple[LinkFrame, ...]:
     """Return a chain of n frames that turn about z, 0.1 m apart, and one that stands at its end."""
     names, still = ("world", *(f"l{i}" for i in range(n)), "tip"), (0.0, 0.0, 0.0)
     return tuple(
-        Frame(
+        LinkFrame(
             name=name,
             parent=parent,
             place=(0.1, 0.0, 0.0),

@@ -10,7 +10,14 @@ from mitt.arm.arm import Arm
 from mitt.arm.hands import HandModel
 from mitt.arm.load import build_arm
 from mitt.files.messages import WORLD
-from mitt.files.robot_description import CATCH_POINT, HAND, Frame, frames_of, quaternion, urdf_of
+from mitt.files.robot_description import (
+    CATCH_POINT,
+    HAND,
+    LinkFrame,
+    frames_of,
+    quaternion,
+    urdf_of,
+)
 from mitt.signals import Array
 
 _EXACT_M = 1e-9
@@ -46,7 +53,7 @@ def any_arm(request: pytest.FixtureRequest, tmp_path: Path) -> Arm:
     return build_arm(request.param, hand=HandModel())
 
 
-def _poses(frames: tuple[Frame, ...], q: Array, hand: float) -> dict[str, Array]:
+def _poses(frames: tuple[LinkFrame, ...], q: Array, hand: float) -> dict[str, Array]:
     """Return the pose of each frame in the world, shape (4, 4)."""
     out, values = {WORLD: np.eye(4)}, np.array([*q, hand])
     for frame in frames:

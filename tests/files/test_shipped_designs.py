@@ -10,13 +10,13 @@ import pytest
 import mitt
 from mitt.arm.load import arm_names
 from mitt.arm.wam import LIMIT_SETS
-from mitt.cli.catching import prepare
+from mitt.cli.catching import prepare_run
 from mitt.cli.main import main
 from mitt.cli.options import CatchOptions
 from mitt.errors import InputError
 from mitt.files import arm_file
 from mitt.files.arm_file import ArmFile, design_of, load_arm
-from mitt.files.shipped_arms import ShippedArm, digest, shipped_arms
+from mitt.files.shipped_arms import ShippedArm, arm_digest, shipped_arms
 from mitt.map.map_design import default_design
 from mitt.reading import shipped
 
@@ -46,7 +46,7 @@ def test_figures_are_those_of_what_ships(arm: ShippedArm) -> None:
     """Measured anew wherever a number of the arm, its design or its limits is another."""
     assert arm.figures is not None, "run benchmarks/shipped_arms.py"
     chosen = arm.spec.read()
-    assert arm.figures.digest == digest(chosen), "run benchmarks/shipped_arms.py"
+    assert arm.figures.digest == arm_digest(chosen), "run benchmarks/shipped_arms.py"
     assert arm.figures.joints == tuple(chosen.arm.names)
     assert arm.figures.throws >= _FEWEST
     assert 0.5 * arm.figures.throws < arm.figures.caught <= arm.figures.throws
@@ -56,7 +56,7 @@ def test_a_digest_notices_a_number() -> None:
     """The catch angle is another by a millionth of a radian."""
     chosen = ARMS[0].spec.read()
     moved = ARMS[0].spec.model_copy(update={"q_catch": chosen.design.q_catch + 1e-6}).read()
-    assert digest(moved) != digest(chosen)
+    assert arm_digest(moved) != arm_digest(chosen)
 
 
 @pytest.mark.parametrize("name", DESIGNS)
@@ -66,7 +66,7 @@ def test_a_name_alone_is_its_design(name: str, tmp_path: Path) -> None:
     assert file is not None
     assert file.arm in arm_names()
     assert file.limits is None or not isinstance(file.limits, Path)
-    prepared = prepare(CatchOptions(arm=name, out=tmp_path / "run"))
+    prepared = prepare_run(CatchOptions(arm=name, out=tmp_path / "run"))
     assert prepared.arm.model.hand is not None
     assert prepared.arm.names == file.joints
     assert prepared.design == file.map

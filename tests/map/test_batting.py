@@ -17,9 +17,9 @@ from mitt.map.learn import Flight
 from mitt.map.map_design import MapDesign
 from mitt.map.striking import (
     Impact,
+    PaddleStrike,
     Restitution,
-    Strike,
-    aim,
+    aim_at_target,
     aiming_of,
     mass_behind,
     rebound,
@@ -60,7 +60,7 @@ def drawn(name: str, seed: int) -> tuple[BattingMap, Array, np.random.Generator]
     return replace(g, map=g.map.with_alpha(alpha)), np.array([r, v]), rng
 
 
-def struck(g: BattingMap, ball: Array, target: Array | None = TARGET) -> Strike:
+def struck(g: BattingMap, ball: Array, target: Array | None = TARGET) -> PaddleStrike:
     """Return how a ball is met; draws without one are left out."""
     strike = g.strike(ball, target, IMPACT)
     assume(strike is not None and g.aims(strike, target))
@@ -221,9 +221,9 @@ def test_restitution_is_learned_from_hits() -> None:
     assert known.after(replace(s, v_paddle=2.0 * ball[1]), behind, 0.05, v) == known
 
 
-def flights_of(g: BattingMap, count: int) -> list[tuple[Flight, Strike]]:
+def flights_of(g: BattingMap, count: int) -> list[tuple[Flight, PaddleStrike]]:
     """Return flights and strikes to learn from."""
-    out = list[tuple[Flight, Strike]]()
+    out = list[tuple[Flight, PaddleStrike]]()
     for seed in range(10 * count):
         _, ball, _ = drawn("wam-80v", seed)
         s = g.strike(ball, TARGET, IMPACT)
@@ -257,7 +257,10 @@ def test_what_cannot_be_is_refused() -> None:
     g, ball, _ = drawn("wam-48v", 0)
     far = ball + np.array([[5.0], [0.0]])
     assert g.strike(far, TARGET, IMPACT) is None
-    assert aim(g.arm, aiming_of(g.arm, (0, 1, 2, 3)), far, TARGET, IMPACT, g.arm.q_ready) is None
+    assert (
+        aim_at_target(g.arm, aiming_of(g.arm, (0, 1, 2, 3)), far, TARGET, IMPACT, g.arm.q_ready)
+        is None
+    )
     with pytest.raises(ModelError):
         replace(g, held=(0,))
     with pytest.raises(InputError):

@@ -21,7 +21,7 @@ from mitt.map.learn import (
     lift_flight,
     limit_rows,
     sensitivity,
-    solve,
+    solve_step,
 )
 from mitt.map.map_design import MapDesign
 from mitt.map.mapping import DirectMap, answer_to_gap, coordinates, initial_matrix, project
@@ -156,13 +156,13 @@ def test_the_soft_programme_finds_its_minimum() -> None:
     """Free rows leave the Newton step; a heavy weight holds the bound; NaN gives no step."""
     H, gradient = np.diag([2.0, 1.0]), np.array([-2.0, -1.0])
     rows = np.array([[1.0, 0.0], [0.0, -1.0]])
-    free = solve(H, gradient, (rows, np.array([5.0, 5.0])), weight=1.0)
-    bound = solve(H, gradient, (rows, np.array([0.25, 5.0])), weight=1e6)
+    free = solve_step(H, gradient, (rows, np.array([5.0, 5.0])), weight=1.0)
+    bound = solve_step(H, gradient, (rows, np.array([0.25, 5.0])), weight=1e6)
     assert free is not None
     assert bound is not None
     assert np.allclose(free, [1.0, 1.0])
     assert np.allclose(bound, [0.25, 1.0], atol=1e-5)
-    assert solve(H, np.array([np.nan, 0.0]), (rows, np.ones(2)), weight=1.0) is None
+    assert solve_step(H, np.array([np.nan, 0.0]), (rows, np.ones(2)), weight=1.0) is None
 
 
 def test_no_point_near_the_answer_is_better(learned: Learned) -> None:
@@ -176,7 +176,7 @@ def test_no_point_near_the_answer_is_better(learned: Learned) -> None:
         over = np.maximum(rows @ x - room, 0.0)
         return float(0.5 * x @ H @ x + gradient @ x + 2.0 * over @ over)
 
-    x = solve(H, gradient, (rows, room), weight=2.0)
+    x = solve_step(H, gradient, (rows, room), weight=2.0)
     assert x is not None
     for _ in range(200):
         assert value(x + 1e-3 * rng.standard_normal(size)) >= value(x) - 1e-12

@@ -12,7 +12,7 @@ from mitt.arm.arm import Arm
 from mitt.map.map_design import default_design
 from mitt.map.mapping import DirectMap, unlearned
 from mitt.map.polynomial import CatchBasis
-from mitt.map.tangent import catch_angle, expand, follow, scratch_of
+from mitt.map.tangent import catch_angle, expand, follow_coupling, scratch_of
 from mitt.signals import Array
 
 #: Step of the differences in time [s]; agreement of position [m] and of velocity [m/s].
@@ -39,7 +39,7 @@ class Moving:
         q[list(f.design.free)] += 0.1 * rng.standard_normal(3)
         q[f.design.catch_joint] = 0.0
         q[f.design.catch_joint] = catch_angle(f.tangent, q)
-        follow(f.tangent, q)
+        follow_coupling(f.tangent, q)
         self.r = arm.position(q)
         self.v = rng.uniform(2.0, 6.0) * np.array([-1.0, 0.2, -0.4]) + rng.standard_normal(3)
         self.a = 10.0 * rng.standard_normal(3)

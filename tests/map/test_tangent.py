@@ -17,7 +17,7 @@ from mitt.map.tangent import (
     Scratch,
     curve,
     expand,
-    follow,
+    follow_coupling,
     invert,
     lift,
     pack,
@@ -121,7 +121,7 @@ def test_at_the_catch_a_map_with_joints_that_follow_meets_position_and_velocity(
     f = f.with_alpha(rng.normal(size=f.alpha.shape))
     q_o = panda.q_ready + rng.uniform(-0.2, 0.2, 4)
     q_o[2] = -1.4 + q_o[:2] @ slope
-    follow(f.tangent, q_o)
+    follow_coupling(f.tangent, q_o)
     r_o, dr_o = f.to_ball(q_o), rng.uniform(-2.0, 2.0, 3)
     inside, rows = f.motion(np.array([r_o, dr_o, np.zeros(3)]))
     assert inside

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from mitt.cli.catching import prepare
+from mitt.cli.catching import prepare_run
 from mitt.cli.options import CatchOptions
 from mitt.clock import Stopwatch
 from mitt.errors import InputError, MittError
@@ -36,7 +36,7 @@ def thrown(tmp_path_factory: pytest.TempPathFactory, learned: Learned) -> Finish
     place = tmp_path_factory.mktemp("thrown")
     save_map(place / "map.json", learned, version="0.1.0")
     job = CatchOptions(throws=2, seed=5, map=place / "map.json", vision="points", out=place / "out")
-    prepared = prepare(job)
+    prepared = prepare_run(job)
     return run(prepared, progress=quiet, keeping=partial(keeping, prepared))
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from mitt.arm.arm import Arm
 from mitt.report.painter import View, painted, png_of, seen_from
-from mitt.report.pictures import body_faces, placed
+from mitt.report.pictures import body_faces, placed_faces
 from mitt.signals import Array
 from mitt.world.build import build_scene
 from mitt.world.scene import Scene
@@ -106,7 +106,7 @@ def test_the_ball_is_drawn_where_the_plant_has_it(arm: Arm) -> None:
     mujoco.mj_resetData(model, data)
     data.qpos[-7:-4] = (1.5, 0.2, 0.4)
     mujoco.mj_kinematics(model, data)
-    corners, colours = placed(model, bodies, data.qpos, np.zeros((0, 3)))
+    corners, colours = placed_faces(model, bodies, data.qpos, np.zeros((0, 3)))
     start = sum(len(f) for f, _ in bodies[:ball])
     mine = corners[start : start + len(bodies[ball][0])].reshape(-1, 3)
     np.testing.assert_allclose(

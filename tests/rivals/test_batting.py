@@ -9,7 +9,7 @@ from mitt.ball.flight import acceleration, advance
 from mitt.catcher.batting import Batting
 from mitt.errors import UnknownNameError
 from mitt.map.demand import Tolerance
-from mitt.map.striking import Strike
+from mitt.map.striking import PaddleStrike
 from mitt.rivals.batting import BATTERS, BatRival, make_batter
 from mitt.signals import TICK, Array, BallState
 from mitt.trials.bat_station import BatStation, bat_station
@@ -61,7 +61,7 @@ def test_the_joints_are_at_the_contact_as_it_asks(
     """In angle and speed, for a ball that flies as it was foreseen; its contact is chosen once."""
     chosen, choose = list[float](), Batting._contacts
 
-    def contacts(g: Batting, ball: BallState, q: Array) -> list[tuple[float, Strike]]:
+    def contacts(g: Batting, ball: BallState, q: Array) -> list[tuple[float, PaddleStrike]]:
         chosen.append(ball.t)
         return choose(g, ball, q)
 

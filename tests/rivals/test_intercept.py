@@ -30,16 +30,16 @@ from mitt.rivals.intercept import (
     Chooser,
     Entry,
     Intercept,
-    lift,
-    meet,
-    reach,
+    follow_point,
+    meet_ball,
+    reach_point,
     resolve,
     slowest,
 )
 from mitt.rivals.mpc import MpcPlanner, MpcSettings
-from mitt.rivals.paths import responses, sample
+from mitt.rivals.paths import responses, sample_quintic
 from mitt.rivals.planned import QuinticPlan
-from mitt.rivals.pursuit import still
+from mitt.rivals.pursuit import at_rest
 from mitt.signals import Array, BallState
 from mitt.verdict.feasibility import Outcome
 
@@ -60,14 +60,14 @@ def test_the_inverse_reaches_the_point(chooser: Chooser, seed: int) -> None:
     """From the nominal catch the iteration ends where the catch point is at the point asked."""
     f, q = chooser.map, chooser.map.start.copy()
     r = chooser.arm.position(_angles(seed))
-    assert reach(f.packed, r, q, f.work) < EXACT
+    assert reach_point(f.packed, r, q, f.work) < EXACT
     assert np.allclose(chooser.arm.position(q), r, atol=EXACT)
 
 
 def test_out_of_reach_the_inverse_stretches_towards_the_point(chooser: Chooser) -> None:
     """Beyond the reach the residual is the way that is missing, and the angles stay finite."""
     f, q = chooser.map, chooser.map.start.copy()
-    left = reach(f.packed, np.array([3.0, 0.0, 0.0]), q, f.work)
+    left = reach_point(f.packed, np.array([3.0, 0.0, 0.0]), q, f.work)
     assert np.all(np.isfinite(q))
     assert left > 1.9
 
@@ -90,11 +90,11 @@ def test_a_moving_point_is_followed_in_all_derivatives(chooser: Chooser, seed: i
     q = _angles(seed)
     point = np.array([chooser.arm.position(q), rng.normal(size=3), rng.normal(size=3)])
     rows = np.array([q, np.zeros(3), np.zeros(3)])
-    lift(f.packed, chooser.hand, ZERO, point, rows, f.work)
+    follow_point(f.packed, chooser.hand, ZERO, point, rows, f.work)
     h, near = 1e-3, []
     for s in (-h, h):
         at = q.copy()
-        reach(f.packed, point[0] + s * point[1] + 0.5 * s * s * point[2], at, f.work)
+        reach_point(f.packed, point[0] + s * point[1] + 0.5 * s * s * point[2], at, f.work)
         near.append(at)
     assert np.allclose(rows[1], (near[1] - near[0]) / (2 * h), rtol=1e-3, atol=1e-3)
     assert np.allclose(rows[2], (near[1] - 2 * rows[0] + near[0]) / h**2, rtol=0.01, atol=0.05)
@@ -108,7 +108,7 @@ def test_a_point_before_the_palm_is_followed(chooser: Chooser, seed: int) -> Non
     at = arm.position(q) + h[0] * arm.orientation(q)[:, 2]
     point = np.array([at, rng.normal(size=3), rng.normal(size=3)])
     rows = np.array([q, np.zeros(3), np.zeros(3)])
-    assert lift(f.packed, chooser.hand, h, point, rows, f.work) < EXACT
+    assert follow_point(f.packed, chooser.hand, h, point, rows, f.work) < EXACT
 
     def place(s: float) -> Array:
         x = rows[0] + s * rows[1] + 0.5 * s * s * rows[2]
@@ -149,7 +149,7 @@ def test_no_meeting_out_of_reach(chooser: Chooser, arm: Arm) -> None:
     """A ball that stays 3 m away is not met."""
     f, rows = chooser.map, np.array([arm.q_ready, np.zeros(3), np.zeros(3)])
     ball = np.array([[3.0, 0.0, 0.0], np.zeros(3), np.zeros(3)])
-    assert not meet(f.packed, chooser.hand, Entry(0.0, *APPROACH), ball, rows, f.work)
+    assert not meet_ball(f.packed, chooser.hand, Entry(0.0, *APPROACH), ball, rows, f.work)
 
 
 @given(seed=seeds, closing=st.floats(0.0, 5.0))
@@ -160,7 +160,7 @@ def test_a_ball_closes_in_along_the_palm_as_fast_as_chosen(
     f, arm, q = chooser.map, chooser.arm, _angles(seed)
     ball = np.array([arm.position(q), np.random.default_rng(seed).normal(size=3), [0.0, 0.0, -9.8]])
     rows = np.array([q, np.zeros(3), np.zeros(3)])
-    assert meet(f.packed, chooser.hand, Entry(closing, *APPROACH), ball, rows, f.work)
+    assert meet_ball(f.packed, chooser.hand, Entry(closing, *APPROACH), ball, rows, f.work)
     relative = ball[1] - arm.jacobian(rows[0]) @ rows[1]
     assert np.allclose(relative, -closing * arm.orientation(rows[0])[:, 2], atol=EXACT)
 
@@ -171,12 +171,12 @@ def test_no_other_closing_speed_has_slower_joints(chooser: Chooser, seed: int) -
     f, arm, q = chooser.map, chooser.arm, _angles(seed)
     ball = np.array([arm.position(q), [-4.0, 0.5, -1.0], [0.0, 0.0, -9.8]])
     rows = np.array([q, np.zeros(3), np.zeros(3)])
-    assert meet(f.packed, chooser.hand, Entry(0.0, *APPROACH), ball, rows, f.work)
+    assert meet_ball(f.packed, chooser.hand, Entry(0.0, *APPROACH), ball, rows, f.work)
     u = slowest(f.packed, chooser.hand, rows, f.work)
 
     def speed(closing: float) -> float:
         met = rows.copy()
-        meet(f.packed, chooser.hand, Entry(closing, *APPROACH), ball, met, f.work)
+        meet_ball(f.packed, chooser.hand, Entry(closing, *APPROACH), ball, met, f.work)
         return float(np.sum((met[1] / arm.dq_max) ** 2))
 
     assert all(speed(u) <= speed(x) + ROUNDING for x in (0.0, 0.9 * u, 1.1 * u, u + 0.1))
@@ -217,11 +217,11 @@ def _candidates(
         top, begun = 0.0, rows[0].copy()
         for share in CLOSINGS:
             how = Entry(share * top, *APPROACH)
-            if not meet(f.packed, chooser.hand, how, balls[k], rows, f.work):
+            if not meet_ball(f.packed, chooser.hand, how, balls[k], rows, f.work):
                 rows[0] = begun
                 break
             begun = rows[0].copy()
-            sample(motion, rows, after[k], way)
+            sample_quintic(motion, rows, after[k], way)
             price, name, used = _price(chooser, way, rows)
             within = np.all((rows[0] > arm.q_min) & (rows[0] < arm.q_max))
             within &= np.abs(way[:, 1] / arm.dq_max).max() <= 1.6
@@ -242,7 +242,7 @@ def test_the_chosen_catch_is_the_cheapest_of_all(
 ) -> None:
     """Every candidate weighed by the stages' own functions: the same is the best, at its share."""
     arm, after, ball = chooser.arm, np.arange(SOONEST, HORIZON, STRIDE), ball_of(seed, START)
-    motion = still(arm.q_ready) + moving * np.random.default_rng(seed).normal(size=(3, arm.n))
+    motion = at_rest(arm.q_ready) + moving * np.random.default_rng(seed).normal(size=(3, arm.n))
     balls = flown(ball, after)
     priced = _candidates(chooser, after, balls, motion)
     k, closing = min(priced, key=lambda key: priced[key][0])
@@ -268,7 +268,7 @@ def test_motors_that_cannot_match_a_ball_s_velocity_are_asked_for_what_they_can(
 ) -> None:
     """Weaker motors meet it slower, within limits; the idealised arm as fast as the ball."""
     real, ball = _real(limits), ball_of(seed, START)
-    catch = real.choose(ball, still(real.arm.q_ready))
+    catch = real.choose(ball, at_rest(real.arm.q_ready))
     assert catch is not None
     assert catch.closing > 0.0
     assert catch.utilization <= 1.05
@@ -278,7 +278,7 @@ def test_motors_that_cannot_match_a_ball_s_velocity_are_asked_for_what_they_can(
 def _ideal(ball: BallState) -> Intercept:
     """Return the catch of the arm of the paper's limits."""
     chooser = _real("paper")
-    catch = chooser.choose(ball, still(chooser.arm.q_ready))
+    catch = chooser.choose(ball, at_rest(chooser.arm.q_ready))
     assert catch is not None
     return catch
 
@@ -287,7 +287,7 @@ def test_a_verdict_rests_on_the_way_to_the_catch(
     chooser: Chooser, ball_of: Callable[[int, float], BallState]
 ) -> None:
     """So what comes after it, as brake and grip, is looked at as for a map."""
-    ball, motion = ball_of(1, START), still(chooser.arm.q_ready)
+    ball, motion = ball_of(1, START), at_rest(chooser.arm.q_ready)
     catch = chooser.choose(ball, motion)
     assert catch is not None
     verdict = chooser.verdict(catch, ball, motion, sigma=0.001)
@@ -305,7 +305,7 @@ def test_the_search_is_refined_about_the_best(
     chooser: Chooser, ball_of: Callable[[int, float], BallState], seed: int
 ) -> None:
     """The second search is half a step about the best of the first."""
-    ball, rest = ball_of(seed, START), still(chooser.arm.q_ready)
+    ball, rest = ball_of(seed, START), at_rest(chooser.arm.q_ready)
     after = np.arange(SOONEST, HORIZON, STRIDE)
     first, found = chooser.best(after, flown(ball, after), rest), chooser.choose(ball, rest)
     assert first is not None
@@ -349,7 +349,7 @@ def _asked(
     request: pytest.FixtureRequest, chooser: Chooser, ball_of: Callable[[int, float], BallState]
 ) -> tuple[Array, Array, float, Array]:
     """A state of the arm, the end of a catch, the step of its parts, and some accelerations."""
-    rng, rest = np.random.default_rng(request.param), still(chooser.arm.q_ready)
+    rng, rest = np.random.default_rng(request.param), at_rest(chooser.arm.q_ready)
     catch = chooser.choose(ball_of(int(request.param), START), rest)
     assert catch is not None
     motion = rest + 0.3 * rng.normal(size=rest.shape)

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from mitt.map.demand import demand
 from mitt.rivals.intercept import Chooser, Intercept
 from mitt.rivals.mpc import MpcPlanner, MpcSettings, solve
-from mitt.rivals.paths import Motion, quintic, responses
+from mitt.rivals.paths import PathMotion, quintic, responses
 from mitt.rivals.planned import Budgeted, RuckigPlanner, plan_quintic
-from mitt.rivals.pursuit import still
+from mitt.rivals.pursuit import at_rest
 from mitt.signals import Array, BallState
 
 seeds = st.integers(0, 2**31)
@@ -30,7 +30,7 @@ def catch(
 ) -> Intercept:
     """Catches of a few throws."""
     ball = ball_of(int(request.param), START)
-    chosen = chooser.choose(ball, still(chooser.arm.q_ready))
+    chosen = chooser.choose(ball, at_rest(chooser.arm.q_ready))
     assert chosen is not None
     return chosen
 
@@ -63,7 +63,7 @@ def test_ruckigs_plan_keeps_its_limits_and_ends_at_the_catch(
     chooser: Chooser, catch: Intercept
 ) -> None:
     """Position and velocity are met at the time of the catch, speed and acceleration bounded."""
-    arm, motion = chooser.arm, still(chooser.arm.q_ready)
+    arm, motion = chooser.arm, at_rest(chooser.arm.q_ready)
     planner = RuckigPlanner(arm)
     plan = planner(motion, START, catch)
     assert plan is not None
@@ -77,7 +77,7 @@ def test_ruckigs_plan_keeps_its_limits_and_ends_at_the_catch(
 
 def test_ruckigs_refusals_are_no_errors(chooser: Chooser, catch: Intercept) -> None:
     """Too little time, or an end that is no number, give no plan."""
-    planner, motion = RuckigPlanner(chooser.arm), still(chooser.arm.q_ready)
+    planner, motion = RuckigPlanner(chooser.arm), at_rest(chooser.arm.q_ready)
     assert planner(motion, catch.t_c - 0.02, catch) is None
     assert planner(np.full((3, 3), np.nan), START, catch) is None
 
@@ -87,7 +87,7 @@ def test_the_quadratic_programme_is_feasible_and_believed_rightly(
 ) -> None:
     """DAQP's answer satisfies start, end, speeds and ranges; torques where they can be."""
     planner = MpcPlanner(chooser.arm, MpcSettings())
-    problem = planner.problem(still(chooser.arm.q_ready), catch.end, (catch.t_c - START) / 10)
+    problem = planner.problem(at_rest(chooser.arm.q_ready), catch.end, (catch.t_c - START) / 10)
     a = solve(problem)
     assert a is not None
     rows = problem.A @ a
@@ -99,7 +99,7 @@ def test_the_predictive_plan_costs_less_than_the_quintic(
     chooser: Chooser, catch: Intercept
 ) -> None:
     """Between the same ends at the same times the programme's motion is cheaper by eq. (22)."""
-    arm, motion = chooser.arm, still(chooser.arm.q_ready)
+    arm, motion = chooser.arm, at_rest(chooser.arm.q_ready)
     plan = MpcPlanner(arm, MpcSettings())(motion, START, catch)
     assert plan is not None
     other = plan_quintic(motion, START, catch)
@@ -121,7 +121,7 @@ def test_pieces_are_exact_integrals(seed: int) -> None:
     rng, M, h = np.random.default_rng(seed), 6, 0.05
     D, P = responses(M, h)
     a: Array = rng.normal(size=(M + 1, 2))
-    motion = Motion(t=1.0, step=h, q=(P @ a).T, dq=(D @ a).T, ddq=a.T, cost=0.0)
+    motion = PathMotion(t=1.0, step=h, q=(P @ a).T, dq=(D @ a).T, ddq=a.T, cost=0.0)
     for k in range(1, M):
         before, after = motion.at(1.0 + k * h - 1e-9), motion.at(1.0 + k * h + 1e-9)
         assert np.allclose(before, after, atol=1e-6)
@@ -140,8 +140,8 @@ def test_a_budget_bounds_the_plans_a_second_and_each_acts_a_period_later(
 
     ball = ball_of(0, START)
     pursuit = Budgeted(planner=planner, period=0.03)  # type: ignore[arg-type]
-    pursuit = pursuit.begin(catch, START, still(catch.end[0]))
-    last = still(catch.end[0])
+    pursuit = pursuit.begin(catch, START, at_rest(catch.end[0]))
+    last = at_rest(catch.end[0])
     for k in range(1, 150):
         t = START + 1e-3 * k
         moved = replace(catch, t_c=START + 1.0 + 1e-4 * k)

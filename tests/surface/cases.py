@@ -388,7 +388,7 @@ class Cases:
 
     def _worlds(self) -> dict[str, Case]:
         """Return the cases of simulation and of the environments."""
-        env = mitt.gym.Catch(scene="ideal", ticks=1)
+        env = mitt.gym.CatchEnv(scene="ideal", ticks=1)
         env.reset(seed=1)
         throws = {
             "f": self.f,
@@ -418,7 +418,7 @@ class Cases:
             "simulate": Case(mitt.simulate, throws, slow=True),
             "gym.map_policy": Case(mitt.gym.map_policy, {"env": env}),
         }
-        for kind in ("gym.Catch", "gym.CatchPixels"):
+        for kind in ("gym.CatchEnv", "gym.CatchPixelsEnv"):
             found |= {kind: Case(names.public()[kind], builds, slow=True)}
             found |= self._methods(kind, env, acts)
         meets = {
@@ -435,11 +435,11 @@ class Cases:
             "action": "torque",
             "ticks": 1,
         }
-        found["gym.Meet"] = Case(names.public()["gym.Meet"], meets, slow=True)
-        part = mitt.gym.Meet(ticks=1)
+        found["gym.MeetEnv"] = Case(names.public()["gym.MeetEnv"], meets, slow=True)
+        part = mitt.gym.MeetEnv(ticks=1)
         part.reset(seed=1)
         acts |= {"as_action": {"tau": np.zeros(6), "hand": 0.5}, "step": {"action": np.zeros(7)}}
-        found |= self._methods("gym.Meet", part, acts)
+        found |= self._methods("gym.MeetEnv", part, acts)
         bats = {
             "render_mode": "rgb_array",
             "arm": "wam",
@@ -449,12 +449,12 @@ class Cases:
             "ticks": 1,
             "scene": "ideal",
         }
-        found["gym.Bat"] = Case(names.public()["gym.Bat"], bats, slow=True)
-        ball = mitt.gym.Bat(ticks=1)
+        found["gym.BatEnv"] = Case(names.public()["gym.BatEnv"], bats, slow=True)
+        ball = mitt.gym.BatEnv(ticks=1)
         ball.reset(seed=1)
         n = ball.arm.n
         acts |= {"as_action": {"tau": np.zeros(n), "hand": 0.5}, "step": {"action": np.zeros(n)}}
-        return found | self._methods("gym.Bat", ball, acts)
+        return found | self._methods("gym.BatEnv", ball, acts)
 
     def _readers(self) -> dict[str, Case]:
         """Return the cases of what reads a file: the path alone, with one that is not there."""

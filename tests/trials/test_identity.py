@@ -12,7 +12,7 @@ from soak.samples import URDF
 
 from mitt.errors import FileError, InputError
 from mitt.map.learn import Learned
-from mitt.reading import difference, noted, read_bytes
+from mitt.reading import changed_file, noted, read_bytes
 from mitt.trials import registry
 from mitt.trials.study_file import Study
 from mitt.trials.study_folder import Folder
@@ -156,6 +156,6 @@ def test_files_are_told_apart_by_what_they_hold(tmp_path: Path) -> None:
         return found
 
     ab = read("a", "b")
-    assert difference(ab, read("a2", "b")) == ""
+    assert changed_file(ab, read("a2", "b")) == ""
     for names, said in ((("a", "c"), "c"), (("a",), "b"), (("a", "b", "c"), "c"), ((), "a")):
-        assert difference(ab, read(*names)).endswith(said)
+        assert changed_file(ab, read(*names)).endswith(said)

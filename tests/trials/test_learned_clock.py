@@ -16,7 +16,7 @@ from mitt.eyes.clock_offset import LearnedClock, caught_offset
 from mitt.files.recordings import Recorded, write_recording
 from mitt.map.learn import Learned
 from mitt.trials.log import recording_of
-from mitt.trials.result import plain
+from mitt.trials.result import plain_fields
 from mitt.trials.runner import TrialRunner
 from mitt.trials.runs import _thrown
 from mitt.trials.source import Source, source_of
@@ -109,4 +109,4 @@ def test_a_recording_without_a_catch_tells_no_clock(learned: Learned, tmp_path: 
 def test_a_run_that_learns_no_clock_says_nothing_of_one(learned: Learned) -> None:
     """Its trials have no key for it."""
     trial = _thrown(runner_of(learned), source(learned, 1), 0, None)
-    assert "clock" not in plain(trial)
+    assert "clock" not in plain_fields(trial)

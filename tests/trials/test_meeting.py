@@ -14,7 +14,7 @@ from mitt.files.recordings import Recorded, write_recording
 from mitt.trials.meeting import MeetRunner, MeetTrial
 from mitt.trials.replayed import replay
 from mitt.trials.station import Target, station
-from mitt.world.flights import Recording
+from mitt.world.flights import RecordedFlight
 from mitt.world.scene import scene_of
 
 #: Largest speed of a tool near a person [m/s].
@@ -103,7 +103,7 @@ def test_a_recorded_thing_is_taken() -> None:
     r = np.array([1.0, 2.0, 0.5]) + np.outer(way, [0.6, -0.8, 0.1])
     scene = scene_of(SCENE, place="scene")
     at = station("ur5e", TOOLS["jaw"], "hand", scene)
-    runner = MeetRunner(at, seed=2, speed=0.3, recordings=(Recording(name="a", t=t, r=r),))
+    runner = MeetRunner(at, seed=2, speed=0.3, recordings=(RecordedFlight(name="a", t=t, r=r),))
     path = runner.target(0)
     ends = np.array([path.at(s)[0] for s in (0.0, 2.0)])
     assert np.linalg.norm(ends[1] - ends[0]) == pytest.approx(0.5 * np.hypot(1.0, 0.1), abs=2e-3)

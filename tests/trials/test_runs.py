@@ -15,7 +15,7 @@ from numba import typeof, types
 from mitt.arm.arm import Arm
 from mitt.catcher.family import Family
 from mitt.catcher.generators import Direct, Unoptimised
-from mitt.cli.catching import prepare
+from mitt.cli.catching import prepare_run
 from mitt.cli.options import CatchOptions
 from mitt.errors import InputError, MittError
 from mitt.files.arm_file import ArmSpec
@@ -50,7 +50,7 @@ def job(tmp_path_factory: pytest.TempPathFactory, learned: Learned) -> CatchOpti
 @pytest.fixture(scope="module")
 def prepared(job: CatchOptions) -> Prepared:
     """The same, prepared."""
-    return prepare(job)
+    return prepare_run(job)
 
 
 def quiet(_name: str, _done: int, _of: int) -> None:
@@ -153,7 +153,7 @@ def test_bad_options_are_refused_with_their_name(
 ) -> None:
     """Each raises a MittError of one line before anything is learned or written."""
     with pytest.raises(MittError) as caught:
-        prepare(replace(job, **change))  # type: ignore[arg-type]  # values of several types
+        prepare_run(replace(job, **change))  # type: ignore[arg-type]  # values of several types
     assert said in str(caught.value)
     assert "\n" not in str(caught.value)
 

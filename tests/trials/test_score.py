@@ -25,7 +25,7 @@ from mitt.trials.score import (
     lies_in,
     link_torques,
     measure,
-    status_of,
+    trial_status,
 )
 from mitt.world.engine import ARM_FLOOR, BALL_FLOOR, BALL_HAND, SELF
 from mitt.world.simulation import World
@@ -49,7 +49,7 @@ class Ended:
 def status(ended: Ended, *, phase: Phase = Phase.FOLLOW, was_held: bool = False) -> str:
     """Return the status of a fake world."""
     refused = phase is Phase.REFUSED
-    return status_of(cast("World", ended), phase, refused=refused, was_held=was_held)
+    return trial_status(cast("World", ended), phase, refused=refused, was_held=was_held)
 
 
 def command(arm: Arm, *, q: Array | None = None, dq: Array = ZERO, tau: Array = ZERO) -> Command:

@@ -15,7 +15,15 @@ from mitt.trials.result import force_words, summary
 from mitt.trials.score import Trial, reason_of, stop_as_json
 from mitt.trials.statistics import wilson
 from mitt.trials.study_file import Study
-from mitt.trials.study_results import Row, against, cell_of, compared, read_part, row_of, write_rows
+from mitt.trials.study_results import (
+    Row,
+    against,
+    compared,
+    read_part,
+    row_of,
+    throws_in_cell,
+    write_rows,
+)
 
 STOP = StoppedBy(
     state=State.ABORT,
@@ -64,7 +72,7 @@ def test_forces_stand_beside_the_rate(tmp_path: Path, study: Study) -> None:
     ]
     path = tmp_path / "part.parquet"
     path.write_bytes(write_rows(rows_of("direct", trials), {}))
-    row, _, _ = cell_of("direct", study.conditions[0], 5, read_part(path)[0])
+    row, _, _ = throws_in_cell("direct", study.conditions[0], 5, read_part(path)[0])
     assert (row["catch_rate"], row["over_force"]) == (0.8, 1)
     assert row["force_n"] == {"median": 25.0, "p95": pytest.approx(344.5)}
     assert _rate(row) == "80.0, 25!"
@@ -73,7 +81,7 @@ def test_forces_stand_beside_the_rate(tmp_path: Path, study: Study) -> None:
     assert force_words(mine["force_n"], 1) == (
         "contact force 25 N median, 95 % 344 N, 1 beyond what hand or arm take"
     )
-    none, _, _ = cell_of(
+    none, _, _ = throws_in_cell(
         "direct",
         study.conditions[0],
         1,
@@ -126,7 +134,7 @@ def test_every_throw_counts_in_rates_and_pairs(tmp_path: Path, study: Study) -> 
         trials = [trial(k, x, STOP if x == "stopped" else None) for k, x in enumerate(names)]
         path = tmp_path / f"{generator}.parquet"
         path.write_bytes(write_rows(rows_of(generator, trials), {}))
-        cells += [cell_of(generator, c, 4, read_part(path)[0]) for c in study.conditions]
+        cells += [throws_in_cell(generator, c, 4, read_part(path)[0]) for c in study.conditions]
     first, *_, last = compared(cells)
     assert (first["throws"], first["caught"], first["catch_rate"]) == (4, 1, 0.25)
     assert first["ci95"] == list(wilson(1, 4))
@@ -158,7 +166,7 @@ def test_what_a_generator_takes_is_compared_on_the_balls_that_both_caught(
         ]
         path = tmp_path / f"{generator}.parquet"
         path.write_bytes(write_rows(rows_of(generator, trials), {}))
-        cells += [cell_of(generator, c, 4, read_part(path)[0]) for c in study.conditions[:1]]
+        cells += [throws_in_cell(generator, c, 4, read_part(path)[0]) for c in study.conditions[:1]]
     _, last = compared(cells)
     assert last["against_direct"]["ratio"]["effort_s"] == pytest.approx([2.0, 2.0, 2.0])
     assert "position_error_mm" not in last["against_direct"]["ratio"]

@@ -95,7 +95,7 @@ def by_study(file: Path, kind: str) -> None:
 def by_environment(file: Path, kind: str) -> None:
     """Make the environment."""
     more: dict[str, Any] = {"tip": "tool0", "joints": JOINTS} if kind == "urdf" else {}
-    assert mitt.gym.Meet(arm=file, **more).arm.names == JOINTS
+    assert mitt.gym.MeetEnv(arm=file, **more).arm.names == JOINTS
 
 
 DOORS: list[Callable[[Path, str], None]] = [by_command, by_cell, by_study, by_environment]
@@ -151,7 +151,7 @@ def test_an_arm_bats_by_its_name_or_by_a_file_that_names_it(files: dict[str, Pat
     path = files["ur5e"].parent / "study.toml"
     path.write_text(STUDY.format(task="bat", arm=files["ur5e"], more=""))
     assert str(files["ur5e"]) in read_bat_study(path).arm_files
-    assert mitt.gym.Bat(arm=files["ur5e"]).arm.n == len(stance.joints)
+    assert mitt.gym.BatEnv(arm=files["ur5e"]).arm.n == len(stance.joints)
     for other in ("ur10e", "urdf", "own"):
         with pytest.raises(ModelError, match=r"stance for batting is known: wam.*choose one"):
             arm_with_paddle(files[other], paddle)

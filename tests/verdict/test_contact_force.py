@@ -10,7 +10,7 @@ from verdict.test_impact import BANDWIDTH, V, approach
 
 from mitt.arm.arm import Arm
 from mitt.arm.basket import Basket
-from mitt.arm.catch import CaughtBall, Strike
+from mitt.arm.catch import CaughtBall, HandImpact
 from mitt.arm.description import Hand
 from mitt.arm.hands import HandModel, jam, rate
 from mitt.arm.load import build_arm
@@ -70,7 +70,7 @@ def hardest(arm: Arm, b: CaughtBall, speed: float) -> float:
 
 def on_palm(hand: Hand, b: CaughtBall, speed: float) -> float:
     """Return the force [N] of a ball that nothing slows before the palm: fingers start too late."""
-    return hand.contact_force(b, Strike(speed, speed, lead=0.0))
+    return hand.contact_force(b, HandImpact(speed, speed, lead=0.0))
 
 
 @pytest.mark.parametrize(

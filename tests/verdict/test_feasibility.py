@@ -17,9 +17,9 @@ from mitt.signals import BallState
 from mitt.verdict.feasibility import (
     Outcome,
     Verdict,
+    has_come_back,
     judge,
     levelled,
-    returns,
     unsettled,
 )
 
@@ -216,8 +216,8 @@ def test_the_stand_in_waits_level_at_the_nominal_height(learned: Learned) -> Non
     assert np.array_equal(flat.dr_o[:2], low.dr_o[:2])
     assert flat.r_o[2] == f.arm.position(f.start)[2]
     assert flat.dr_o[2] == 0.0
-    assert not returns(f, low)
-    assert returns(f, ball)
+    assert not has_come_back(f, low)
+    assert has_come_back(f, ball)
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])

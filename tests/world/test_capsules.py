@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mitt.world.capsules import Canvas, Edges, Point, misses, paint_capsule, seen_from
+from mitt.world.capsules import Canvas, Edges, Point, capsule_in_view, misses, paint_capsule
 
 SIDE = 24
 MARGIN = 60
@@ -49,7 +49,7 @@ def test_no_capsule_that_the_window_shows_is_skipped(
     """One that is said to miss a window paints nothing into it."""
     lens, window = (20.0, 11.5, 11.5), (rows[0], rows[1], columns[0], columns[1])
     camera = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, *lens)
-    ahead, seen = seen_from(camera, np.array([(*a, *b, radius, 0.0)]), 0)
+    ahead, seen = capsule_in_view(camera, np.array([(*a, *b, radius, 0.0)]), 0)
     if ahead and misses(lens, seen, window):
         canvas = np.zeros((SIDE, SIDE), np.float32)
         paint_capsule(canvas, lens, seen, 200.0, PLAIN, window)

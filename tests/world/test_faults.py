@@ -11,7 +11,7 @@ from mitt.arm.load import build_arm
 from mitt.errors import InputError
 from mitt.eyes.camera import fixed_rig
 from mitt.signals import TICK, ArmState, Array, Command, Frame, Senses, Sighting
-from mitt.world.disturbances import Trial, Undisturbed
+from mitt.world.disturbances import DisturbedTrial, Undisturbed
 from mitt.world.faults import ActiveFaults, AnyFault, true_rig
 from mitt.world.scene import Scene, exact_scene, read_scene
 from mitt.world.simulation import World
@@ -62,7 +62,7 @@ def faults_of(plan: tuple[AnyFault, ...], *, seed: int = 7, arm: Arm | None = No
     """Return the faults of a trial."""
     flight = Undisturbed(ball=THROW, drag=0.04, hand=np.array([0.8, 0.0, 0.0]))
     limits, active = (None, (0, 1, 2)) if arm is None else (arm.limits, arm.model.active)
-    return ActiveFaults(plan, seed, Trial(flight, limits, active))
+    return ActiveFaults(plan, seed, DisturbedTrial(flight, limits, active))
 
 
 def run(*faults: dict[str, object], pixels: bool = False, seed: int = 7) -> list[Senses]:
@@ -418,7 +418,7 @@ def _faults_of(plan: tuple[AnyFault, ...]) -> ActiveFaults:
     start = _world(exact_scene())
     start.reset(THROW, 7)
     flight = Undisturbed(ball=THROW, drag=0.04, hand=start.truth().position)
-    return ActiveFaults(plan, 7, Trial(flight, None, (0, 1, 2)))
+    return ActiveFaults(plan, 7, DisturbedTrial(flight, None, (0, 1, 2)))
 
 
 def test_a_payload_weighs_on_the_hand() -> None:
@@ -473,7 +473,7 @@ def test_a_late_kick_comes_so_long_before_the_ball_is_nearest() -> None:
             {"kind": "kick", "magnitude": 2.0, "share": 1.0, "before": 0.15, "later": 0.1}
         )
         flight = Undisturbed(ball=THROW, drag=0.04, hand=np.array([0.8, 0.0, 0.0]))
-        path = ActiveFaults(plan, seed, Trial(flight, None, ())).untouched_flight(0.04)
+        path = ActiveFaults(plan, seed, DisturbedTrial(flight, None, ())).untouched_flight(0.04)
         off = [np.linalg.norm(path.dr[k] - flight.at(k * TICK)[1]) for k in range(len(path.r))]
         seen.append(flight.nearest() - int(np.argmax(np.array(off) > 0.5)) * TICK)
     assert 0.05 - 2 * TICK <= min(seen) < 0.08
@@ -486,7 +486,7 @@ def test_a_flutter_has_the_acceleration_and_the_memory_that_it_says() -> None:
     for seed in range(40):
         fault = {"kind": "flutter", "magnitude": 20.0, "correlation": 0.05, "pull": 0.0}
         flight = Undisturbed(ball=THROW, drag=0.04, hand=np.array([0.8, 0.0, 0.0]))
-        ball = ActiveFaults(plan_of(fault), seed, Trial(flight, None, ())).ball
+        ball = ActiveFaults(plan_of(fault), seed, DisturbedTrial(flight, None, ())).ball
         assert not isinstance(ball, Throw)
         times = np.arange(0.15, 1.5, TICK)
         dr = np.array([ball.at(t)[1] - flight.at(t)[1] for t in times])
@@ -501,7 +501,9 @@ def test_a_flutter_stays_about_its_path() -> None:
     """The pull keeps it within reach of what it flutters about, and it starts there."""
     for seed in range(10):
         flight = Undisturbed(ball=THROW, drag=0.04, hand=np.array([0.8, 0.0, 0.0]))
-        ball = ActiveFaults(plan_of({"kind": "flutter"}), seed, Trial(flight, None, ())).ball
+        ball = ActiveFaults(
+            plan_of({"kind": "flutter"}), seed, DisturbedTrial(flight, None, ())
+        ).ball
         assert not isinstance(ball, Throw)
         off = [np.linalg.norm(ball.at(t)[0] - flight.at(t)[0]) for t in np.arange(0.0, 1.5, 0.01)]
         assert off[0] == 0.0
@@ -513,7 +515,7 @@ def test_what_flies_otherwise_still_passes_where_the_throw_did(kind: str) -> Non
     """Within a hand of it, so that methods are compared and not luck."""
     for seed in range(5):
         flight = Undisturbed(ball=THROW, drag=0.04, hand=np.array([0.8, 0.0, 0.0]))
-        ball = ActiveFaults(plan_of({"kind": kind}), seed, Trial(flight, None, ())).ball
+        ball = ActiveFaults(plan_of({"kind": kind}), seed, DisturbedTrial(flight, None, ())).ball
         assert not isinstance(ball, Throw)
         goal = flight.at(flight.nearest())[0]
         gaps = [np.linalg.norm(ball.at(t)[0] - goal) for t in np.arange(0.0, 1.5, TICK)]
@@ -526,7 +528,7 @@ def test_a_slack_string_pulls_at_nothing() -> None:
     """Only aiming, which ends at the goal itself, remains."""
     fault = {"kind": "elastic", "slack": 1.0, "slackest": 1.0}
     flight = Undisturbed(ball=THROW, drag=0.04, hand=np.array([0.8, 0.0, 0.0]))
-    ball = ActiveFaults(plan_of(fault), 1, Trial(flight, None, ())).ball
+    ball = ActiveFaults(plan_of(fault), 1, DisturbedTrial(flight, None, ())).ball
     assert not isinstance(ball, Throw)
     for t in (0.1, 0.3):
         np.testing.assert_allclose(ball.at(t)[0], flight.at(t)[0], atol=5e-3)

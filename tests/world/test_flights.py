@@ -15,7 +15,7 @@ from mitt.world.flights import (
     JITTER_POSITION,
     JITTER_YAW,
     PiecewisePolynomial,
-    Recording,
+    RecordedFlight,
     builtin_flights,
     place_flight,
     read_flights,
@@ -128,7 +128,7 @@ def test_a_placed_flight_is_a_rigid_copy() -> None:
     assert np.linalg.norm(np.diff(there.T, axis=0), axis=1) == pytest.approx(
         np.linalg.norm(np.diff(flight.r, axis=0), axis=1), abs=1e-12
     )
-    assert isinstance(flight, Recording)
+    assert isinstance(flight, RecordedFlight)
 
 
 NOISE_M = np.array([1.6, 0.6, 0.85]) * 1e-3  # measured, README of the flights
@@ -227,13 +227,13 @@ def test_ten_samples_are_enough() -> None:
 RESTS = ("still", "walk", "toss", "sway", "swung")
 
 
-def in_the_hand(kind: str, *, rate: float, held: float, hit: float, seed: int) -> Recording:
+def in_the_hand(kind: str, *, rate: float, held: float, hit: float, seed: int) -> RecordedFlight:
     """Return a flight of 0.8 s that is seen in the thrower's hand before, with 1 mm of noise."""
     ball = Throw(r=np.array([0.0, 0.0, 1.1]), dr=np.array([4.4, 0.1, 2.0]))
     since = np.arange(-SWING if kind == "swung" else -held, 0.8, 1.0 / rate)
     seen = [carried(kind, ball, s) if s < 0.0 else bounced(np.array([s]), hit)[0][0] for s in since]
     r = np.array(seen) + 0.001 * np.random.default_rng(seed).standard_normal((len(since), 3))
-    return Recording(name=kind, t=since - since[0], r=r)
+    return RecordedFlight(name=kind, t=since - since[0], r=r)
 
 
 @settings(max_examples=30, deadline=None)

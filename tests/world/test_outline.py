@@ -3,13 +3,13 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt.world.outline import Scratch, paint_ball, scratch_for
+from mitt.world.outline import PaintScratch, paint_ball, scratch_for
 
 LENS = (200.0, 49.5, 30.0)
 BALL = (0.02, 0.01, 1.0, 0.03, 0.012, 1.0, 0.04)
 
 
-def drawn(width: int, work: Scratch) -> NDArray[np.float32]:
+def drawn(width: int, work: PaintScratch) -> NDArray[np.float32]:
     """Return an image so wide of a ball that moves."""
     canvas = np.full((64, width), 30.0, np.float32)
     paint_ball(canvas, LENS, BALL, 200.0, (0, 63, 0, width - 1), work)

@@ -11,7 +11,7 @@ from mitt.world.scene import (
     TABLE_TENNIS,
     Ball,
     Scene,
-    changed,
+    changed_settings,
     named_scene,
     read_scene,
     scene_of,
@@ -90,7 +90,7 @@ def test_ideal_is_the_scene_without_arguments() -> None:
 def test_a_scene_knows_its_name_and_differs_from_itself_in_nothing(name: str) -> None:
     scene = named_scene(name)
     assert scene.base == name
-    assert changed(scene) == {}
+    assert changed_settings(scene) == {}
 
 
 def test_rough_doubles_the_errors_and_delays_of_lab() -> None:
@@ -111,7 +111,7 @@ def test_a_file_starts_from_the_scene_that_it_names(tmp_path: Path) -> None:
     path.write_text('base = "lab"\n[sensing]\nlatency = 4\n')
     scene, lab = read_scene(path), named_scene("lab")
     assert scene.ball == lab.ball
-    assert changed(scene) == {"sensing": {"latency": 4}}
+    assert changed_settings(scene) == {"sensing": {"latency": 4}}
 
 
 def test_recorded_flights_are_of_table_tennis_balls_in_every_scene(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from acme_driver import AcmeRobot
 
 from mitt.cell.drivers import Connection, local_robot
 from mitt.cell.live import Mode
-from mitt.cell.prepare import map_of, prepare
+from mitt.cell.prepare import cell_map, prepare
 from mitt.cell.session import loop_of
 from mitt.files.cell import read_cell
 
@@ -26,7 +26,7 @@ arm = local_robot(prepared, seed=5, count=2)  # throws two balls
 mistake = MISTAKES[sys.argv[1]] if sys.argv[1:] else {}
 robot = AcmeRobot(AcmeClient(arm, **mistake), prepared.cell, prepared.arm)
 connection = Connection(robot, None, lambda: arm.t)  # no cameras; time goes on with its ticks
-loop = loop_of(prepared, map_of(prepared), connection)
+loop = loop_of(prepared, cell_map(prepared), connection)
 
 print("before it moves:", loop.healthy() or "nothing is wrong")
 loop.begin()

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitt import checks
-from mitt.arm.description import ArmModel, Brake, joint_motion
+from mitt.arm.description import ArmModel, JointBrake, joint_motion
 from mitt.arm.dynamics import (
     bias_and_mass,
     bodies_of,
@@ -103,7 +103,7 @@ class Arm:
         self.tau_max, self.dq_max = self._joint_limits()
         self.encoder_step = np.array([link.encoder_step for link in active])
         self.brakes = tuple(
-            link.brake or Brake(torque=float(tau))
+            link.brake or JointBrake(torque=float(tau))
             for link, tau in zip(active, self.tau_max, strict=True)
         )
         self.chain = chain_of(complete)

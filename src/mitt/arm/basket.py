@@ -20,7 +20,7 @@ from typing import Annotated, ClassVar, Final
 
 import numpy as np
 
-from mitt.arm.catch import LOST, Catch, CaughtBall, Strike, reduced
+from mitt.arm.catch import LOST, Catch, CaughtBall, HandImpact, reduced
 from mitt.arm.description import Capsule, Hand
 from mitt.arm.hands import HandModel
 from mitt.errors import InputError, UnknownNameError
@@ -201,7 +201,7 @@ class Basket(Hand, Settings):
         most = max(most, height + 0.5 * max(speed, 0.0) ** 2 / weight)
         return min(most / (self.depth - ball.radius), LOST)
 
-    def contact_force(self, ball: CaughtBall, strike: Strike) -> float:
+    def contact_force(self, ball: CaughtBall, strike: HandImpact) -> float:
         """Return the force of the net [N], which gives way from whichever side the ball comes."""
         return _NET * reduced(ball.mass, strike.behind) * strike.whole
 

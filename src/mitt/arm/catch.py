@@ -73,7 +73,7 @@ class ClosingPlan(NamedTuple):
     takes: Array  # time that it takes, by how far from the palm's axis the ball passes [s], (k,)
 
 
-class Strike(NamedTuple):
+class HandImpact(NamedTuple):
     """How a ball meets a hand.
 
     Attributes:

@@ -16,7 +16,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from mitt import checks
-from mitt.arm.catch import Catch, CaughtBall, ClosingPlan, FingerDrive, Strike
+from mitt.arm.catch import Catch, CaughtBall, ClosingPlan, FingerDrive, HandImpact
 from mitt.errors import InputError, ModelError
 from mitt.fields import brief
 from mitt.signals import Array
@@ -44,7 +44,7 @@ ENCODER_STEP = 2.0 * np.pi / 2**17
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Brake:
+class JointBrake:
     """What holds a joint once its drive is off.
 
     Attributes:
@@ -178,7 +178,7 @@ class Hand(ABC):
         """Return what a catch asks of it, by the name of the limit; 1 is the limit."""
 
     @abstractmethod
-    def contact_force(self, ball: CaughtBall, strike: Strike) -> float:
+    def contact_force(self, ball: CaughtBall, strike: HandImpact) -> float:
         """Return the largest single force of a contact with a ball that it catches [N]."""
 
 
@@ -222,7 +222,7 @@ class Link:
     capsules: tuple[Capsule, ...] = ()
     held: float | None = None
     encoder_step: float = ENCODER_STEP
-    brake: Brake | None = None
+    brake: JointBrake | None = None
 
     __repr__ = brief
 
@@ -268,7 +268,7 @@ class Link:
         ):
             _keep(self, name, checks.number(f"{where} {name}", plain))
         if self.brake is not None:
-            checks.instance(f"{where} brake", self.brake, Brake)
+            checks.instance(f"{where} brake", self.brake, JointBrake)
         if self.held is not None:
             _keep(self, "held", checks.number(f"{where} held", self.held, finite=True))
 

@@ -65,7 +65,7 @@ _MOVING = ("hinge", "slide", "ball", "free")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Part:
+class KinematicPart:
     """A joint, a link or a site, as a frame seen from that of the part before.
 
     Attributes:
@@ -114,7 +114,7 @@ class Tree:
         links: Names of links and sites.
     """
 
-    def __init__(self, parts: Sequence[Part]) -> None:
+    def __init__(self, parts: Sequence[KinematicPart]) -> None:
         """Take parts in an order in which each comes after the one before it."""
         self.parts = tuple(parts)
         self.joints = tuple(part.name for part in parts if part.kind in _MOVING)
@@ -145,7 +145,7 @@ class Tree:
             )
         return self._places.get(name + LINK, self._places[name])
 
-    def joint(self, name: str) -> Part:
+    def joint(self, name: str) -> KinematicPart:
         """Return a joint."""
         return self.parts[self._places[name]]
 

@@ -30,7 +30,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from mitt import checks
-from mitt.arm.catch import LOST, Catch, CaughtBall, ClosingPlan, FingerDrive, Strike, reduced
+from mitt.arm.catch import LOST, Catch, CaughtBall, ClosingPlan, FingerDrive, HandImpact, reduced
 from mitt.arm.description import Capsule, Hand, checked_inertia
 from mitt.errors import InputError
 from mitt.fields import Range, Settings, brief, check
@@ -451,7 +451,7 @@ class HandModel(Hand):
         across = np.linalg.norm(force - out[:, None] * normal, axis=1)
         return ball.heaviest * float(np.max(np.maximum(-out, 0.0) + across)) / held
 
-    def contact_force(self, ball: CaughtBall, strike: Strike) -> float:
+    def contact_force(self, ball: CaughtBall, strike: HandImpact) -> float:
         """Return the hardest of the contacts of the module's table [N].
 
         One finger of several presses with 0.65 of the rate.

@@ -205,7 +205,7 @@ def slowed(limits: Limits, scale: float) -> Limits:
     return replace(limits, name=f"{limits.name} x{scale:g}", dq_max=scale * limits.dq_max)
 
 
-class Drives(NamedTuple):
+class DriveNumbers(NamedTuple):
     """What kernels know of the drives: views of ``Limits.packed``, which count no references.
 
     Arrays of their own cost each kernel that takes them 30 ns, half as much again as
@@ -220,11 +220,11 @@ class Drives(NamedTuple):
 
 
 @register_jitable
-def drives_of(packed: Array) -> Drives:
+def drives_of(packed: Array) -> DriveNumbers:
     """Return the drives whose arrays are views of ``Limits.packed``."""
     n = packed.shape[1]
     square = n * n
-    return Drives(
+    return DriveNumbers(
         view(packed, 0, (n, n)),
         view(packed, square, (n, n)),
         view(packed, 2 * square, (n,)),

@@ -27,9 +27,9 @@ from mitt.arm.description_files import (
     LINK,
     WORLD,
     Kind,
+    KinematicPart,
     LeftOut,
     Mimic,
-    Part,
     Shape,
     Stated,
     Tree,
@@ -282,13 +282,13 @@ def _check_weight(path: Path, spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> None
 
 def _tree(m: mujoco.MjModel, names: Names) -> Tree:
     """Return bodies with the joints before them, then sites."""
-    parts, place = [Part(name=WORLD, kind="world")], {0: 0}
+    parts, place = [KinematicPart(name=WORLD, kind="world")], {0: 0}
     for b in range(1, m.nbody):
         before, T = place[m.body_parentid[b]], _pose(m.body_pos[b], m.body_quat[b])
         for k in range(m.body_jntadr[b], m.body_jntadr[b] + m.body_jntnum[b]):
             at = transform(p=m.jnt_pos[k])
             parts.append(
-                Part(
+                KinematicPart(
                     name=names.joints[k],
                     kind=_JOINTS[int(m.jnt_type[k])],
                     before=before,
@@ -301,7 +301,7 @@ def _tree(m: mujoco.MjModel, names: Names) -> Tree:
         own = _pose(m.body_ipos[b], m.body_iquat[b])
         place[b] = len(parts)
         parts.append(
-            Part(
+            KinematicPart(
                 name=names.bodies[b],
                 kind="link",
                 before=before,
@@ -312,7 +312,7 @@ def _tree(m: mujoco.MjModel, names: Names) -> Tree:
             )
         )
     parts += [
-        Part(
+        KinematicPart(
             name=name,
             kind="site",
             before=place[m.site_bodyid[s]],

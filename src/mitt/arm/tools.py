@@ -17,7 +17,7 @@ from typing import Annotated, ClassVar, Final
 
 import numpy as np
 
-from mitt.arm.catch import LOST, Catch, CaughtBall, ClosingPlan, FingerDrive, Strike, reduced
+from mitt.arm.catch import LOST, Catch, CaughtBall, ClosingPlan, FingerDrive, HandImpact, reduced
 from mitt.arm.description import Capsule, Hand
 from mitt.arm.hands import rate
 from mitt.fields import Range, Settings
@@ -129,7 +129,7 @@ class Suction(Gripper):
         most = float(np.max(np.maximum(-along, 0.0) + across / max(self.friction, 1e-6)))
         return {"seal": min(catch.ball.heaviest * most / self.pull, LOST)}
 
-    def contact_force(self, ball: CaughtBall, strike: Strike) -> float:
+    def contact_force(self, ball: CaughtBall, strike: HandImpact) -> float:
         """Return the force of the lip on the part [N]: the bellows', and what a strike adds."""
         return self.press + rate(ball.restitution) * reduced(0.1 * self.mass, ball.mass) * (
             strike.into
@@ -204,7 +204,7 @@ class Jaw(Gripper):
         most = float(np.linalg.norm(felt, axis=1).max())
         return {"grip": min(catch.ball.heaviest * most / max(held, 1e-9), LOST)}
 
-    def contact_force(self, ball: CaughtBall, strike: Strike) -> float:
+    def contact_force(self, ball: CaughtBall, strike: HandImpact) -> float:
         """Return the harder of grip and strike [N]."""
         return max(
             self.grip, rate(ball.restitution) * reduced(ball.mass, strike.behind) * (strike.whole)
@@ -283,7 +283,7 @@ class Paddle(Hand, Settings):
         """Return nothing: it holds no ball."""
         return {}
 
-    def contact_force(self, ball: CaughtBall, strike: Strike) -> float:
+    def contact_force(self, ball: CaughtBall, strike: HandImpact) -> float:
         """Return the largest force of a ball on the face [N]: that of a spring, half a swing."""
         return reduced(ball.mass, strike.behind) * strike.into * np.pi / self.touch
 

@@ -20,9 +20,9 @@ from mitt.arm.description_files import (
     LINK,
     WORLD,
     Kind,
+    KinematicPart,
     LeftOut,
     Mimic,
-    Part,
     Stated,
     Tree,
     number_of,
@@ -146,13 +146,13 @@ def _tree(path: Path, root: Element, joints: list[Element]) -> Tree:
         behind[_link_of(joint, "parent")].append(joint)
     children = {_link_of(joint, "child") for joint in joints}
     rotors = _rotors(root)
-    parts = [Part(name=WORLD, kind="world")]
+    parts = [KinematicPart(name=WORLD, kind="world")]
     pending: list[tuple[int, Element]] = []
 
     def add_link(name: str) -> None:
         called = name + LINK if name in names else name
         parts.append(
-            Part(name=called, kind="link", before=len(parts) - 1, **_inertial(links[name]))
+            KinematicPart(name=called, kind="link", before=len(parts) - 1, **_inertial(links[name]))
         )
         pending.extend((len(parts) - 1, joint) for joint in reversed(behind[name]))
 
@@ -163,7 +163,7 @@ def _tree(path: Path, root: Element, joints: list[Element]) -> Tree:
         axis = np.zeros(3) if kind == "fixed" else _axis(path, joint)
         name = joint.get("name", "")
         parts.append(
-            Part(
+            KinematicPart(
                 name=name,
                 kind=kind,
                 before=before,

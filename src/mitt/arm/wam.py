@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mitt.arm.arm import Arm
-from mitt.arm.description import ArmModel, Brake, Capsule, Hand, Link, rotation, transform
+from mitt.arm.description import ArmModel, Capsule, Hand, JointBrake, Link, rotation, transform
 from mitt.arm.limits import Limits, joint_level
 from mitt.errors import UnknownNameError
 from mitt.signals import Array
@@ -167,7 +167,7 @@ def wrist_wam(hand: Hand | None) -> Arm:
         placement = np.eye(4) if k == 0 else _step(rows[k - 1])
         link = _link(min(k, 3), row, 0.0 if k in held else None, placement)
         step = 2.0 * np.pi / (_COUNTS * float(ratio[k]))
-        brake = link.brake if k < 4 else Brake(torque=float(tau[k]), damping=0.1)
+        brake = link.brake if k < 4 else JointBrake(torque=float(tau[k]), damping=0.1)
         links.append(replace(link, name=f"j{k + 1}", encoder_step=step, brake=brake))
     model = ArmModel(
         name="wam",
@@ -227,5 +227,5 @@ def _link(k: int, row: _Row, held: float | None, placement: Array) -> Link:
         capsules=row.capsules,
         held=held,
         encoder_step=2.0 * np.pi / (_COUNTS * float(_RATIO[k])),
-        brake=Brake(torque=float(_BRAKE_TORQUE[k]), damping=float(_BRAKE_DAMPING[k])),
+        brake=JointBrake(torque=float(_BRAKE_TORQUE[k]), damping=float(_BRAKE_DAMPING[k])),
     )

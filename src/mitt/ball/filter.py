@@ -51,14 +51,14 @@ from mitt.ball.motion_models import (
     ROW,
     UNLIKELY,
     activate,
+    correct_within_gate,
     deactivate,
-    fit,
-    inverse,
     is_biased,
     is_sane,
     is_set,
     reset_drag_and_push,
     reset_motion,
+    symmetric_inverse,
     tells_position,
 )
 from mitt.errors import InputError
@@ -360,7 +360,7 @@ def _take(b: Fields, seen: Fields) -> None:
     slot = _slot(b, age)
     slot.seen = seen
     R = slot.seen.R
-    definite = inverse(R[0, 0], R[0, 1], R[0, 2], R[1, 1], R[1, 2], R[2, 2])[0]
+    definite = symmetric_inverse(R[0, 0], R[0, 1], R[0, 2], R[1, 1], R[1, 2], R[2, 2])[0]
     exact = 0.0 if definite else LEAST_VARIANCE
     for i in range(3):
         R[i, i] = max(R[i, i] + exact, LEAST_VARIANCE)
@@ -433,7 +433,9 @@ def _process(b: Fields, age: int) -> None:
 def _try(b: Fields, slot: Fields) -> bool:
     """Carry the estimate to a sighting; correct it, and return true, if that lies in the gate."""
     known = b.now.used >= b.settings.min_sightings
-    return bool(fit(b, slot.seen, b.settings.gate if known else b.settings.first_gate))
+    return bool(
+        correct_within_gate(b, slot.seen, b.settings.gate if known else b.settings.first_gate)
+    )
 
 
 @kernel

@@ -166,7 +166,7 @@ CALM_LIMIT = 8
 
 
 @kernel
-def inverse(
+def symmetric_inverse(
     a: float, b: float, c: float, d: float, e: float, f: float
 ) -> tuple[bool, float, float, float, float, float, float]:
     """Return whether [[a, b, c], [b, d, e], [c, e, f]] can be inverted, and its inverse likewise.
@@ -190,9 +190,9 @@ def inverse(
 def invert_positive(S: Array, out: Array) -> bool:
     """Write the inverse of a symmetric matrix, shape (3, 3); return whether there is one.
 
-    That is as for :func:`inverse`; if there is none, ``out`` is unchanged.
+    That is as for :func:`symmetric_inverse`; if there is none, ``out`` is unchanged.
     """
-    ok, a, b, c, d, e, f = inverse(S[0, 0], S[0, 1], S[0, 2], S[1, 1], S[1, 2], S[2, 2])
+    ok, a, b, c, d, e, f = symmetric_inverse(S[0, 0], S[0, 1], S[0, 2], S[1, 1], S[1, 2], S[2, 2])
     if ok:
         out[0, 0], out[0, 1], out[0, 2] = a, b, c
         out[1, 0], out[1, 1], out[1, 2] = b, d, e
@@ -249,7 +249,7 @@ def _correct(x: Array, P: Array, seen: Fields, gate: float, work: Fields) -> flo
         has changed. ``work`` holds S^-1 e and S^-1 afterwards.
     """
     z, R = seen.z, seen.R
-    ok, a, b, c, d, e, f = inverse(
+    ok, a, b, c, d, e, f = symmetric_inverse(
         P[0, 0] + R[0, 0],
         P[0, 1] + R[0, 1],
         P[0, 2] + R[0, 2],
@@ -345,7 +345,7 @@ def deactivate(b: Fields) -> None:
 
 
 @kernel
-def fit(b: Fields, seen: Fields, gate: float) -> bool:
+def correct_within_gate(b: Fields, seen: Fields, gate: float) -> bool:
     """Carry the estimate to a sighting; correct it, and return true, if that lies in the gate."""
     now, dt = b.now, seen.t - b.now.t
     now.t = seen.t
@@ -368,7 +368,7 @@ def is_biased(now: Fields) -> bool:
     if now.active:
         return False
     p, (x, y, z) = now.precision, (now.bias[0], now.bias[1], now.bias[2])
-    ok, a, b, c, d, e, f = inverse(p[0], p[1], p[2], p[3], p[4], p[5])
+    ok, a, b, c, d, e, f = symmetric_inverse(p[0], p[1], p[2], p[3], p[4], p[5])
     distance = a * x * x + d * y * y + f * z * z + 2.0 * (b * x * y + c * x * z + e * y * z)
     return bool(ok and distance > UNLIKELY)
 

@@ -26,8 +26,8 @@ from mitt.bench.problem import (
     ipopt_run,
     ipopt_solver,
     learning_problem,
+    solve_problem,
 )
-from mitt.bench.problem import solve as solve_problem
 from mitt.catcher.generators import Direct
 from mitt.catcher.refine import refine
 from mitt.clock import Progress, Stopwatch, processor_time, settle
@@ -76,7 +76,7 @@ class BenchSettings:
 QUICK = BenchSettings(throws=2, repeats=200, solves=3, flights=10, ipopt=False)
 
 
-def measure(settings: BenchSettings, *, progress: Progress, say: Say) -> Result:
+def measure_all(settings: BenchSettings, *, progress: Progress, say: Say) -> Result:
     """Measure everything.
 
     Args:
@@ -93,7 +93,7 @@ def measure(settings: BenchSettings, *, progress: Progress, say: Say) -> Result:
     with_images, with_points = (
         TrialRunner(arm, Direct(f), Scene(), pixels=pixels) for pixels in (True, False)
     )
-    rivals = rivals_of(f, source, frames_of(with_images, source), settings, say)
+    rivals = rivals_of(f, source, watched_images(with_images, source), settings, say)
     settle()
     before = noise(settings.repeats)
     (tick, tick_without_images), others = take_turns((with_images, with_points), rivals, source)
@@ -179,7 +179,7 @@ def noise(repeats: int) -> Time:
     return figures(timed(lambda: sum(range(2000)), repeats))
 
 
-def frames_of(runner: TrialRunner, source: Source) -> list[tuple[Frame, ...]]:
+def watched_images(runner: TrialRunner, source: Source) -> list[tuple[Frame, ...]]:
     """Return the images of the first throw while its ball is watched."""
     catcher, kept = runner.release(source.ball(0), seed=source.trial_seed(0)), []
     while runner.world.t < 0.3:
@@ -193,7 +193,7 @@ def rivals_of(
     f: DirectMap, source: Source, kept: list[tuple[Frame, ...]], settings: BenchSettings, say: Say
 ) -> Rivals:
     """Return a tick of each rival whose library is installed, and how often it is to be timed."""
-    ball = by.ball_at(thrown(source, 0), _T_0)
+    ball = by.ball_at(throw_of(source, 0), _T_0)
     makers: dict[str, Callable[[], by.Tick]] = {
         "ruckig": lambda: by.by_ruckig(f.arm, by.catches(f, ball, np.random.default_rng(SEED))),
         "mink": lambda: by.by_mink(f.arm, by.places(ball)),
@@ -212,7 +212,7 @@ def rivals_of(
     return rivals
 
 
-def thrown(source: Source, index: int) -> Throw:
+def throw_of(source: Source, index: int) -> Throw:
     """Return a throw of a source that throws."""
     ball = source.ball(index)
     if not isinstance(ball, Throw):
@@ -227,7 +227,7 @@ def time_adapting(f: DirectMap, source: Source, repeats: int) -> Stopwatch:
     for index in range(-1, source.count):
         if index == 0:
             stopwatch.clear()
-        throw = thrown(source, max(index, 0))
+        throw = throw_of(source, max(index, 0))
         for tick in range(min(30, max(repeats // source.count, 1))):
             ball = by.ball_at(throw, _T_0 + 1e-3 * tick)
             g = f.adapt(ball, *start)

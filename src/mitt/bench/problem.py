@@ -91,16 +91,16 @@ def learning_problem(arm: Arm, *, flights: int, seed: int) -> LearningProblem:
     free = LearningProblem(
         arm=arm, base=np.concatenate(base), slope=np.concatenate(slope), bound=np.inf
     )
-    return replace(free, bound=0.95 * solve(free).worst)
+    return replace(free, bound=0.95 * solve_problem(free).worst)
 
 
-def solve(problem: LearningProblem) -> Answer:
+def solve_problem(problem: LearningProblem) -> Answer:
     """Solve by Gauss-Newton steps, each a quadratic programme of DAQP with the rows near a bound.
 
     A step is halved while neither cost nor excess gets better.
     """
     p, alpha, bounded = arm_numbers(problem.arm), np.zeros(problem.size), np.isfinite(problem.bound)
-    r, J = reckon(problem, p, alpha)
+    r, J = shares_and_slopes(problem, p, alpha)
     best, good = _merit(problem, r), False
     for _ in range(40):
         step = _step(problem, r, J, bounded=bounded)
@@ -108,7 +108,7 @@ def solve(problem: LearningProblem) -> Answer:
             break
         share, found = 1.0, np.inf
         while share > 1e-3:
-            r, J = reckon(problem, p, alpha + share * step)
+            r, J = shares_and_slopes(problem, p, alpha + share * step)
             found = _merit(problem, r)
             if found < best:
                 break
@@ -120,13 +120,13 @@ def solve(problem: LearningProblem) -> Answer:
         if gain < _SMALL * best:
             good = True
             break
-    return judged(problem, alpha, good=good)
+    return judged_anew(problem, alpha, good=good)
 
 
-def judged(problem: LearningProblem, alpha: Array, *, good: bool) -> Answer:
+def judged_anew(problem: LearningProblem, alpha: Array, *, good: bool) -> Answer:
     """Return an answer with cost and largest share of the bound reckoned anew."""
     n = problem.arm.n
-    r, _ = reckon(problem, arm_numbers(problem.arm), alpha)
+    r, _ = shares_and_slopes(problem, arm_numbers(problem.arm), alpha)
     torque = float(np.abs(r[:, :n]).max())
     worst = torque / problem.bound if np.isfinite(problem.bound) else torque
     return Answer(
@@ -137,7 +137,7 @@ def judged(problem: LearningProblem, alpha: Array, *, good: bool) -> Answer:
     )
 
 
-def reckon(problem: LearningProblem, p: ArmNumbers, alpha: Array) -> tuple[Array, Array]:
+def shares_and_slopes(problem: LearningProblem, p: ArmNumbers, alpha: Array) -> tuple[Array, Array]:
     """Return torques and speeds over their bounds, (S, 2 n), and their slopes, (S, 2 n, m n)."""
     n, links = problem.arm.n, len(problem.arm.model.links)
     z = problem.base + problem.slope @ alpha
@@ -217,7 +217,7 @@ def ipopt_run(problem: LearningProblem, solver: Expression) -> Answer:
     bound = np.full(count, problem.bound)
     found = solver(x0=np.zeros(problem.size), lbg=-bound, ubg=bound)
     good = bool(solver.stats()["success"])
-    return judged(problem, np.asarray(found["x"], np.float64).ravel(), good=good)
+    return judged_anew(problem, np.asarray(found["x"], np.float64).ravel(), good=good)
 
 
 def _instant(ca: ModuleType, problem: LearningProblem) -> tuple[Expression, Expression]:

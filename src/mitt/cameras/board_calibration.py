@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt.cameras.cameras import Camera
-from mitt.cameras.charuco import Board, Seen, Sight, between, plain, shown_instead
-from mitt.cameras.least_squares import POSE, Fit, Stage, fit, weak
+from mitt.cameras.cameras import ImageSource
+from mitt.cameras.charuco import Board, BoardCorners, Sight, between, first_lens, shown_instead
+from mitt.cameras.least_squares import POSE, CalibrationStage, Fit, fit, weak
 from mitt.clock import Progress
 from mitt.errors import InputError
 from mitt.eyes.camera import by_pose, inverse, turned
@@ -29,7 +29,7 @@ CELLS = (6, 4)
 #: Share of the images without a board from which they are told of.
 _MANY = 0.2
 
-View = tuple[Seen | None, ...]
+View = tuple[BoardCorners | None, ...]
 """What each camera saw of the board at one instant; None where it saw no board."""
 
 
@@ -179,7 +179,7 @@ class BoardViews:
 
 def look_for_board(
     board: Board,
-    sources: Sequence[Camera],
+    sources: Sequence[ImageSource],
     names: tuple[str, ...],
     *,
     progress: Progress,
@@ -293,7 +293,7 @@ def board_problem(board: Board, seen: BoardViews, free: NDArray[np.bool_]) -> Bo
                 f"{len(mine)} of {seen.frames} images{_shown(seen, k)}",
                 do="check --board, --square, --dictionary, light and focus",
             )
-        guesses.append((board.lens(mine, size, free), plain(size)))
+        guesses.append((board.lens(mine, size, free), first_lens(size)))
     starts = [_started(board, seen, free, lenses) for lenses in zip(*guesses, strict=True)]
     return min(starts, key=lambda problem: float(np.abs(problem.residuals()).max()))
 
@@ -359,7 +359,7 @@ def _started(
 
 def calibrate_boards(
     board: Board, seen: BoardViews, *, coefficients: int
-) -> tuple[CalibratedRig, Fit[BoardProblem], Stage]:
+) -> tuple[CalibratedRig, Fit[BoardProblem], CalibrationStage]:
     """Return the rig in the frame of its first camera, the solution, and what to say about it."""
     solved = fit(board_problem(board, seen, free_numbers(coefficients)))
     problem, cameras, few = solved.problem, [], []
@@ -400,7 +400,7 @@ def calibrate_boards(
     if solved.status != "converged":
         warnings.append("the fit did not settle: the views are too much alike")
     warnings += [*few, *_left_out(seen)]
-    return rig, solved, Stage("boards", solved.status, numbers, tuple(warnings))
+    return rig, solved, CalibrationStage("boards", solved.status, numbers, tuple(warnings))
 
 
 def _coverage(uv: Array, size: tuple[int, int]) -> float:

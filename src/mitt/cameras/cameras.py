@@ -54,7 +54,7 @@ class Zero:
         return stamp - self.stamp
 
 
-class Camera(ABC):
+class ImageSource(ABC):
     """A video, a folder of images, or a live camera.
 
     The time of a frame is its number over ``fps`` or, without that, its stamp. Stamps of devices
@@ -161,7 +161,7 @@ class Depth:
 
 
 @final
-class Folder(Camera):
+class ImageFolder(ImageSource):
     """A folder of images.
 
     The stamp of a frame is what its name ends with: seconds with a decimal point
@@ -194,7 +194,7 @@ class Folder(Camera):
 
 
 @final
-class Video(Camera):
+class Video(ImageSource):
     """A video file: anything that PyAV reads.
 
     Containers round time stamps (Matroska to 1 ms): where they lie within one such step of a
@@ -355,7 +355,7 @@ class Producers:
 
 
 @final
-class GenICam(Camera):
+class GenICam(ImageSource):
     """A camera behind a GenTL producer, 8 bits a channel; without stamps, timed on arrival."""
 
     live = True
@@ -404,7 +404,7 @@ def _pixels(name: str, part: Any) -> Image:  # noqa: ANN401 (harvesters has no t
 
 
 @final
-class Basler(Camera):
+class Basler(ImageSource):
     """A Basler camera, set to 8 grey bits; without stamps, timed on arrival."""
 
     live = True
@@ -451,7 +451,7 @@ class Basler(Camera):
 
 
 @contextmanager
-def open_cameras(specs: Sequence[str], *, fps: float | None = None) -> Iterator[list[Camera]]:
+def open_cameras(specs: Sequence[str], *, fps: float | None = None) -> Iterator[list[ImageSource]]:
     """Open the cameras of a rig, and close them in the end.
 
     Args:
@@ -480,7 +480,7 @@ def check_cameras(specs: Sequence[str]) -> None:
         check_library(known.get(kind, "cv2" if Path(spec).is_dir() else "av"))
 
 
-def _opened(spec: str, camera: int, producers: Producers, fps: float | None) -> Camera:
+def _opened(spec: str, camera: int, producers: Producers, fps: float | None) -> ImageSource:
     """Return one open camera."""
     kind, _, rest = spec.partition(":")
     if kind == "basler":
@@ -492,4 +492,4 @@ def _opened(spec: str, camera: int, producers: Producers, fps: float | None) -> 
             raise InputError("genicam", "PRODUCER.cti#INDEX", spec)
         return GenICam(producers, (Path(producer), number), camera, fps=fps)
     path = Path(spec)
-    return Folder(path, camera, fps=fps) if path.is_dir() else Video(path, camera, fps=fps)
+    return ImageFolder(path, camera, fps=fps) if path.is_dir() else Video(path, camera, fps=fps)

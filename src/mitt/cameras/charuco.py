@@ -65,7 +65,7 @@ class BoardSpec:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Seen:
+class BoardCorners:
     """Corners of the board in one image.
 
     Attributes:
@@ -77,7 +77,7 @@ class Seen:
     uv: Array
 
 
-Sight: TypeAlias = tuple[Seen | None, Seen | None]
+Sight: TypeAlias = tuple[BoardCorners | None, BoardCorners | None]
 """An image's corners by the pattern of today, and by that before OpenCV 4.6."""
 
 
@@ -134,15 +134,19 @@ class Board:
         self.legacy = before > today if before or today else self.legacy
         return bool(before or today or len(self._boards) == 1)
 
-    def _seen(self, uv: OpenCv, ids: OpenCv) -> Seen | None:
+    def _seen(self, uv: OpenCv, ids: OpenCv) -> BoardCorners | None:
         """Return corners that OpenCV found; None where they are too few, or lie on a line."""
         if ids is None or len(ids) < FEWEST_CORNERS:
             return None
-        seen = Seen(ids=ids.ravel().astype(np.int64), uv=uv.reshape(-1, 2).astype(np.float64))
+        seen = BoardCorners(
+            ids=ids.ravel().astype(np.int64), uv=uv.reshape(-1, 2).astype(np.float64)
+        )
         rank = np.linalg.svd(self.corners[seen.ids] - self.corners[seen.ids].mean(axis=0))[1]
         return seen if rank[1] > 1e-3 else None
 
-    def lens(self, views: list[Seen], size: tuple[int, int], free: NDArray[np.bool_]) -> Lens:
+    def lens(
+        self, views: list[BoardCorners], size: tuple[int, int], free: NDArray[np.bool_]
+    ) -> Lens:
         """Return a first guess of a lens whose wanted numbers are ``free``, shape (9,)."""
         cv2 = self._cv2
         fixed = {
@@ -166,9 +170,9 @@ class Board:
         numbers = np.array((K[0, 0], K[1, 1], K[0, 2], K[1, 2], *np.ravel(bend)[:5]))
         # A focal length of 15 times the image's width, or a fifteenth of it, is not believed.
         likely = np.all(np.abs(np.log(numbers[:2].clip(1e-9) / size[0])) < np.log(15.0))
-        return Lens(width=size[0], height=size[1], numbers=numbers) if likely else plain(size)
+        return Lens(width=size[0], height=size[1], numbers=numbers) if likely else first_lens(size)
 
-    def pose(self, seen: Seen, lens: Lens) -> Array:
+    def pose(self, seen: BoardCorners, lens: Lens) -> Array:
         """Return T_cam_board [m], shape (4, 4), of one view; the flat board's two are compared."""
         xy = lens.undistort(seen.uv)
         good = np.isfinite(xy).all(axis=1)
@@ -183,7 +187,7 @@ class Board:
         return T
 
 
-def plain(size: tuple[int, int]) -> Lens:
+def first_lens(size: tuple[int, int]) -> Lens:
     """Return the lens to begin with where views tell nothing: 53 degrees wide, not bent."""
     width, height = size
     middle = (0.5 * (width - 1), 0.5 * (height - 1))

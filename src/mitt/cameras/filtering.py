@@ -17,7 +17,7 @@ import numpy as np
 from mitt.ball.counts import counts_of
 from mitt.ball.filter import FilterConfig, doubt, fresh_filter, predict, update
 from mitt.errors import FileError
-from mitt.files.csv_table import measured, number, read_rows
+from mitt.files.csv_table import measured, read_number, read_rows
 from mitt.files.writing import write_text
 from mitt.kernels import Record, kernel
 from mitt.signals import Array
@@ -117,7 +117,7 @@ def learn_noise(noise: Record, t: float, z: Array) -> None:
     k.z[2] = z
 
 
-class Track(NamedTuple):
+class FilteredTrack(NamedTuple):
     """Estimates at the times of the positions, shape (n, 3) each; NaN where nothing is known.
 
     Attributes:
@@ -137,14 +137,14 @@ class Track(NamedTuple):
     unused: dict[str, int]
 
 
-def follow(
+def filter_flight(
     t: Array,
     points: Array,
     *,
     ahead: float = 0.0,
     sigma: float | None = None,
     config: FilterConfig = UNKNOWN_BALL,
-) -> Track:
+) -> FilteredTrack:
     """Filter one flight.
 
     Args:
@@ -157,13 +157,13 @@ def follow(
     rows, ball = np.zeros((len(t), 5, 3)), fresh_filter(config)
     _follow(t, points, ahead, sigma or 0.0, ball, fresh_noise(), rows)
     r, dr, ddr, spread, later = rows.transpose(1, 0, 2)
-    return Track(r, dr, ddr, spread, later, counts_of(ball).unused)
+    return FilteredTrack(r, dr, ddr, spread, later, counts_of(ball).unused)
 
 
 def follow_all(
     samples: Array, flights: Iterable[list[int]], *, ahead: float = 0.0, sigma: float | None = None
-) -> Track:
-    """Filter several flights, each on its own; see :func:`follow`.
+) -> FilteredTrack:
+    """Filter several flights, each on its own; see :func:`filter_flight`.
 
     Samples are times and positions [s, m], shape (n, 4); flights the indices of their rows. The
     rows of the track are in the order of the samples.
@@ -171,10 +171,10 @@ def follow_all(
     rows, unused = np.zeros((5, len(samples), 3)), Counter[str]()
     for flight in flights:
         t, points = samples[flight, 0], samples[flight, 1:]
-        *rows[:, flight], left = follow(t - t[0], points, ahead=ahead, sigma=sigma)
+        *rows[:, flight], left = filter_flight(t - t[0], points, ahead=ahead, sigma=sigma)
         unused.update(left)
     r, dr, ddr, spread, later = rows
-    return Track(r, dr, ddr, spread, later, dict(unused))
+    return FilteredTrack(r, dr, ddr, spread, later, dict(unused))
 
 
 @kernel
@@ -201,7 +201,7 @@ def _follow(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Positions:
+class RecordedPositions:
     """Recorded positions, flight by flight.
 
     Attributes:
@@ -223,7 +223,7 @@ class Positions:
         return np.asarray(samples[np.isfinite(samples).all(axis=1)])
 
 
-def read_positions(path: Path) -> Positions:
+def read_positions(path: Path) -> RecordedPositions:
     """Read recorded positions; flights may be interleaved, and rows without a position.
 
     Raises:
@@ -237,7 +237,7 @@ def read_positions(path: Path) -> Positions:
     for line, row in read_rows(path, POINTS, optional="flight", max_rows=MAX_ROWS):
         columns = tuple(row)
         sample = [
-            (number if c == "t_s" else measured)(path, line, c, row[c], limit=limit)
+            (read_number if c == "t_s" else measured)(path, line, c, row[c], limit=limit)
             for c, limit in _LIMITS.items()
         ]
         flight = flights.setdefault(row.get("flight", "").strip(), [])
@@ -250,10 +250,12 @@ def read_positions(path: Path) -> Positions:
         cells.append(tuple(row.values()))
     if not np.any(np.isfinite(np.array(samples).reshape(-1, 4)).all(axis=1)):
         raise FileError(str(path), "at least one row with a position", "none")
-    return Positions(columns=columns, cells=cells, rows=flights, samples=np.array(samples))
+    return RecordedPositions(columns=columns, cells=cells, rows=flights, samples=np.array(samples))
 
 
-def write_track(path: Path, positions: Positions, track: Track, *, ahead: bool) -> None:
+def write_track(
+    path: Path, positions: RecordedPositions, track: FilteredTrack, *, ahead: bool
+) -> None:
     """Write the rows of the input with velocity, acceleration and standard deviations added.
 
     Of a ball that was not seen they are what was known from before, or empty.

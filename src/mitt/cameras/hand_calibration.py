@@ -14,17 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitt.arm.arm import Arm
-from mitt.cameras.cameras import Camera
-from mitt.cameras.least_squares import POSE, Fit, Stage, fit, weak
+from mitt.cameras.cameras import ImageSource
+from mitt.cameras.least_squares import POSE, CalibrationStage, Fit, fit, weak
 from mitt.catcher.settings import BRAKE
 from mitt.errors import InputError
 from mitt.eyes.camera import Camera as Pinhole
 from mitt.eyes.camera import applied, by_pose, inverse, laid, turned
-from mitt.eyes.clock_offset import Catch, LearnedClock, caught_offset
+from mitt.eyes.clock_offset import CatchSeen, LearnedClock, caught_offset
 from mitt.eyes.segmentation import Segmenter
 from mitt.eyes.triangulation import Triangulator, TriangulatorConfig
 from mitt.files.cdr import Rows
-from mitt.files.csv_table import header_of, read_columns, times_of
+from mitt.files.csv_table import header_of, read_table, times_of
 from mitt.files.messages import clock_in
 from mitt.files.recordings import Recorded
 from mitt.files.rig import CalibratedRig
@@ -128,7 +128,7 @@ def centroid_columns(rig: CalibratedRig) -> tuple[str, ...]:
     return tuple(f"{axis}_{c.name}_px" for c in rig.cameras for axis in "uv")
 
 
-def centroids_in(sources: Sequence[Camera], count: int) -> Array:
+def centroids_in(sources: Sequence[ImageSource], count: int) -> Array:
     """Return the centroid of the ball in the first frames of cameras, shape (count, 2 cameras).
 
     NaN where no ball is seen whole.
@@ -187,7 +187,7 @@ def hand_problem(
 
 def calibrate_hand(
     rig: CalibratedRig, places: Array, centroids: Array, *, radius: float
-) -> tuple[CalibratedRig, Fit[HandProblem], Stage]:
+) -> tuple[CalibratedRig, Fit[HandProblem], CalibrationStage]:
     """Return the rig in the robot's frame, the solution, and what to say about it."""
     solved = fit(hand_problem(rig, places, centroids, radius), robust=True)
     advice = "hold the ball at places farther apart, in all three directions"
@@ -214,7 +214,7 @@ def calibrate_hand(
         "position_sigma_mm": 1e3 * float(sigma[3:].max()),
     }
     moved = rig.seen_from(inverse(solved.problem.T_rig_world), "robot")
-    return moved, solved, Stage("hand", solved.status, numbers, tuple(warnings))
+    return moved, solved, CalibrationStage("hand", solved.status, numbers, tuple(warnings))
 
 
 def read_places(path: Path, arm: Arm, others: Sequence[str]) -> tuple[Array, Array]:
@@ -226,7 +226,7 @@ def read_places(path: Path, arm: Arm, others: Sequence[str]) -> tuple[Array, Arr
     joints = tuple(f"q{k + 1}_rad" for k in range(arm.n))
     by_angles = "q1_rad" in header_of(path)
     names = joints if by_angles else POINT
-    table = read_columns(path, (*names, *others), seen=[x for x in others if x != "t_s"])
+    table = read_table(path, (*names, *others), seen=[x for x in others if x != "t_s"])
     places, rest = table[:, : len(names)], table[:, len(names) :]
     if by_angles:
         places = np.array([arm.position(q) for q in places])
@@ -327,7 +327,7 @@ def clock_problem(
 
 def calibrate_clock(
     rig: CalibratedRig, arm: Arm, *, log: Path, points: Path, search: float
-) -> tuple[CalibratedRig, Stage]:
+) -> tuple[CalibratedRig, CalibrationStage]:
     """Return the rig with the offset of its clock, and what to say about it."""
     if rig.frame != "robot":
         raise InputError(
@@ -339,7 +339,7 @@ def calibrate_clock(
     if not 0.0 < search <= 60.0:
         raise InputError("--search", "seconds in 0..60", search)
     hand, t_arm = read_places(log, arm, ("t_s",))
-    table = read_columns(points, ("t_s", *POINT), seen=POINT)
+    table = read_table(points, ("t_s", *POINT), seen=POINT)
     t_seen, there = times_of(points, table), np.isfinite(table).all(axis=1)
     problem = clock_problem(
         t_seen=t_seen[there],
@@ -367,10 +367,10 @@ def calibrate_clock(
         "top_speed_m_s": float(speed.max()),
     }
     known = replace(rig, clock_offset=offset, clock_sigma=sigma if np.isfinite(sigma) else 1e3)
-    return known, Stage("clock", solved.status, numbers, tuple(warnings))
+    return known, CalibrationStage("clock", solved.status, numbers, tuple(warnings))
 
 
-def catches_in(recorded: Recorded) -> Iterator[tuple[float, Catch]]:
+def catches_in(recorded: Recorded) -> Iterator[tuple[float, CatchSeen]]:
     """Yield what the stamps of each catch were corrected by [s], and the catch."""
     rows, numbers = recorded.ticks, recorded.numbers.tolist()
     begins = [k for k, n in enumerate(numbers) if "again" in recorded.calls.get(n, ())]
@@ -382,7 +382,7 @@ def catches_in(recorded: Recorded) -> Iterator[tuple[float, Catch]]:
             yield clock_in(calls), found
 
 
-def _catch(rows: Rows, points: Sequence[tuple[Sighting, ...]]) -> Catch | None:
+def _catch(rows: Rows, points: Sequence[tuple[Sighting, ...]]) -> CatchSeen | None:
     """Return what arm and eyes said of a throw's catch; None where the arm never braked for one."""
     braked = np.flatnonzero(rows["out_phase"] == BRAKE)
     if len(braked) == 0:
@@ -396,7 +396,7 @@ def _catch(rows: Rows, points: Sequence[tuple[Sighting, ...]]) -> Catch | None:
     if given:
         t = np.array([p.t for p in given])
         table = np.array([np.vstack([p.r_o, p.covariance]) for p in given])
-    return Catch(
+    return CatchSeen(
         t_arm=rows["t_arm"],
         q=rows["q"],
         t_seen=t,
@@ -407,7 +407,9 @@ def _catch(rows: Rows, points: Sequence[tuple[Sighting, ...]]) -> Catch | None:
     )
 
 
-def calibrate_by_catches(rig: CalibratedRig, paths: Sequence[Path]) -> tuple[CalibratedRig, Stage]:
+def calibrate_by_catches(
+    rig: CalibratedRig, paths: Sequence[Path]
+) -> tuple[CalibratedRig, CalibrationStage]:
     """Return the rig with the offset of its clock, and what to say about it."""
     clock, tried, left = LearnedClock(), 0, list[float]()
     for path in paths:
@@ -433,4 +435,4 @@ def calibrate_by_catches(rig: CalibratedRig, paths: Sequence[Path]) -> tuple[Cal
     weak = clock.sigma > _CLOCK
     warnings = ("offset is uncertain: record more catches",) if weak else ()
     known = replace(rig, clock_offset=clock.offset, clock_sigma=clock.sigma)
-    return known, Stage("clock", "converged", numbers, warnings)
+    return known, CalibrationStage("clock", "converged", numbers, warnings)

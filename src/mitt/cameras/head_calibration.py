@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from mitt import checks
 from mitt.cameras.cameras import read_image
-from mitt.cameras.charuco import Board, Seen
-from mitt.cameras.least_squares import POSE, Fit, Stage, fit, weak
+from mitt.cameras.charuco import Board, BoardCorners
+from mitt.cameras.least_squares import POSE, CalibrationStage, Fit, fit, weak
 from mitt.errors import FileError, InputError
-from mitt.eyes.camera import inverse, rotation, rotation_vector, turned
+from mitt.eyes.camera import inverse, rotation_by_vector, rotation_vector, turned
 from mitt.eyes.lens import Lens
-from mitt.files.csv_table import number, read_rows
+from mitt.files.csv_table import read_number, read_rows
 from mitt.files.rig import HeadAxes, RigCamera
 from mitt.signals import Array
 
@@ -103,7 +103,7 @@ class HeadProblem:
 def _line(axis: Array, point: Array, step: Array) -> tuple[Array, Array]:
     """Return a line turned and shifted across itself by a step, shape (4,)."""
     across = np.linalg.svd(axis[None])[2][1:]
-    new = rotation(across.T @ step[:2]) @ axis
+    new = rotation_by_vector(across.T @ step[:2]) @ axis
     return new / np.linalg.norm(new), point + across.T @ step[2:]
 
 
@@ -135,7 +135,9 @@ def first_head(angles: Array, poses: Array) -> HeadAxes:
     start = int(np.argmin(np.linalg.norm(angles, axis=1)))
     pan_axis, tilt_axis = _directions(angles, poses)
     (pan, tilt), T_0 = angles[start], poses[start].copy()
-    T_0[:3, :3] = rotation(-tilt_axis * tilt) @ rotation(-pan_axis * pan) @ T_0[:3, :3]
+    T_0[:3, :3] = (
+        rotation_by_vector(-tilt_axis * tilt) @ rotation_by_vector(-pan_axis * pan) @ T_0[:3, :3]
+    )
     at = T_0[:3, 3].copy()
     return HeadAxes(
         T_world_cam=T_0, pan_axis=pan_axis, pan_point=at, tilt_axis=tilt_axis, tilt_point=at
@@ -161,7 +163,7 @@ def _directions(angles: Array, poses: Array) -> tuple[Array, Array]:
 
 def read_head_views(
     path: Path, board: Board, size: tuple[int, int]
-) -> tuple[Array, list[Seen], int]:
+) -> tuple[Array, list[BoardCorners], int]:
     """Return angles [rad], shape (k, 2), and corners of the views that a table lists.
 
     The table has columns image,pan_rad,tilt_rad, images of one size [px] relative to its folder.
@@ -177,7 +179,10 @@ def read_head_views(
             raise FileError(str(at), f"an image of {size[0]} x {size[1]} pixels", given)
         sights.append(board.sight(pixels))
         angles.append(
-            [number(path, line, name, cells[name], limit=7.0) for name in ("pan_rad", "tilt_rad")]
+            [
+                read_number(path, line, name, cells[name], limit=7.0)
+                for name in ("pan_rad", "tilt_rad")
+            ]
         )
     board.settle(sights)
     views = [sight[board.legacy] for sight in sights]
@@ -186,7 +191,9 @@ def read_head_views(
     return np.array(angles).reshape(-1, 2)[kept], found, len(views) - len(kept)
 
 
-def head_problem(camera: RigCamera, board: Board, angles: Array, views: list[Seen]) -> HeadProblem:
+def head_problem(
+    camera: RigCamera, board: Board, angles: Array, views: list[BoardCorners]
+) -> HeadProblem:
     """Return the problem of a camera's head at its first guess."""
     poses = np.array([inverse(board.pose(v, camera.lens)) for v in views]).reshape(-1, 4, 4)
     numbers = [np.full(len(v.ids), k) for k, v in enumerate(views)]
@@ -201,8 +208,8 @@ def head_problem(camera: RigCamera, board: Board, angles: Array, views: list[See
 
 
 def calibrate_head(
-    camera: RigCamera, board: Board, angles: Array, views: list[Seen]
-) -> tuple[RigCamera, Fit[HeadProblem], Stage]:
+    camera: RigCamera, board: Board, angles: Array, views: list[BoardCorners]
+) -> tuple[RigCamera, Fit[HeadProblem], CalibrationStage]:
     """Return the camera with its head, the world being the board, z up out of its face."""
     solved = fit(head_problem(camera, board, angles, views))
     wider = (2e-3, "add views at angles farther apart, pan and tilt in turn")
@@ -222,4 +229,4 @@ def calibrate_head(
     }
     turned = head.seen_from(FACE_UP)
     moved = replace(camera, T_world_cam=turned.T_world_cam, head=turned, rms_px=solved.rms)
-    return moved, solved, Stage(f"head {camera.name}", solved.status, numbers, warnings)
+    return moved, solved, CalibrationStage(f"head {camera.name}", solved.status, numbers, warnings)

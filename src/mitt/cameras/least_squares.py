@@ -174,7 +174,7 @@ def weak(fit: Fit[P], limits: Mapping[str, tuple[float, str]]) -> tuple[str, ...
 
 
 @dataclass(frozen=True, slots=True)
-class Stage:
+class CalibrationStage:
     """One stage of a calibration.
 
     Attributes:

@@ -8,7 +8,7 @@ from math import pi, sqrt
 import numpy as np
 
 from mitt.ball.filter import TABLE_TENNIS_BALL, THROWN_BALL, BallFilter, FilterConfig
-from mitt.cameras.cameras import Camera, open_cameras, optional
+from mitt.cameras.cameras import ImageSource, open_cameras, optional
 from mitt.cameras.other_rigs import FALL, fall_error, meant_rig
 from mitt.cameras.synchrony import Synchrony, synchrony
 from mitt.cameras.video_writer import VideoWriter
@@ -60,7 +60,11 @@ class PairCounts:
 
 
 def pairs(
-    cameras: tuple[Camera, Camera], counts: PairCounts, *, max_skew: float, most: int | None
+    cameras: tuple[ImageSource, ImageSource],
+    counts: PairCounts,
+    *,
+    max_skew: float,
+    most: int | None,
 ) -> Iterator[tuple[Frame, ...]]:
     """Yield the frames of each instant, left before right; one where the other camera has none.
 
@@ -91,7 +95,7 @@ def pairs(
             counts.left_over += sum(1 for _ in sources[1 - ended])
 
 
-def _rising(camera: Camera, k: int, counts: PairCounts, most: int | None) -> Iterator[Frame]:
+def _rising(camera: ImageSource, k: int, counts: PairCounts, most: int | None) -> Iterator[Frame]:
     """Yield the frames of camera k whose time rises."""
     last = -float("inf")
     while most is None or counts.frames[k] < most:
@@ -107,7 +111,7 @@ def _rising(camera: Camera, k: int, counts: PairCounts, most: int | None) -> Ite
 
 
 @dataclass(slots=True, kw_only=True)
-class Seen:
+class SeenSoFar:
     """What was seen so far.
 
     Attributes:
@@ -163,7 +167,9 @@ class Watcher:
         self._segmenters = [Segmenter() for _ in rig.cameras]
         self._triangulator = Triangulator(rig.rig(), radius, config)
 
-    def step(self, frames: tuple[Frame, ...], seen: Seen) -> tuple[tuple[Moments, ...], Sighting]:
+    def step(
+        self, frames: tuple[Frame, ...], seen: SeenSoFar
+    ) -> tuple[tuple[Moments, ...], Sighting]:
         """Return what each camera sees [px] and the ball in the world; count it in ``seen``."""
         moments = tuple(self._moments(frame) for frame in frames)
         for frame in frames:
@@ -185,7 +191,7 @@ class Watcher:
                 rows.append(np.array((found.t, *found.r_o)))
         return moments, sighting
 
-    def judge(self, seen: Seen) -> None:
+    def judge(self, seen: SeenSoFar) -> None:
         """Judge the rig and the time between its cameras, which is added to the track's sigmas."""
         if not seen.pairs:
             return
@@ -223,11 +229,11 @@ class Watcher:
         return replace(m, u=float(u), v=float(v), found=bool(np.isfinite(u + v)))
 
 
-def see(
+def see_ball(
     left: str,
     right: str,
     rig: CalibratedRig,
-    seen: Seen,
+    seen: SeenSoFar,
     writer: VideoWriter | None,
     *,
     ball: str,
@@ -268,7 +274,7 @@ def see(
             watcher.judge(seen)
 
 
-def complaints(seen: Seen, names: tuple[str, ...]) -> tuple[str, ...]:
+def complaints(seen: SeenSoFar, names: tuple[str, ...]) -> tuple[str, ...]:
     """Return what went wrong, each with its likely cause."""
     counts, exchanged = seen.counts, _exchanged(seen)
     said = [] if exchanged or seen.meant else list(_out_of_step(seen))
@@ -312,7 +318,7 @@ def complaints(seen: Seen, names: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(said)
 
 
-def _out_of_step(seen: Seen) -> Iterator[str]:
+def _out_of_step(seen: SeenSoFar) -> Iterator[str]:
     """Yield what the images say of the time between the cameras, where it is worth a word."""
     found = seen.synchrony
     if found is None:
@@ -340,7 +346,7 @@ def _out_of_step(seen: Seen) -> Iterator[str]:
         )
 
 
-def _exchanged(seen: Seen) -> bool:
+def _exchanged(seen: SeenSoFar) -> bool:
     """Say whether left and right seem exchanged: more sightings that way, or a truer fall."""
     if seen.meant:
         return False
@@ -352,7 +358,7 @@ def _exchanged(seen: Seen) -> bool:
     return as_given > FALL and other < 0.5 * as_given
 
 
-def status_of(seen: Seen) -> str:
+def seen_status(seen: SeenSoFar) -> str:
     """Return ok, or what is wrong: no_frames, no_ball, exchanged, disagree, out_of_step, short."""
     if seen.counts.paired == 0:
         return "no_frames"
@@ -367,7 +373,7 @@ def status_of(seen: Seen) -> str:
     return "ok" if seen.states else "short"
 
 
-def rate_of(points: list[Array]) -> float | None:
+def sighting_rate(points: list[Array]) -> float | None:
     """Return the median rate of the sightings [Hz]; None without two."""
     gaps = [b[0] - a[0] for a, b in pairwise(points)]
     return 1.0 / float(np.median(gaps)) if gaps else None

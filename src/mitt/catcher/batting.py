@@ -21,7 +21,7 @@ from mitt.map.batting import BattingMap, easiest
 from mitt.map.demand import Tolerance, shares_of
 from mitt.map.mapping import DirectMap
 from mitt.map.prediction import HORIZON, STRIDE, flown, spread
-from mitt.map.striking import Impact, Strike
+from mitt.map.striking import Impact, PaddleStrike
 from mitt.signals import Array, BallState, JointReference
 from mitt.verdict.feasibility import Outcome, Verdict
 
@@ -80,7 +80,7 @@ class _Plan(NamedTuple):
     """A verdict, and the strike and the map that it rests on, if any."""
 
     verdict: Verdict
-    found: tuple[Strike, DirectMap] | None
+    found: tuple[PaddleStrike, DirectMap] | None
 
 
 @final
@@ -125,7 +125,7 @@ class Batting(Generator):
     map: BattingMap
     settings: BattingSettings
     tolerance: Tolerance = field(default_factory=Tolerance)
-    strike: Strike | None = None
+    strike: PaddleStrike | None = None
     posed: DirectMap | None = None
     t_contact: float = inf
     t_adapted: float = -inf
@@ -200,14 +200,14 @@ class Batting(Generator):
             ),
         )
 
-    def _contacts(self, ball: BallState, q: Array) -> list[tuple[float, Strike]]:
+    def _contacts(self, ball: BallState, q: Array) -> list[tuple[float, PaddleStrike]]:
         """Return the easiest contacts: times from now and strikes."""
         s, usual = self.settings, self._usual(ball)
         if usual == inf:
             return []
-        near = list[Strike]()
+        near = list[PaddleStrike]()
 
-        def met(after: float) -> tuple[float, Strike] | None:
+        def met(after: float) -> tuple[float, PaddleStrike] | None:
             if not s.shortest <= after < inf:
                 return None
             strike = self.asked(foreseen(ball, after), ball, near[-1] if near else None)
@@ -232,7 +232,7 @@ class Batting(Generator):
         memory.looked, memory.usual = ball.t, ball.t + after
         return after
 
-    def asked(self, met: Array, ball: BallState, near: Strike | None) -> Strike | None:
+    def asked(self, met: Array, ball: BallState, near: PaddleStrike | None) -> PaddleStrike | None:
         """Return the strike that a ball asks for; None where it cannot be, or points elsewhere.
 
         Args:

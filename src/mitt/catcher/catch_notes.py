@@ -16,7 +16,7 @@ from mitt.catcher.state import CatcherState, Result
 from mitt.eyes.clock_offset import (
     FARTHEST,
     WARNED,
-    Catch,
+    CatchSeen,
     ClockOffset,
     LearnedClock,
     caught_offset,
@@ -45,7 +45,7 @@ _AT_ONCE = 0.5 * TICK
 
 def catch_of(
     state: CatcherState, t_arm: Array, q: Array, seen: tuple[Array, Array, Array]
-) -> Catch:
+) -> CatchSeen:
     """Return what arm and eyes said of a catch, in the order of stamps.
 
     Args:
@@ -58,7 +58,7 @@ def catch_of(
     order = np.argsort(t_arm, kind="stable")
     order = order[np.diff(t_arm[order], prepend=-np.inf) > 0.1 * TICK]
     t_seen, r_o, covariance = (x[np.argsort(t_seen, kind="stable")] for x in seen)
-    return Catch(
+    return CatchSeen(
         t_arm=t_arm[order],
         q=q[order],
         t_seen=t_seen,
@@ -101,7 +101,7 @@ class CatchNotes:
         self._sightings[self._saw % _KEPT] = t, r_o, covariance
         self._saw += 1
 
-    def _catch(self, state: CatcherState) -> Catch:
+    def _catch(self, state: CatcherState) -> CatchSeen:
         """Return what was kept."""
         read, saw = self._readings[: self._read], self._sightings[: self._saw]
         return catch_of(state, read["t"], read["q"], (saw["t"], saw["r_o"], saw["cov"]))
@@ -145,7 +145,7 @@ class CatchNotes:
             " contact"
         )
 
-    def _flew_on(self, of: Catch, state: CatcherState) -> bool:
+    def _flew_on(self, of: CatchSeen, state: CatcherState) -> bool:
         """Say whether the ball, which by its stamps was in the hand, was seen to fly on."""
         since = of.t_seen - of.t_brake
         off = np.where(np.isfinite(of.q).all(axis=1), np.abs(of.t_arm - of.t_brake), np.inf)

@@ -36,8 +36,8 @@ from mitt.catcher.settings import (
 )
 from mitt.catcher.sightings import Sightings
 from mitt.catcher.state import (
+    CatcherMemory,
     CatcherState,
-    Memory,
     Result,
     ResultHandle,
     StateHandle,
@@ -150,7 +150,7 @@ class Catcher:
     def _begin(self, generator: Generator, eyes: Eyes) -> None:
         """Begin a throw with a state of its own."""
         self._eyes = eyes
-        self._memory = Memory(self._blank, eyes)
+        self._memory = CatcherMemory(self._blank, eyes)
         self._planner = Planner(self._arm, generator, self._settings, self.state, self.result)
         self._todo, self._ticked, self._sightings = 0, False, Sightings()
         self._notes, self._hint = CatchNotes(self._arm), False

@@ -27,9 +27,9 @@ from mitt.signals import Array, BallState, JointReference, MapStatus
 from mitt.verdict.feasibility import (
     Outcome,
     Verdict,
+    has_come_back,
     judge,
     levelled,
-    returns,
     unsettled,
 )
 from mitt.verdict.pieces import Pieces
@@ -302,7 +302,7 @@ class Direct:
 
     def returns(self, ball: BallState) -> bool:
         """Look whether the predicted catch lies in the region of the map."""
-        return returns(self.map, ball)
+        return has_come_back(self.map, ball)
 
     def waiting(self, ball: BallState) -> BallState:
         """Wait at the nominal catch height."""

@@ -24,7 +24,7 @@ from mitt.map.learn import Flight, LearnSettings, Lifted, lift_flight, refined
 from mitt.map.mapping import DirectMap, project
 from mitt.map.prediction import flown
 from mitt.signals import Array, BallState
-from mitt.verdict.feasibility import Verdict, weigh
+from mitt.verdict.feasibility import Verdict, weigh_way
 from mitt.verdict.impact import GRASP
 
 #: Displacement of the six flights in position [m] and velocity [m/s]: a third of it costs 40 throws
@@ -96,7 +96,7 @@ def certify(
     near = around(f, ball, start)
     if near is None:
         return None
-    verdict = weigh(f, ball, near.after, tolerance)
+    verdict = weigh_way(f, ball, near.after, tolerance)
     P, t = ball.covariance, near.after
     ahead = P[:3, :3] + t * (P[:3, 3:] + P[3:, :3]) + t * t * P[3:, 3:]
     off = 2.0 * (_DISPLACED[0] + t * _DISPLACED[1])  # of the ball at the catch, of two neighbours

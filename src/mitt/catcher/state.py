@@ -270,7 +270,7 @@ def fresh_state(
         f: The map, if the generator is one.
         sigma_ready: As of ``_STATE``.
     """
-    s, n, of = settings, arm.n, arm_numbers(arm)
+    s, n, of = settings, arm.n, tick_numbers(arm)
     scalars = _STATE | {
         "sigma_ready": sigma_ready,
         "heads": eyes.heads,
@@ -332,7 +332,7 @@ def palm_of(arm: Arm) -> Array:
     return normal
 
 
-class ArmNumbers(NamedTuple):
+class TickNumbers(NamedTuple):
     """What changes when the arm holds the ball."""
 
     tables: Tables
@@ -342,11 +342,11 @@ class ArmNumbers(NamedTuple):
 
 
 @lru_cache(maxsize=32)
-def arm_numbers(arm: Arm) -> ArmNumbers:
+def tick_numbers(arm: Arm) -> TickNumbers:
     """Return what the tick knows of an arm; worked out once, not to be written to."""
     limits = np.array([arm.tau_max, arm.q_min, arm.q_max])
     encoder_bounds = bounds_of(arm, commanded=False)
-    return ArmNumbers(arm.tables, encoder_bounds, arm.limits.packed, limits)
+    return TickNumbers(arm.tables, encoder_bounds, arm.limits.packed, limits)
 
 
 def exchange_arm(state: CatcherState, arm: Arm) -> None:
@@ -360,7 +360,7 @@ def exchange_arm(state: CatcherState, arm: Arm) -> None:
         arm: The arm, with the ball's mass in its last link or without.
     """
     of = state.arm, state.monitor.bounds, state.tracking.drives, state.limits
-    overwrite(of, arm_numbers(arm))
+    overwrite(of, tick_numbers(arm))
     state.safety.bounds["dq_max"] = speeds_of(arm)
 
 
@@ -380,7 +380,7 @@ def prepare_holding(arm: Arm, settings: CatcherSettings) -> None:
         arm: The arm.
         settings: Of the catcher.
     """
-    arm_numbers(arm.holding(settings.ball_mass))
+    tick_numbers(arm.holding(settings.ball_mass))
     if arm.limits.smooth:  # the verdict plans the brake for the heaviest ball
         bounds_of(arm.holding(settings.caught.heaviest))
 
@@ -416,7 +416,7 @@ def copied(result: Result) -> Result:
     return Result._make(x.copy() for x in result)
 
 
-def rows_of(ticks: Result, first: int, last: int) -> Result:
+def ticks_between(ticks: Result, first: int, last: int) -> Result:
     """Return ticks ``first`` to before ``last`` of many, as views."""
     return Result._make(x[first:last] for x in ticks)
 
@@ -431,7 +431,7 @@ def gathered(results: Sequence[Result]) -> Result:
 
 
 @final
-class Memory:
+class CatcherMemory:
     """State and result of a catcher; one object a throw.
 
     Attributes:

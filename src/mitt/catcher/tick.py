@@ -62,7 +62,7 @@ from mitt.control.health import (
 from mitt.control.stop import HARDEST, choose_stop, short_of_room, stop_by
 from mitt.control.tracking import Tracking, derate, largest_gap, track
 from mitt.control.viability import BLOCKED, safety_filter
-from mitt.eyes.head import aim, bearing, lead
+from mitt.eyes.head import aim_heads, bearing, lead
 from mitt.eyes.held import find_held
 from mitt.eyes.localization import guide, localize
 from mitt.kernels import big_kernel, copy, kernel
@@ -148,7 +148,7 @@ def perceive(seen: Seen, read: Read, state: CatcherState, result: Result) -> Non
             _see_held(images, apart, t_exposed, state, result)
         return
     if s.heads > 0:
-        aim(state.eyes)
+        aim_heads(state.eyes)
     _guide(images, t_exposed, beside, state, result)
     found = localize(images, backgrounds, apart, state.eyes, state.z, state.R)
     out.sighted, out.t_sighted = found and is_of_now(t_exposed, t, state), t_exposed
@@ -258,7 +258,7 @@ def _see_held(
     tip_motion(state.chain, state.estimated[0], state.estimated[1], hand)
     if _is_shown(images):
         if s.heads > 0:
-            aim(state.eyes)
+            aim_heads(state.eyes)
         for i in range(3):
             hand[2, i] = hand[0, i] + (t_exposed - out.t) * hand[1, i]
         found = find_held(images, apart, state.eyes, hand[2], state.z, state.R)

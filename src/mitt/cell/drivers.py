@@ -169,7 +169,7 @@ def local_connection(cell: Cell, robot: LocalRobot) -> Connection:
     return Connection(robot, frames, lambda: robot.t)
 
 
-def connect(prepared: PreparedCell) -> Connection:
+def connect_robot(prepared: PreparedCell) -> Connection:
     """Return the robot of a cell by the name of its driver, and its cameras.
 
     Raises:
@@ -193,7 +193,7 @@ def connect(prepared: PreparedCell) -> Connection:
 def check_driver(cell: Cell, arm: Arm) -> list[str]:
     """Return what the robot's controllers have to be, a line each; joins no network.
 
-    It judges for ``--check`` and for the start alike: :func:`connect` calls it first.
+    It judges for ``--check`` and for the start alike: :func:`connect_robot` calls it first.
 
     Raises:
         UnknownNameError: No driver is called that.

@@ -8,7 +8,7 @@ from mitt.arm.arm import Arm
 from mitt.catcher.settings import Phase
 from mitt.signals import TICK, Array
 from mitt.trials.runner import LONGEST
-from mitt.trials.score import HELD_AFTER, status_of, was_held
+from mitt.trials.score import HELD_AFTER, trial_status, was_held
 from mitt.trials.source import Source
 from mitt.trials.station import Station
 from mitt.world.flights import BallPath
@@ -78,7 +78,7 @@ class Throws:
     def ended(self, world: World) -> dict[str, Any]:
         """Judge as a trial does."""
         held = was_held(self._arm, world)
-        return {"status": status_of(world, Phase.WATCH, refused=False, was_held=held)}
+        return {"status": trial_status(world, Phase.WATCH, refused=False, was_held=held)}
 
 
 @final

@@ -59,7 +59,7 @@ class FrameSet(NamedTuple):
     images: tuple[Image, ...]
 
 
-def frames_of(seen: FrameSet, t: float) -> tuple[Frame, ...]:
+def as_frames(seen: FrameSet, t: float) -> tuple[Frame, ...]:
     """Return a set as frames whose time is ``t`` [s]."""
     return tuple(
         Frame(t=t, camera=k, number=seen.number, pixels=image)
@@ -340,7 +340,7 @@ class Sight:
 
         It is learned as by ``mitt catch``, from ten looks in 80 ms.
         """
-        frames = frames_of(seen, t)
+        frames = as_frames(seen, t)
         if self._learned:
             return frames
         if self._seen % 8 == 0:

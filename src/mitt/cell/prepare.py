@@ -151,7 +151,7 @@ def _meeting(cell: Cell, task: MeetTask) -> PreparedCell:
     )
 
 
-def map_of(prepared: PreparedCell) -> CellMap:
+def cell_map(prepared: PreparedCell) -> CellMap:
     """Return the map of a cell: its own, one that was learned for the same before, or a new one."""
     work = prepared.work
     if isinstance(work, Station):
@@ -189,7 +189,7 @@ def _kept_map(prepared: PreparedCell, design: MapDesign) -> Path | None:
     return folder / "maps" / f"{name}.json"
 
 
-def about_of(prepared: PreparedCell, f: CellMap) -> About:
+def cell_about(prepared: PreparedCell, f: CellMap) -> About:
     """Return what makes the catcher of a cell, as its recordings say it."""
     cell, arm, work = prepared.cell, prepared.arm, prepared.work
     task, ball = cell.task, cell.ball
@@ -211,7 +211,7 @@ def about_of(prepared: PreparedCell, f: CellMap) -> About:
     notes = {"cell": cell.name}
     if isinstance(work, Station):
         settings, notes = work.for_parts(settings), notes | work.notes
-    g = generator_of(prepared, f)
+    g = cell_generator(prepared, f)
     return About(
         arm=arm,
         generator="direct" if isinstance(g, Family) else "meeting",
@@ -225,7 +225,7 @@ def about_of(prepared: PreparedCell, f: CellMap) -> About:
     )
 
 
-def generator_of(prepared: PreparedCell, f: CellMap) -> Family | Meeting:
+def cell_generator(prepared: PreparedCell, f: CellMap) -> Family | Meeting:
     """Return what moves the arm of a cell."""
     if isinstance(f, DirectMap):
         return direct(f)
@@ -235,7 +235,7 @@ def generator_of(prepared: PreparedCell, f: CellMap) -> Family | Meeting:
 
 def catchers(prepared: PreparedCell, f: CellMap) -> tuple[Catcher, Callable[[Catcher], Catcher]]:
     """Return a catcher of a cell, and what makes a fresh one of it for another throw."""
-    of, generator = about_of(prepared, f), generator_of(prepared, f)
+    of, generator = cell_about(prepared, f), cell_generator(prepared, f)
     eyes = Eyes(of.rig, of.eyes)
     first = Catcher(of.driven_arm, generator, eyes, settings=of.settings)
     return first, lambda catcher: catcher.again(generator)

@@ -55,7 +55,7 @@ from mitt.files.messages import (
     torques_call,
 )
 from mitt.files.recordings import Heading, RecordingWriter, heading_of
-from mitt.files.robot_description import Frame as Drawn
+from mitt.files.robot_description import LinkFrame as Drawn
 from mitt.interrupts import safe_path
 from mitt.signals import Array, Command, Frame, Senses, all_of
 
@@ -410,7 +410,7 @@ class _Writer:
         """Begin the file."""
         self._out, self._ring, self._shapes = RecordingWriter(stream, heading), ring, heading.shapes
         self._row = of.ticks(len(heading.joints), heading.heads).dtype
-        self._frame, self._point = of.frames().dtype, of.points().dtype
+        self._frame, self._point = of.frame_type().dtype, of.points().dtype
         self._rows: list[bytes] = []
         self._before: dict[int, list[Said]] = {}
         self._first = self._dropped = 0
@@ -480,7 +480,7 @@ class _Writer:
         self._before = {k: x for k, x in self._before.items() if k >= last}
 
 
-def main(words: list[str]) -> int:
+def recorder_main(words: list[str]) -> int:
     """Write a file; say ``ready``, and in the end ``written``, or what went wrong."""
     fd, size, path = int(words[0]), int(words[1]), Path(words[2])
     _be_ordinary()
@@ -535,4 +535,4 @@ def _say(text: str) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(recorder_main(sys.argv[1:]))

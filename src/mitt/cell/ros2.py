@@ -76,7 +76,7 @@ _HELD = 0.05
 _LEASE = 25.0
 
 
-def options_of(cell: Cell) -> dict[str, Any]:
+def ros2_options(cell: Cell) -> dict[str, Any]:
     """Return the options of a cell's robot, with what is left out."""
     given = cell.robot.options
     for key, value in given.items():
@@ -97,7 +97,7 @@ def check_cell(cell: Cell, arm: Arm) -> Orders:
     Raises:
         InputError: An option, a topic, the interface or the domain cannot be.
     """
-    of = options_of(cell)
+    of = ros2_options(cell)
     dds.check_network(of["interface"])
     topics = [
         cell.source.topic,
@@ -266,7 +266,7 @@ class Ros2Robot:
 
     def __init__(self, cell: Cell, arm: Arm) -> None:
         """Join the graph."""
-        of, source, orders = options_of(cell), cell.source, check_cell(cell, arm)
+        of, source, orders = ros2_options(cell), cell.source, check_cell(cell, arm)
         self._node = node = dds.Node(of["interface"])
         self._joints = Joints(cell, arm, of["others"], of["hand"])
         self._cell, self._of = cell, of
@@ -355,14 +355,14 @@ class Ros2Robot:
         """Send that the brakes are to engage; say so where nobody hears it."""
         if self._brake is None:
             return "the cell names no brakes (robot.options.unbraked)"
-        self._brake.send(messages.flag(True))
+        self._brake.send(messages.bool_message(True))
         return "" if self._brake.listeners() else f"nobody takes {self._of['brake']}"
 
     def release(self) -> None:
         """Send that the brakes are to be released and a stop is acknowledged, unless not alone."""
         self._trouble = self._braked = ""
         if self._brake is not None and not self._conflict:
-            self._brake.send(messages.flag(False))
+            self._brake.send(messages.bool_message(False))
 
     def waits(self) -> str:
         """Return which end of which link is not there."""
@@ -511,7 +511,7 @@ class Ros2Robot:
     def news(self) -> Sequence[str]:
         """Return what a simulated cell has said of its throws."""
         try:
-            return [messages.read_text(raw) for raw in self._results.take()]
+            return [messages.read_string(raw) for raw in self._results.take()]
         except MittError:
             return []
 
@@ -526,7 +526,7 @@ class Ros2Cell:
 
     def __init__(self, cell: Cell, arm: Arm) -> None:
         """Join the graph."""
-        of = options_of(cell)
+        of = ros2_options(cell)
         self._of, self._frame = of, cell.source.frame
         self._names, self._active = joints_of(cell, arm), list(arm.model.active)
         self._q = np.array([x.held or 0.0 for x in arm.model.links])
@@ -570,7 +570,7 @@ class Ros2Cell:
 
     def result(self, said: str) -> None:
         """Publish how a throw ended."""
-        self._results.send(messages.text(said))
+        self._results.send(messages.string_message(said))
 
     def command(self) -> ReceivedCommand | None:
         """Return the newest command since the last call; None where none came that fits."""

@@ -119,7 +119,7 @@ def read_trajectory(raw: bytes) -> tuple[float, tuple[str, ...], Array]:
     return _stamp(frame), names, rows
 
 
-def array(x: Array, answers: float = nan) -> bytes:
+def array_message(x: Array, answers: float = nan) -> bytes:
     """Return a Float64MultiArray of one row.
 
     The label of its layout, of which a controller makes nothing, names the reading that it answers.
@@ -158,7 +158,7 @@ def _stamp(said: str) -> float:
         return nan
 
 
-def flag(x: bool) -> bytes:
+def bool_message(x: bool) -> bytes:
     """Return a Bool."""
     return Writer().byte(int(x)).done()
 
@@ -168,12 +168,12 @@ def read_flag(raw: bytes) -> bool:
     return Reader(raw).byte() != 0
 
 
-def text(x: str) -> bytes:
+def string_message(x: str) -> bytes:
     """Return a String."""
     return Writer().string(x).done()
 
 
-def read_text(raw: bytes) -> str:
+def read_string(raw: bytes) -> str:
     """Return what a String says."""
     return Reader(raw).string()
 
@@ -270,7 +270,7 @@ class Orders:
         """Return the message for the joints' controller; ``answers`` is the reading's stamp [s]."""
         self._rows[:, self._place] = command.joints
         if self.plain:
-            return array(self._rows[self._row], answers)
+            return array_message(self._rows[self._row], answers)
         return trajectory(answers, self.names, self._rows[: _TOLD[self._takes]])
 
     def of_hand(self, command: Command, answers: float) -> bytes | None:
@@ -281,7 +281,7 @@ class Orders:
         self._sent, self._since = command.hand, 0
         angle = np.array([command.hand])
         if self.plain_hand:
-            return array(angle)
+            return array_message(angle)
         return trajectory(answers, (self.hand,), angle[None])
 
     def read(self, raw: bytes, hand: float) -> ReceivedCommand | None:

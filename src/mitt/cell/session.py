@@ -24,10 +24,10 @@ from mitt.cell.live import LiveLoop, Mode
 from mitt.cell.prepare import (
     CellMap,
     PreparedCell,
-    about_of,
     catchers,
-    generator_of,
-    map_of,
+    cell_about,
+    cell_generator,
+    cell_map,
     period_of,
     setpoints_of,
 )
@@ -59,7 +59,7 @@ CORE = 0
 Numbers: TypeAlias = MutableSequence[float]
 
 
-def numbers() -> Numbers:
+def shared_numbers() -> Numbers:
     """Return shared memory for the numbers of the live table."""
     memory: Numbers = RawArray("d", len(SHOWN))
     return memory
@@ -94,7 +94,7 @@ def loop_of(
 def made_ready(prepared: PreparedCell, tell: Callable[[str], None]) -> CellMap:
     """Return the map of a cell, all loaded that its loop needs; say first what takes some time."""
     tell(f"{prepared.cell.name}: loading its map, or learning it, which takes a minute")
-    f = map_of(prepared)
+    f = cell_map(prepared)
     tell(f"{prepared.cell.name}: rehearsing in simulation, so that nothing is loaded later")
     rehearse(prepared, f)
     return f
@@ -102,7 +102,7 @@ def made_ready(prepared: PreparedCell, tell: Callable[[str], None]) -> CellMap:
 
 def rehearse(prepared: PreparedCell, f: CellMap) -> None:
     """Catch, or meet, once in a simulation: nothing is compiled or loaded in front of the robot."""
-    load_decisions(prepared.arm, generator_of(prepared, f), about_of(prepared, f).settings)
+    load_decisions(prepared.arm, cell_generator(prepared, f), cell_about(prepared, f).settings)
     local = local_robot(prepared, seed=0, count=1)
     loop = loop_of(prepared, f, local_connection(prepared.cell, local))
     loop.healthy()
@@ -206,7 +206,7 @@ class Session:
         self._throws, self._recorder, self.signal = throws, recorder, 0
         self._told, self._last, self._done = Counter[str](), dict[str, Any](), False
         self._forces, self._begun = list[float | None](), monotonic()
-        self.shown = numbers() if shown is None else shown
+        self.shown = shared_numbers() if shown is None else shown
         self.words = words() if said is None else said
         self._lost = False
 

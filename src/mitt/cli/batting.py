@@ -15,7 +15,6 @@ from mitt.cli.screen import (
     beyond_words,
     check_record,
     checked,
-    number,
     print_json,
     progress,
     rate_words,
@@ -24,6 +23,7 @@ from mitt.cli.screen import (
     say,
     show,
     table,
+    table_number,
     tell_of_kernels,
     worth_a_row,
 )
@@ -47,7 +47,7 @@ from mitt.trials.log import TrialLog, keep_recording
 from mitt.trials.result import PAGE, RESULT, finite, kept_words
 from mitt.trials.source import Source, source_of
 from mitt.trials.task_folder import BATTING, incomplete, kept_result
-from mitt.world.flights import Recording, builtin_flights, read_flights
+from mitt.world.flights import RecordedFlight, builtin_flights, read_flights
 from mitt.world.scene import DEFAULT_SCENE, Scene, read_scene
 
 #: Options that may name a file.
@@ -64,13 +64,13 @@ class _Asked:
 
     target: Array | None
     speed: tuple[float, float] | None
-    recordings: tuple[Recording, ...]
+    recordings: tuple[RecordedFlight, ...]
     limits: str | None
     scene: Scene
     out: Path
 
 
-def bat(options: BatOptions) -> int:
+def bat_command(options: BatOptions) -> int:
     """Run ``mitt bat``; return its exit status."""
     asked = _asked(options)
     station = bat_station(
@@ -169,7 +169,7 @@ def _limits(options: BatOptions) -> str | None:
     return own if options.limits is None else options.limits
 
 
-def _recordings(name: str | None) -> tuple[Recording, ...]:
+def _recordings(name: str | None) -> tuple[RecordedFlight, ...]:
     """Return recorded flights by name or file; none where nothing is named."""
     if name is None:
         return ()
@@ -245,10 +245,10 @@ def _show(options: BatOptions, trials: list[BatTrial], said: dict[str, Any], pag
     )
     for t in worth_a_row(trials, "hit"):
         cells = (
-            number(t.t_hit_s, 2),
-            number(None if t.miss_m is None else 100.0 * t.miss_m, 1),
-            number(t.return_speed_m_s, 1),
-            number(t.peak_contact_force_n, 0),
+            table_number(t.t_hit_s, 2),
+            table_number(None if t.miss_m is None else 100.0 * t.miss_m, 1),
+            table_number(t.return_speed_m_s, 1),
+            table_number(t.peak_contact_force_n, 0),
         )
         why = "" if t.status == "hit" else t.binding_limit or ""
         rows.add_row(str(t.index), t.status, str(t.limit_violations), *cells, why)

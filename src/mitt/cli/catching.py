@@ -15,7 +15,6 @@ from mitt.cli.options import ArmOptions, CatchOptions, LearnOptions
 from mitt.cli.screen import (
     check_new_files,
     checked,
-    number,
     print_json,
     progress,
     rate_words,
@@ -24,6 +23,7 @@ from mitt.cli.screen import (
     say,
     show,
     table,
+    table_number,
     tell_of_kernels,
     warn,
     worth_a_row,
@@ -39,7 +39,7 @@ from mitt.map.map_design import warnings_of
 from mitt.map.mapping import unlearned
 from mitt.map.neighbourhood import LEARNING_SEED, Neighbourhood
 from mitt.map.neighbourhood import learn as learn_map
-from mitt.reading import difference, noted
+from mitt.reading import changed_file, noted
 from mitt.trials.registry import check_generator
 from mitt.trials.result import LEAVES, MAP, STATUSES, Kept, force_words, kept_words
 from mitt.trials.runs import FinishedRun, Prepared, RunSettings
@@ -55,9 +55,9 @@ _FILES = ("arm", "limits", "scene", "map", "throws_file", "flights")
 _OF_THE_MAP = ("catch_joint", "q_catch", "kappa", "inward", "order")
 
 
-def catch(options: CatchOptions) -> int:
+def catch_command(options: CatchOptions) -> int:
     """Run ``mitt catch``; return its exit status."""
-    prepared = prepare(options)
+    prepared = prepare_run(options)
     warn(warnings_of(prepared.arm, prepared.design), json=options.json)
     if options.check:
         return checked(f"{prepared.source.count} throws, output to {prepared.out}")
@@ -83,7 +83,7 @@ def spec_of(options: ArmOptions) -> ArmSpec:
     return ArmSpec.model_construct(**{name: said[name] for name in ArmSpec.model_fields})
 
 
-def prepare(options: CatchOptions) -> Prepared:
+def prepare_run(options: CatchOptions) -> Prepared:
     """Read and check all that a run needs, without learning or writing anything.
 
     Raises:
@@ -109,8 +109,8 @@ def prepared_again(folder: Path, kept: Kept) -> Prepared:
     _, options = parse(["catch", *map(str, words)])
     options = checks.instance("options", options, CatchOptions)
     less: dict[str, Any] = dict.fromkeys(_OF_THE_MAP)
-    prepared = prepare(replace(options, map=folder / MAP, out=folder, overwrite=True, **less))
-    if changed := difference(read, prepared.again["read"]):
+    prepared = prepare_run(replace(options, map=folder / MAP, out=folder, overwrite=True, **less))
+    if changed := changed_file(read, prepared.again["read"]):
         raise FileError(changed, "the file that the run read", "another content")
     return prepared
 
@@ -245,16 +245,16 @@ def _row(trial: Trial) -> tuple[str, ...]:
     return (
         str(trial.index),
         trial.status,
-        number(trial.t_catch_s, 3),
-        number(trial.position_error_mm, 1),
-        number(trial.velocity_error_m_s, 2),
-        number(trial.peak_contact_force_n, 0) + ("!" if trial.over_force else ""),
+        table_number(trial.t_catch_s, 3),
+        table_number(trial.position_error_mm, 1),
+        table_number(trial.velocity_error_m_s, 2),
+        table_number(trial.peak_contact_force_n, 0) + ("!" if trial.over_force else ""),
         f"{100 * max(trial.peak_speed_ratio):.0f}",
         reason_of(trial.stopped_by) or trial.binding_limit or "",
     )
 
 
-def learn(options: LearnOptions) -> int:
+def learn_command(options: LearnOptions) -> int:
     """Run ``mitt learn``; return its exit status."""
     chosen = spec_of(options).read()
     arm, design = chosen.arm, chosen.design

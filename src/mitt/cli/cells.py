@@ -6,11 +6,11 @@ from contextlib import closing, contextmanager, nullcontext
 from typing import Any
 
 import mitt
-from mitt.cell.drivers import check_driver, connect
+from mitt.cell.drivers import check_driver, connect_robot
 from mitt.cell.prepare import (
     CellMap,
     PreparedCell,
-    about_of,
+    cell_about,
     feed_of,
     prepare,
     scene_of_cell,
@@ -23,8 +23,8 @@ from mitt.cell.session import (
     Session,
     loop_of,
     made_ready,
-    numbers,
     serve,
+    shared_numbers,
     words,
 )
 from mitt.cli.options import RunOptions, SimOptions
@@ -40,7 +40,7 @@ from mitt.trials.result import spread_words
 _CORE = -1
 
 
-def run(options: RunOptions) -> int:
+def run_command(options: RunOptions) -> int:
     """Run ``mitt run``; return its exit status: 1 where it was stopped before all was done."""
     prepared = prepare(read_cell(options.cell))
     throws = options.throws or prepared.cell.throws
@@ -59,14 +59,14 @@ def run(options: RunOptions) -> int:
         return 0
     tell_of_kernels()
     f = made_ready(prepared, tell)
-    person, shown, said = Person(yes=options.yes), numbers(), words()
+    person, shown, said = Person(yes=options.yes), shared_numbers(), words()
     counted = ("throws", "caught") if prepared.cell.task is None else ("parts", "met", "placed")
     drawn = nullcontext() if options.json else live_table(shown, said, STATES, counted)
     in_time = nullcontext("no real time") if simulated else hurried()
     session: Session | None = None
     try:
         with drawn, uncollected(), recording(prepared, f, options) as recorder:
-            connection = connect(prepared)
+            connection = connect_robot(prepared)
             robot = connection.robot
             with closing(robot):
                 loop = loop_of(prepared, f, connection, recorder)
@@ -130,7 +130,7 @@ def recording(prepared: PreparedCell, f: CellMap, options: RunOptions) -> Iterat
         return
     with locked(out):
         claim_folder(out, _leaves(prepared), overwrite=options.overwrite)
-        with Recorder(out / _name(prepared), about_of(prepared, f)) as recorder:
+        with Recorder(out / _name(prepared), cell_about(prepared, f)) as recorder:
             yield recorder
 
 
@@ -154,7 +154,7 @@ def _about(prepared: PreparedCell) -> str:
     )
 
 
-def sim(options: SimOptions) -> int:
+def sim_command(options: SimOptions) -> int:
     """Run ``mitt sim``; return its exit status."""
     prepared = prepare(read_cell(options.cell))
     if prepared.cell.robot.driver != "ros2":

@@ -31,7 +31,7 @@ from mitt.design.driven_arm import held_as, whole_arm
 from mitt.design.evaluation import ENOUGH
 from mitt.design.search import effort_of, search_of
 from mitt.design.search_jobs import Answers
-from mitt.design.task import AROUND_FLIGHTS, Task, box_of, of_flights, of_throws, seen
+from mitt.design.task import AROUND_FLIGHTS, DesignTask, box_of, of_flights, of_throws, seen
 from mitt.errors import InputError, MittError, UnknownNameError
 from mitt.files.arm_file import (
     ArmFile,
@@ -55,10 +55,10 @@ _ELSEWHERE = ("arm", "out", "workers", "resume", "overwrite", "json", "check")
 _BROKEN_OFF = "mitt design: broken off"
 
 
-def design(options: DesignOptions) -> int:
+def design_command(options: DesignOptions) -> int:
     """Run ``mitt design``; return its exit status."""
     file = _given(options)
-    origin = origin_of(options, file)
+    origin = arm_origin(options, file)
     hand = hand_of(origin.hand, origin.hand_tilt, origin.hand_force, origin.hand_depth)
     whole = whole_arm(
         origin.arm,
@@ -166,7 +166,7 @@ def _keep(best: Design | None, origin: ArmFile, options: DesignOptions) -> str:
     return f"the best so far, {caught} caught, is in {options.out}; {go_on}"
 
 
-def _task(options: DesignOptions, whole: Arm, scene: Scene) -> Task:
+def _task(options: DesignOptions, whole: Arm, scene: Scene) -> DesignTask:
     """Return what is to be caught: default throws, a user's throws, or recorded flights."""
     if options.throws_file is not None and options.flights is not None:
         raise InputError("--throws-file and --flights", "one of them", "both")
@@ -178,7 +178,7 @@ def _task(options: DesignOptions, whole: Arm, scene: Scene) -> Task:
         if aim is not None:
             box = np.array([aim, AROUND_FLIGHTS])
         balls = arrivals.balls(aim=box, around=AROUND_FLIGHTS)
-        return Task(
+        return DesignTask(
             balls=balls, scene=scene, seed=seed, arrivals=arrivals.ranges(), recordings=recordings
         )
     if options.throws_file is not None:
@@ -186,14 +186,14 @@ def _task(options: DesignOptions, whole: Arm, scene: Scene) -> Task:
         box = box_of(seen(throws), drag, None if aim is None else np.array(aim), 0.75 * reach)
         of_throws(throws, float(box[0, 0]), drag)  # refuses one that does not pass there
         arrivals = of_throws(seen(throws), float(box[0, 0]), drag)
-        return Task(
+        return DesignTask(
             balls=arrivals.balls(aim=box),
             scene=scene,
             seed=seed,
             arrivals=arrivals.ranges(),
             throws=throws,
         )
-    return Task(balls=default_balls(aim, reach), scene=scene, seed=seed)
+    return DesignTask(balls=default_balls(aim, reach), scene=scene, seed=seed)
 
 
 def _search(options: DesignOptions) -> Path:
@@ -274,7 +274,7 @@ def _as_in(file: ArmFile, whole: Arm) -> tuple[Arm, list[str] | None]:
     return held_as(whole, {k: x for k, x in held.items() if k in whole.names}), list(arm.names)
 
 
-def origin_of(options: DesignOptions, file: ArmFile | None) -> ArmFile:
+def arm_origin(options: DesignOptions, file: ArmFile | None) -> ArmFile:
     """Return where the arm comes from, and its hand: a name, a description, or an arm file's.
 
     Raises:

@@ -23,7 +23,7 @@ _WIDE = 80
 _CALLED = 22
 
 
-def run(words: list[str]) -> int:
+def dispatch(words: list[str]) -> int:
     """Run a command and return its exit status; what goes wrong is the caller's to tell.
 
     Raises:
@@ -37,7 +37,7 @@ def run(words: list[str]) -> int:
     with safe_path():  # GLFW, which MuJoCo imports, starts a Python that looks for a library
         module = import_module(f"mitt.cli.{options.module}")  # heavy: only now
     try:
-        status: int = vars(module)[name](options)
+        status: int = vars(module)[f"{name}_command"](options)
     except InputError as error:
         raise _as_said(options, error) from error
     return status

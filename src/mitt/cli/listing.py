@@ -14,7 +14,7 @@ from mitt.version import __version__
 _HANDS = {"three-finger": "fingers"}
 
 
-def arms(options: ArmsOptions) -> int:
+def arms_command(options: ArmsOptions) -> int:
     """Run ``mitt arms``; return its exit status."""
     found = shipped_arms()
     if options.check:

@@ -94,10 +94,10 @@ def _run(words: list[str]) -> int:
 def _ended(words: list[str]) -> int:
     """Run a command; return its exit status, however it ends."""
     try:
-        from mitt.cli.line import run  # noqa: PLC0415 (once signals are in order)
+        from mitt.cli.line import dispatch  # noqa: PLC0415 (once signals are in order)
 
         _check_words(words)
-        return run(words)
+        return dispatch(words)
     except MittError as error:
         raise_again()
         return _failed(2, str(error))

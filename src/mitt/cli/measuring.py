@@ -5,7 +5,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from mitt.bench.measure import QUICK, BenchSettings, measure
+from mitt.bench.measure import QUICK, BenchSettings, measure_all
 from mitt.cli.catching import prepared_again
 from mitt.cli.options import BenchOptions, ReportOptions, StudyOptions
 from mitt.cli.screen import (
@@ -56,7 +56,7 @@ def _task(name: object) -> _TaskStudies | None:
     return _TASKS.get(name) if isinstance(name, str) else None
 
 
-def study(options: StudyOptions) -> int:
+def study_command(options: StudyOptions) -> int:
     """Run ``mitt study``; return its exit status."""
     from mitt.trials.study_run import run_study  # noqa: PLC0415 (needs pyarrow, as nothing else here)
 
@@ -190,7 +190,7 @@ def _rate(row: dict[str, object]) -> str:
     return f"{100 * float(str(row['catch_rate'])):.1f}, {pressed}{marks}"
 
 
-def report(options: ReportOptions) -> int:
+def report_command(options: ReportOptions) -> int:
     """Run ``mitt report``; return its exit status."""
     if (options.folder / NAME).is_file() and not (options.folder / MANIFEST).exists():
         return _page_of_run(options)
@@ -297,14 +297,14 @@ _ROWS = (
 )
 
 
-def bench(options: BenchOptions) -> int:
+def bench_command(options: BenchOptions) -> int:
     """Run ``mitt bench``; return its exit status."""
     settings = QUICK if options.quick else BenchSettings()
     if options.check:
         return checked(f"{settings.throws} throws, {settings.repeats} calls of each rival")
     tell_of_kernels()
     with progress() as report:
-        result = measure(settings, progress=report, say=tell)
+        result = measure_all(settings, progress=report, say=tell)
     if options.json:
         print_json(result)
     else:

@@ -14,7 +14,6 @@ from mitt.cli.screen import (
     beyond_words,
     check_record,
     checked,
-    number,
     print_json,
     progress,
     rate_words,
@@ -23,6 +22,7 @@ from mitt.cli.screen import (
     say,
     show,
     table,
+    table_number,
     tell_of_kernels,
     worth_a_row,
 )
@@ -37,7 +37,7 @@ from mitt.trials.meeting import SCHEMA, Course, MeetRunner, MeetTrial, summary
 from mitt.trials.result import PAGE, RESULT, finite, kept_words
 from mitt.trials.station import PARTS_SCENE, TARGETS, Station, station
 from mitt.trials.task_folder import MEETING, incomplete, kept_result
-from mitt.world.flights import Recording, read_flights
+from mitt.world.flights import RecordedFlight, read_flights
 from mitt.world.scene import read_scene
 
 #: Options that may name a file.
@@ -51,7 +51,7 @@ _TRIALS = 10
 _LONGEST = 60.0
 
 
-def meet(options: MeetOptions) -> int:
+def meet_command(options: MeetOptions) -> int:
     """Run ``mitt meet``; return its exit status."""
     recordings = _recordings(options.target)
     count = options.trials or len(recordings) or _TRIALS
@@ -136,7 +136,7 @@ def _run(
     return course, 0
 
 
-def _recordings(target: str) -> tuple[Recording, ...]:
+def _recordings(target: str) -> tuple[RecordedFlight, ...]:
     """Return the motions of a target that is a file; none for another."""
     if target in TARGETS:
         return ()
@@ -206,11 +206,11 @@ def _show(options: MeetOptions, trials: list[MeetTrial], said: dict[str, Any], p
     )
     for t in worth_a_row(trials, "met"):
         cells = (
-            number(t.t_met_s, 2),
+            table_number(t.t_met_s, 2),
             f"{1e3 * t.in_sync_s:.0f}",
-            number(t.position_error_mm, 1),
-            number(t.velocity_error_m_s, 2),
-            number(t.peak_contact_force_n, 0) + ("!" if t.over_force else ""),
+            table_number(t.position_error_mm, 1),
+            table_number(t.velocity_error_m_s, 2),
+            table_number(t.peak_contact_force_n, 0) + ("!" if t.over_force else ""),
         )
         why = t.binding_limit or ""
         if t.status == "met":

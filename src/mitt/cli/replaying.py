@@ -23,7 +23,7 @@ from mitt.trials.replayed import replay as played
 _MOST = 10_000
 
 
-def replay(options: ReplayOptions) -> int:
+def replay_command(options: ReplayOptions) -> int:
     """Run ``mitt replay``; return its exit status."""
     if not 1 <= len(options.recordings) <= _MOST:
         raise InputError("recordings", f"1 to {_MOST} of them", len(options.recordings))
@@ -142,7 +142,7 @@ def _show(rows: list[dict[str, Any]], options: ReplayOptions) -> None:
 _RUNS = Path("runs")
 
 
-def view(options: ViewOptions) -> int:
+def view_command(options: ViewOptions) -> int:
     """Run ``mitt view``; return its exit status."""
     place = options.recording or _RUNS
     if options.recording is None and not place.is_dir():

@@ -169,7 +169,7 @@ def beyond_words(trials: Sequence[_Limited]) -> list[str]:
     return [f"beyond a limit: {len(beyond)} of {len(trials)} trials, {ticks}"] if beyond else []
 
 
-def number(value: float | None, digits: int) -> str:
+def table_number(value: float | None, digits: int) -> str:
     """Return a number as a table has it; nothing for None."""
     return "" if value is None else f"{value:.{digits}f}"
 

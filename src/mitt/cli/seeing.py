@@ -37,9 +37,9 @@ from mitt.cameras.hand_calibration import (
     read_places,
 )
 from mitt.cameras.head_calibration import FACE_UP, calibrate_head, read_head_views
-from mitt.cameras.least_squares import Fit, Stage
-from mitt.cameras.two_cameras import WATCHED, Seen, complaints, rate_of, status_of
-from mitt.cameras.two_cameras import see as follow
+from mitt.cameras.least_squares import CalibrationStage, Fit
+from mitt.cameras.two_cameras import WATCHED, SeenSoFar, complaints, seen_status, sighting_rate
+from mitt.cameras.two_cameras import see_ball as follow
 from mitt.cameras.video_writer import SUFFIXES, VideoWriter
 from mitt.cli.options import CalibrateOptions, SeeOptions, TrackOptions
 from mitt.cli.screen import (
@@ -64,7 +64,7 @@ from mitt.world.fall import WANTED, doubt_of
 _MAX_SIGMA = 1.0
 
 
-def track(options: TrackOptions) -> int:
+def track_command(options: TrackOptions) -> int:
     """Run ``mitt track``; return its exit status."""
     ahead, sigma = options.ahead, options.sigma
     if ahead is not None and not 0.0 <= ahead <= MAX_HORIZON:
@@ -102,7 +102,7 @@ def track(options: TrackOptions) -> int:
     return 0
 
 
-def see(options: SeeOptions) -> int:
+def see_command(options: SeeOptions) -> int:
     """Run ``mitt see``; return its exit status."""
     rig, video = _checked_rig(options), _video(options)
     made = {"--out": options.out, "--points": options.points, "--video": video}
@@ -115,7 +115,7 @@ def see(options: SeeOptions) -> int:
         check_library(module)
     if options.check:
         return checked(f"{options.left} and {options.right}, output to {options.out}")
-    seen = Seen()
+    seen = SeenSoFar()
     try:
         with (
             progress() as report,
@@ -181,10 +181,14 @@ def _video(options: SeeOptions) -> Path | None:
 
 
 def _show_seen(
-    options: SeeOptions, rig: CalibratedRig, seen: Seen, said: tuple[str, ...], video: Path | None
+    options: SeeOptions,
+    rig: CalibratedRig,
+    seen: SeenSoFar,
+    said: tuple[str, ...],
+    video: Path | None,
 ) -> None:
     """Print what was seen."""
-    counts, status = seen.counts, status_of(seen)
+    counts, status = seen.counts, seen_status(seen)
     left, right = counts.frames
     if options.json:
         print_json(
@@ -200,7 +204,7 @@ def _show_seen(
                 "targets": {"left": seen.targets[0], "right": seen.targets[1], "both": seen.both},
                 "sightings": seen.agreed,
                 "rows": len(seen.states),
-                "rate_hz": rate_of(seen.points),
+                "rate_hz": sighting_rate(seen.points),
                 "offset_s": None if seen.synchrony is None else seen.synchrony.mean,
                 "offset_sigma_s": None if seen.synchrony is None else seen.synchrony.mean_sigma,
                 "warnings": list(said),
@@ -221,7 +225,7 @@ NAMES = ("left", "right")
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
-class Calibration:
+class CalibrationRun:
     """A calibration under way.
 
     Attributes:
@@ -239,11 +243,11 @@ class Calibration:
     board: Board | None
     arm: Arm | None
     rig: CalibratedRig | None
-    stages: list[Stage] = field(default_factory=list)
+    stages: list[CalibrationStage] = field(default_factory=list)
     boards: tuple[BoardViews, Fit[BoardProblem]] | None = None
 
 
-def calibrate(options: CalibrateOptions) -> int:
+def calibrate_command(options: CalibrateOptions) -> int:
     """Run ``mitt calibrate``; return its exit status."""
     job = _prepare(options)
     picture = (options.picture or options.out.with_suffix(".png")) if options.left else None
@@ -285,7 +289,7 @@ def _finite(numbers: Mapping[str, float]) -> dict[str, float | None]:
     return {name: value if isfinite(value) else None for name, value in numbers.items()}
 
 
-def _show_stage(stage: Stage) -> None:
+def _show_stage(stage: CalibrationStage) -> None:
     """Print what a stage found."""
     table = Table(title=f"{stage.name}: {stage.status}", title_justify="left", show_header=False)
     table.add_column(no_wrap=True)
@@ -308,7 +312,7 @@ def _draw_coverage(picture: Path, views: BoardViews, solved: Fit[BoardProblem]) 
     draw_coverage(picture, seen, CELLS)
 
 
-def _prepare(options: CalibrateOptions) -> Calibration:
+def _prepare(options: CalibrateOptions) -> CalibrationRun:
     """Check what can be checked without the work, and return the calibration to be made."""
     o = options
     heads = [path for path in (o.left_head, o.right_head) if path is not None]
@@ -351,7 +355,7 @@ def _prepare(options: CalibrateOptions) -> Calibration:
             raise FileError(spec, "a folder of images or a video", "nothing there")
     check_cameras([x for x in (o.left, o.right, o.hand_left, o.hand_right) if x is not None])
     joints = None if o.joints is None else [x.strip() for x in o.joints.split(",")]
-    return Calibration(
+    return CalibrationRun(
         options=o,
         names=tuple(stages),
         board=Board(_spec(o)) if o.left or heads else None,
@@ -380,7 +384,7 @@ def _spec(options: CalibrateOptions) -> BoardSpec:
     )
 
 
-def _calibrate(job: Calibration, report: Progress) -> CalibratedRig:
+def _calibrate(job: CalibrationRun, report: Progress) -> CalibratedRig:
     """Run the stages, and return the rig."""
     o, board, arm = job.options, job.board, job.arm
     rig = job.rig
@@ -400,7 +404,7 @@ def _calibrate(job: Calibration, report: Progress) -> CalibratedRig:
     return rig
 
 
-def _from_boards(job: Calibration, board: Board, report: Progress) -> CalibratedRig:
+def _from_boards(job: CalibrationRun, board: Board, report: Progress) -> CalibratedRig:
     """Return lenses and stereo pose from boards."""
     o = job.options
     given = [spec for spec in (o.left, o.right) if spec is not None]
@@ -417,7 +421,7 @@ def _from_boards(job: Calibration, board: Board, report: Progress) -> Calibrated
     return rig
 
 
-def _with_heads(job: Calibration, rig: CalibratedRig, board: Board) -> CalibratedRig:
+def _with_heads(job: CalibrationRun, rig: CalibratedRig, board: Board) -> CalibratedRig:
     """Return the rig with the axes of its heads, all in the frame of the board."""
     given = zip(NAMES, (job.options.left_head, job.options.right_head), strict=True)
     tables = {name: path for name, path in given if path is not None}
@@ -439,7 +443,7 @@ def _with_heads(job: Calibration, rig: CalibratedRig, board: Board) -> Calibrate
     return replace(rig, frame="board", cameras=tuple(cameras))
 
 
-def _with_hand(job: Calibration, rig: CalibratedRig, arm: Arm, hand: Path) -> CalibratedRig:
+def _with_hand(job: CalibrationRun, rig: CalibratedRig, arm: Arm, hand: Path) -> CalibratedRig:
     """Return the rig in the robot's frame, from places of the hand."""
     o = job.options
     if len(rig.cameras) < 2:

@@ -154,7 +154,7 @@ def _largest_acceleration(arm: Arm) -> Array:
     return out
 
 
-def poses_of(arm: Arm) -> Array:
+def sampled_poses(arm: Arm) -> Array:
     """Return the poses over which the worst of something is looked for [rad], shape (k, n)."""
     poses = np.random.default_rng(1).uniform(arm.q_min, arm.q_max, (_POSES, arm.n))
     return np.asarray(poses)
@@ -162,11 +162,11 @@ def poses_of(arm: Arm) -> Array:
 
 @lru_cache(maxsize=32)
 def masses_of(arm: Arm) -> Array:
-    """Return the mass matrices in :func:`poses_of` [kg m^2], shape (k, n, n).
+    """Return the mass matrices in :func:`sampled_poses` [kg m^2], shape (k, n, n).
 
     Worked out once, not to be written to.
     """
-    return np.array([arm.mass_matrix(q) for q in poses_of(arm)])
+    return np.array([arm.mass_matrix(q) for q in sampled_poses(arm)])
 
 
 @kernel

@@ -40,10 +40,10 @@ def slow_motion(arm: Arm, start: Array, end: Array, share: float) -> Array:
         raise InputError("a motion", "two poses at rest", f"{error}"[:120]) from error
     if found not in (Result.Working, Result.Finished):
         raise InputError("a motion", "two poses at rest", f"{start.tolist()}, {end.tolist()}")
-    return sampled(way, np.arange(ceil(way.duration / TICK) + 2) * TICK)
+    return sample_motion(way, np.arange(ceil(way.duration / TICK) + 2) * TICK)
 
 
-def sampled(way: Trajectory, t: Array) -> Array:
+def sample_motion(way: Trajectory, t: Array) -> Array:
     """Return q, dq, ddq of a motion from rest at some times, shape (k, 3, n); at its end after it.
 
     Ruckig is asked where the jerk of a joint changes, 7 times a joint at most. Between these times

@@ -39,7 +39,7 @@ from mitt.control.envelope import (
     bounds_of,
     brake_joint,
     masses_of,
-    poses_of,
+    sampled_poses,
     slow_down,
     stop_in_ticks,
 )
@@ -104,7 +104,7 @@ def gentle_rates(arm: Arm, most: Array) -> Array:
         most: Largest decelerations, in whose ratio they are [rad/s^2], shape (n,).
     """
     still, share = np.zeros(arm.n), 1.0
-    for q, mass in zip(poses_of(arm), masses_of(arm), strict=True):
+    for q, mass in zip(sampled_poses(arm), masses_of(arm), strict=True):
         left = SHARE * arm.tau_max - np.abs(arm.inverse_dynamics(q, still, still))
         share = min(share, float(np.min(left / (np.abs(mass) @ most))))
     out: Array = max(share, 0.02) * most
@@ -351,7 +351,7 @@ def plan_brake(arm: Arm, t: float, motion: Array) -> Brake:
         return _in_ticks(arm, t, motion, bounds_of(arm))
     rate = trusted_deceleration(arm, motion[0])
     urgent = int(np.argmax(_urgency(arm, motion, rate)))
-    ends, w, tried = np.array([arm.q_min, arm.q_max]), scratch_of(arm), []
+    ends, w, tried = np.array([arm.q_min, arm.q_max]), stop_scratch(arm), []
     for others in (0.15, 0.4, 0.8, 1.2):  # shares of their own rate
         share = hardest(arm.tables, motion, rate, urgent, others, w)
         stop = Brake(t, lay(motion, w), w.pieces.copy(), float(share))
@@ -367,7 +367,7 @@ def _urgency(arm: Arm, motion: Array, rate: Array) -> Array:
     return out
 
 
-class Scratch(NamedTuple):
+class StopScratch(NamedTuple):
     """Buffers of the kernels for one arm; see the module's table."""
 
     rows: Array
@@ -378,10 +378,10 @@ class Scratch(NamedTuple):
     scratch: Record  # of the dynamics
 
 
-def scratch_of(arm: Arm) -> Scratch:
+def stop_scratch(arm: Arm) -> StopScratch:
     """Return buffers for an arm."""
     n, links = arm.n, len(arm.bodies)
-    return Scratch(
+    return StopScratch(
         rows=np.zeros((INSTANTS + 1, 3, n)),
         pieces=np.zeros((n, 4, 5)),
         after=np.zeros(INSTANTS + 1),
@@ -436,7 +436,7 @@ def instant(i: int, duration: float) -> float:
 
 
 @kernel
-def lay(motion: Array, w: Scratch) -> float:
+def lay(motion: Array, w: StopScratch) -> float:
     """Write the stop at the decelerations ``w.rate``, and return its time [s].
 
     Args:
@@ -456,7 +456,7 @@ def lay(motion: Array, w: Scratch) -> float:
 
 
 @kernel
-def torque_share(arm: Tables, rows: Array, tau: Array, scratch: Record) -> float:
+def largest_torque_share(arm: Tables, rows: Array, tau: Array, scratch: Record) -> float:
     """Return the largest share of a drive's torque that a motion asks for.
 
     Args:
@@ -477,7 +477,7 @@ def torque_share(arm: Tables, rows: Array, tau: Array, scratch: Record) -> float
 
 @kernel
 def hardest(
-    arm: Tables, motion: Array, rate: Array, urgent: int, others: float, w: Scratch
+    arm: Tables, motion: Array, rate: Array, urgent: int, others: float, w: StopScratch
 ) -> float:
     """Find the hardest stop of the urgent joint with the others at a share of their rate.
 
@@ -499,13 +499,13 @@ def hardest(
         middle = 0.5 * (low + high)
         w.rate[urgent] = middle * rate[urgent]
         lay(motion, w)
-        if torque_share(arm, w.rows[:INSTANTS], w.tau, w.scratch) <= SHARE:
+        if largest_torque_share(arm, w.rows[:INSTANTS], w.tau, w.scratch) <= SHARE:
             low = middle
         else:
             high = middle
     w.rate[urgent] = low * rate[urgent]
     lay(motion, w)
-    return float(torque_share(arm, w.rows[:INSTANTS], w.tau, w.scratch))
+    return float(largest_torque_share(arm, w.rows[:INSTANTS], w.tau, w.scratch))
 
 
 @kernel
@@ -519,7 +519,7 @@ def room(ends: Array, q: Array) -> float:
 
 def _in_ticks(arm: Arm, t: float, motion: Array, bounds: Record) -> Brake:
     """Return the hardest stop of the envelope that the torques bear, or the one with the least."""
-    w, tried = scratch_of(arm), list[Brake]()
+    w, tried = stop_scratch(arm), list[Brake]()
     for share in _HARD:
         b, rows = bounds.copy(), np.empty((LONGEST, 3, arm.n))
         b["deceleration"] *= share
@@ -530,7 +530,7 @@ def _in_ticks(arm: Arm, t: float, motion: Array, bounds: Record) -> Brake:
         pieces[:, :-1, 3] = rows[1 : ticks + 1, 2].T
         instants = w.rows[:INSTANTS]
         sample(pieces, np.linspace(0.0, TICK * ticks, INSTANTS), instants)
-        asked = float(torque_share(arm.tables, instants, w.tau, w.scratch))
+        asked = float(largest_torque_share(arm.tables, instants, w.tau, w.scratch))
         tried.append(Brake(t, TICK * ticks, pieces, asked))
         if asked <= SHARE:
             return tried[-1]

@@ -24,7 +24,7 @@ from mitt.arm.arm import Arm
 from mitt.ball.flight import advance
 from mitt.clock import Progress, monotonic
 from mitt.design.candidate import Candidate
-from mitt.design.evaluation import ENOUGH, FORCE, START, Evaluation, Verdicts, learned, verdicts
+from mitt.design.evaluation import ENOUGH, FORCE, START, Evaluation, Verdicts, learned_map, verdicts
 from mitt.design.search import (
     NEARER,
     RATE,
@@ -42,7 +42,7 @@ from mitt.design.task import (
     FAR,
     REPORTED,
     Balls,
-    Task,
+    DesignTask,
     of_default_throws,
     ranges_of_throws,
     seen,
@@ -87,13 +87,13 @@ class Region:
 
 
 def region_of(
-    whole: Arm, c: Candidate, task: Task, progress: Progress, *, each_way: int
+    whole: Arm, c: Candidate, task: DesignTask, progress: Progress, *, each_way: int
 ) -> Region | None:
     """Return the region of a design; None where it has no map.
 
     It has ``each_way`` points on each side of the middle.
     """
-    f = learned(whole, c, task, "full")
+    f = learned_map(whole, c, task, "full")
     if f is None:
         return None
     steps = np.linspace(-_FARTHEST, _FARTHEST, 2 * each_way + 1)
@@ -123,7 +123,7 @@ def region_of(
     )
 
 
-def _row(f: DirectMap, c: Candidate, task: Task, across: Array, up: float) -> Verdicts:
+def _row(f: DirectMap, c: Candidate, task: DesignTask, across: Array, up: float) -> Verdicts:
     """Return the verdicts on the balls through the points of one height, point by point."""
     aside = task.balls.azimuth
     beside = np.array([-np.sin(aside), np.cos(aside), 0.0])
@@ -135,7 +135,7 @@ def _row(f: DirectMap, c: Candidate, task: Task, across: Array, up: float) -> Ve
     return verdicts(f, balls, driven(f.arm, task.scene), catcher_settings(f.arm, task.scene))
 
 
-def _through(point: Array, task: Task, faster: float) -> BallState:
+def _through(point: Array, task: DesignTask, faster: float) -> BallState:
     """Return a ball that will pass a point, shape (3,) [m], as it is when the arm starts."""
     flight = Neighbourhood().flight if task.arrivals is None else task.arrivals[3]
     r, dr, drag = point.copy(), task.balls.velocity(faster), task.scene.ball.drag
@@ -191,7 +191,7 @@ class Fastest:
         return f"{'at least ' if self.more else ''}{self.speed_m_s:.1f} m/s"
 
 
-def task_at(task: Task, speed: float) -> Task:
+def task_at(task: DesignTask, speed: float) -> DesignTask:
     """Return a task with throws of one speed at release [m/s], as far away as they fly.
 
     The time of flight goes with the square root of the speed: were it the same, a slow ball would
@@ -221,7 +221,7 @@ def task_at(task: Task, speed: float) -> Task:
     )
 
 
-def release_speed(task: Task) -> float:
+def release_speed(task: DesignTask) -> float:
     """Return the middle of the speeds at release of a task's throws [m/s]."""
     if task.throws:
         return float(np.median([np.linalg.norm(x.dr) for x in seen(task.throws)]))
@@ -234,7 +234,7 @@ def release_speed(task: Task) -> float:
 def by_speed(
     evaluator: Evaluator,
     c: Candidate,
-    task: Task,
+    task: DesignTask,
     speeds: Sequence[float],
     *,
     throws: int,
@@ -248,7 +248,9 @@ def by_speed(
     return [_at(speed, w) for speed, w in zip(speeds, worth, strict=True)]
 
 
-def _at_speeds(c: Candidate, task: Task, speeds: Sequence[float], *, throws: int) -> list[Asked]:
+def _at_speeds(
+    c: Candidate, task: DesignTask, speeds: Sequence[float], *, throws: int
+) -> list[Asked]:
     """Return what is asked of a design to say how it does at several speeds."""
     by = Procedure(throws=throws, seed=_SPEEDS_SEED, give_up=False, images=True)
     return [(c, task_at(task, speed), by) for speed in speeds]
@@ -287,7 +289,7 @@ def _at(speed: float, w: Evaluation) -> AtSpeed:
 def fastest(
     evaluator: Evaluator,
     c: Candidate,
-    task: Task,
+    task: DesignTask,
     rows: Sequence[AtSpeed],
     effort: Effort,
     *,
@@ -339,7 +341,7 @@ def fastest(
 
 def slower(
     evaluator: Evaluator, effort: Effort, *, joints: Sequence[str] | None, rate: float
-) -> tuple[Evaluation, Task] | None:
+) -> tuple[Evaluation, DesignTask] | None:
     """Search again for slower throws until an arm catches enough of them; None where it never does.
 
     The speeds are bisected between the default throws' and 1.5 m/s, each design accepted by
@@ -398,7 +400,7 @@ class Design:
     """
 
     whole: Arm
-    task: Task
+    task: DesignTask
     found: bool
     reason: str | None
     best: Evaluation | None
@@ -417,7 +419,7 @@ class Design:
     @property
     def rate(self) -> str:
         """The share of the reported throws, with its Wilson 95 % interval, in words."""
-        return "" if self.best is None else rate_of(self.best.clean, self.best.thrown)
+        return "" if self.best is None else rate_in_words(self.best.clean, self.best.thrown)
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -501,7 +503,7 @@ class Design:
         )
 
 
-def rate_of(count: int, of: int) -> str:
+def rate_in_words(count: int, of: int) -> str:
     """Return in words how many of so many throws, with the Wilson 95 % interval."""
     low, high = wilson(count, of)
     return f"{count} of {of} (95 % interval {100.0 * low:.1f} to {100.0 * high:.1f} %)"
@@ -509,7 +511,7 @@ def rate_of(count: int, of: int) -> str:
 
 def design(
     whole: Arm,
-    task: Task,
+    task: DesignTask,
     effort: Effort,
     *,
     progress: Progress,
@@ -648,7 +650,5 @@ def _reason(lost: str, slow: Evaluation | None, speed: float) -> str:
     """
     if slow is None or not slow.enough:
         return f"{lost}; no design for slower throws catches enough of them either"
-    return (
-        f"{lost}; the design given is for slower throws: {rate_of(slow.clean, slow.thrown)} that"
-        f" leave at {speed:.1f} m/s"
-    )
+    rate = rate_in_words(slow.clean, slow.thrown)
+    return f"{lost}; the design given is for slower throws: {rate} that leave at {speed:.1f} m/s"

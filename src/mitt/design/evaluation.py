@@ -28,7 +28,7 @@ from mitt.catcher.generators import Direct
 from mitt.catcher.settings import CatcherSettings
 from mitt.design.candidate import Candidate
 from mitt.design.poses import touching
-from mitt.design.task import Task
+from mitt.design.task import DesignTask
 from mitt.errors import MittError
 from mitt.map.demand import Tolerance
 from mitt.map.learn import LearnSettings, lift_flight
@@ -85,7 +85,7 @@ class Verdicts:
         return Counter(self.binding).most_common(1)[0][0]
 
 
-def balls_of(f: DirectMap, task: Task, *, count: int, seed: int) -> list[BallState]:
+def balls_of(f: DirectMap, task: DesignTask, *, count: int, seed: int) -> list[BallState]:
     """Return balls of a task as they are when the arm starts.
 
     So many are drawn with a seed; a user's balls come once each.
@@ -334,7 +334,7 @@ class Evaluation:
         return self.share - price * self.hardness
 
 
-def hindrance(whole: Arm, c: Candidate, task: Task) -> str:
+def hindrance(whole: Arm, c: Candidate, task: DesignTask) -> str:
     """Return what keeps a candidate from its poses, or typical flights from its domain, on paper.
 
     As limits are named: ``hold:J`` and ``torque:J`` where the drive of a joint is too weak to hold
@@ -400,7 +400,7 @@ def _asks_much(arm: Arm, virtual: Array, most: float) -> str:
     return f"speed:{arm.names[int(fast.argmax())]}" if fast.max() > most else ""
 
 
-def learned(whole: Arm, c: Candidate, task: Task, how: How = "quick") -> DirectMap | None:
+def learned_map(whole: Arm, c: Candidate, task: DesignTask, how: How = "quick") -> DirectMap | None:
     """Return a candidate's learned map; None where it has none.
 
     In full it is the one that ``mitt catch`` learns.
@@ -415,7 +415,7 @@ def learned(whole: Arm, c: Candidate, task: Task, how: How = "quick") -> DirectM
     return found.map if found.flights >= around.flights // 2 else None
 
 
-def judged(c: Candidate, f: DirectMap, task: Task) -> Evaluation:
+def judged(c: Candidate, f: DirectMap, task: DesignTask) -> Evaluation:
     """Return what a learned map is worth by the catcher's verdicts on balls that are thrown at it.
 
     They are balls of the task, as throws are: drawn flights would leave out those that a map cannot
@@ -457,7 +457,7 @@ def _middle(x: Array) -> float:
 def thrown(
     c: Candidate,
     f: DirectMap,
-    task: Task,
+    task: DesignTask,
     *,
     throws: int,
     seed: int,
@@ -485,7 +485,7 @@ def thrown(
 
 def trials_of(
     f: DirectMap,
-    task: Task,
+    task: DesignTask,
     *,
     throws: int,
     seed: int,

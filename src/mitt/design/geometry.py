@@ -32,13 +32,13 @@ from mitt.design.interception import (
     MOST_OFF_LINE,
     Interception,
     alone,
-    bounded,
+    bounded_speeds,
     least_relative_velocity,
     line_rates,
     shared,
     slope_of,
     sloped,
-    virtual,
+    virtual_jacobian,
 )
 from mitt.design.poses import Poses, Touch, Which, clear, facing, led, off_line, poses_of
 from mitt.design.task import BOX, FAR, Balls
@@ -85,7 +85,7 @@ _DRAW = _Draw()
 _COST = _Cost()
 
 
-class Rows(NamedTuple):
+class CandidateRows(NamedTuple):
     """Candidates as arrays, one a row."""
 
     q: Array  # (B, N)
@@ -103,17 +103,17 @@ class Rows(NamedTuple):
         """How many joints move, shape (B,)."""
         return np.asarray(np.any(self.A != 0.0, axis=2).sum(axis=1), dtype=np.int64)
 
-    def take(self, rows: Which) -> "Rows":
+    def take(self, rows: Which) -> "CandidateRows":
         """Return some of them, by index or by mask."""
-        return Rows._make(x[rows] for x in self)
+        return CandidateRows._make(x[rows] for x in self)
 
 
-def joined(parts: Sequence[Rows]) -> Rows:
+def joined(parts: Sequence[CandidateRows]) -> CandidateRows:
     """Return candidates of several parts as one."""
-    return Rows(*(np.concatenate(x) for x in zip(*parts, strict=True)))
+    return CandidateRows(*(np.concatenate(x) for x in zip(*parts, strict=True)))
 
 
-def boxes_of(whole: Arm, balls: Balls, rows: Rows) -> Array:
+def boxes_of(whole: Arm, balls: Balls, rows: CandidateRows) -> Array:
     """Return centre and half-widths of the box of each candidate [m], shape (B, 2, 3)."""
     if balls.aim is not None:
         return np.broadcast_to(balls.aim, (len(rows.q), 2, 3))
@@ -124,7 +124,7 @@ def boxes_of(whole: Arm, balls: Balls, rows: Rows) -> Array:
     return np.stack([rows.tip, reach[:, None] * np.array(BOX)], axis=1)
 
 
-def best_of(rows: Rows, *, count: int, each: int) -> Rows:
+def best_of(rows: CandidateRows, *, count: int, each: int) -> CandidateRows:
     """Return the best, at most so many of each choice of joints, and of places much alike.
 
     The more of a choice are taken already, the better its next one has to be: what looks best by
@@ -154,7 +154,7 @@ def drawn_weights(count: int, rng: np.random.Generator) -> Array:
 
 
 def candidates_of(
-    whole: Arm, balls: Balls, rows: Rows, rng: np.random.Generator
+    whole: Arm, balls: Balls, rows: CandidateRows, rng: np.random.Generator
 ) -> list[Candidate]:
     """Return rows as candidates, each with a ready pose on the far side of its swing."""
     boxes, out = boxes_of(whole, balls, rows), []
@@ -192,7 +192,7 @@ def candidates_of(
 _EARLY_BALLS = ((-1.0, 1.0), (1.0, -1.0))
 
 
-def share_inside(whole: Arm, balls: Balls, rows: Rows) -> Array:
+def share_inside(whole: Arm, balls: Balls, rows: CandidateRows) -> Array:
     """Return which share of some balls is in the domain early on its way, shape (B,)."""
     ways = [_before(balls.velocity(faster, 0.0, steeper)) for faster, steeper in _EARLY_BALLS]
     scratch, inside = scratch_of(whole.n), np.zeros(len(rows.q))
@@ -214,7 +214,7 @@ def _before(v: Array) -> Array:
     return r
 
 
-def _tangent(whole: Arm, rows: Rows, k: int) -> Tangent:
+def _tangent(whole: Arm, rows: CandidateRows, k: int) -> Tangent:
     """Return the map l_c of a candidate, over all joints of the arm."""
     q, A, free = rows.q[k], rows.A[k], rows.free[k]
     order = np.argsort(free)
@@ -265,7 +265,7 @@ class _Meeting(NamedTuple):
     line: Array  # (B,) largest share of a joint's speed that the line alone asks for
 
 
-def spread(whole: Arm, balls: Balls, rows: Rows, touch: Touch) -> Rows:
+def score_candidates(whole: Arm, balls: Balls, rows: CandidateRows, touch: Touch) -> CandidateRows:
     """Score candidates by how they meet balls all over the box.
 
     Those that cannot, or that touch themselves at the nominal catch, are left out.
@@ -296,9 +296,9 @@ def spread(whole: Arm, balls: Balls, rows: Rows, touch: Touch) -> Rows:
     return kept._replace(score=kept.score + _COST.outside * outside)
 
 
-def _meeting(whole: Arm, rows: Rows, poses: Poses, v: Array) -> _Meeting:
+def _meeting(whole: Arm, rows: CandidateRows, poses: Poses, v: Array) -> _Meeting:
     """Return how balls are met in some poses."""
-    J, w = virtual(poses, rows.A)
+    J, w = virtual_jacobian(poses, rows.A)
     x = np.array([line_rates(J, w, y, rows.kappa, rows.inward) for y in v])
     x = np.where(np.isfinite(x), x, 1e6)  # too fast for any joint
     dq = np.einsum("bna,kba->kbn", rows.A, x)
@@ -320,7 +320,7 @@ def _first_order(whole: Arm, J: Array, dq: Array, ds: Array, v: Array) -> Array:
     middle = 0.5 * (low + high)
     left = v[:, None] - np.einsum("bnc,kbn->kbc", J, dq)
     wanted = np.sum(ds[:, :, None] * left, axis=0) / np.sum(ds**2, axis=0)[:, None]
-    c = bounded(J, wanted, np.minimum(low, middle), np.maximum(high, middle))
+    c = bounded_speeds(J, wanted, np.minimum(low, middle), np.maximum(high, middle))
     return np.asarray(c * ds[:, :, None])
 
 
@@ -332,7 +332,7 @@ def _hardness(relative: Array, palm: Array) -> Array:
     return hardness
 
 
-def _rates(rows: Rows, dq: Array) -> Array:
+def _rates(rows: CandidateRows, dq: Array) -> Array:
     """Return the rates of the coordinates p that turn the free joints at dq [rad/s], (B, 3)."""
     own = np.take_along_axis(rows.A, rows.free[:, :, None], axis=1)
     turned = np.take_along_axis(dq, rows.free, axis=1)
@@ -340,7 +340,7 @@ def _rates(rows: Rows, dq: Array) -> Array:
     return np.asarray(rates, np.float64)
 
 
-def _moved(whole: Arm, rows: Rows, v: Array, offset: Array) -> Array:
+def _moved(whole: Arm, rows: CandidateRows, v: Array, offset: Array) -> Array:
     """Move the other free joints so that the catch point lies elsewhere, seen along the ball's way.
 
     Two steps of Newton's method across v.
@@ -353,7 +353,7 @@ def _moved(whole: Arm, rows: Rows, v: Array, offset: Array) -> Array:
     lost = np.zeros(len(q), dtype=bool)
     for _ in range(2):
         poses = poses_of(whole.model, q)
-        C = np.swapaxes(virtual(poses, rows.A)[0][:, :2] @ across.T, 1, 2)
+        C = np.swapaxes(virtual_jacobian(poses, rows.A)[0][:, :2] @ across.T, 1, 2)
         flat = np.abs(np.linalg.det(C)) < 1e-4
         C = np.where(flat[:, None, None], np.eye(2), C)
         step = np.linalg.solve(C, (goal - poses.tip @ across.T)[..., None])[..., 0]
@@ -384,7 +384,7 @@ def drawn(
     *,
     count: int,
     touch: Touch,
-) -> Rows:
+) -> CandidateRows:
     """Draw poses and choices of joints, and return those that meet the typical ball.
 
     ``triples`` are choices of three joints, the catch joint last, shape (T, 3).
@@ -403,7 +403,7 @@ def _of_three(
     of: tuple[Array, Poses],
     triples: NDArray[np.int64],
     rng: np.random.Generator,
-) -> Rows:
+) -> CandidateRows:
     """Return poses in which three joints meet the typical ball, the others held."""
     chosen, row = _choices(len(of[0]), triples, _DRAW.alone, rng)
     A = sloped(alone(chosen, whole.n), _slopes(len(row), rng))
@@ -416,7 +416,7 @@ def _of_all(
     of: tuple[Array, Poses],
     triples: NDArray[np.int64],
     rng: np.random.Generator,
-) -> Rows:
+) -> CandidateRows:
     """Return poses in which further joints follow the three."""
     chosen, row = _choices(len(of[0]), triples, _DRAW.shared, rng)
     weights = np.where(rng.random((len(row), whole.n)) < _DRAW.held, 0.0, whole.dq_max**2)
@@ -446,9 +446,15 @@ def _choices(
 
 
 def improved(
-    whole: Arm, balls: Balls, rows: Rows, rng: np.random.Generator, *, size: float, touch: Touch
-) -> Rows:
-    """Return candidates and small changes of them, scored by :func:`spread`.
+    whole: Arm,
+    balls: Balls,
+    rows: CandidateRows,
+    rng: np.random.Generator,
+    *,
+    size: float,
+    touch: Touch,
+) -> CandidateRows:
+    """Return candidates and small changes of them, scored by :func:`score_candidates`.
 
     ``size`` is the standard deviation of the changes [rad].
     """
@@ -465,10 +471,10 @@ def improved(
     found = _met(whole, balls.velocity(), (q, poses), (chosen, A), np.arange(len(q)), rng)
     same = rows.take(kept)._replace(q=q, A=A, tip=poses.tip)
     near = _same_line(same.take(same.weight > 0.0), rng, size=size)
-    return joined([rows, spread(whole, balls, joined([found, near]), touch)])
+    return joined([rows, score_candidates(whole, balls, joined([found, near]), touch)])
 
 
-def _same_line(rows: Rows, rng: np.random.Generator, *, size: float) -> Rows:
+def _same_line(rows: CandidateRows, rng: np.random.Generator, *, size: float) -> CandidateRows:
     """Return candidates with kappa and inward a little different.
 
     Their line need not match the ball's velocity: terms of first order in b do, as far as joint
@@ -504,13 +510,13 @@ def _met(
     moving: tuple[NDArray[np.int64], Array],
     row: NDArray[np.int64],
     rng: np.random.Generator,
-) -> Rows:
+) -> CandidateRows:
     """Return the rows whose joints meet a ball of velocity v within their speeds.
 
     ``moving`` has the free joints and how all share the motion, ``row`` which pose each row has.
     """
     poses, A = of[1].take(row), moving[1]
-    J, w = virtual(poses, A)
+    J, w = virtual_jacobian(poses, A)
     d = _into(poses.palm, J[:, 2], w, rng)
     share = rng.uniform(*_DRAW.shares, (len(row), 1))
     found = least_relative_velocity(J, w, v, d, share * whole.dq_max, A)
@@ -527,14 +533,14 @@ def _rows(
     d: Array,
     found: Interception,
     rng: np.random.Generator,
-) -> Rows:
+) -> CandidateRows:
     """Return what meets the ball so that it comes into the palm and the joints can brake after."""
     (q, poses), (chosen, A) = of, moving
     speeds = np.einsum("bka,ba->bk", A, found.x)
     straight: NDArray[np.bool_] = -np.sum(d * poses.palm[row], axis=1) > np.cos(STRAIGHT)
     good = within(whole, q[row] + BRAKED * speeds, 0.0) & (straight | (found.s < SOFT))
     effort = np.abs(speeds / whole.dq_max).max(axis=1)
-    return Rows(
+    return CandidateRows(
         q=q[row],
         free=chosen,
         kappa=found.kappa,

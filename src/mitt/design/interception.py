@@ -87,7 +87,7 @@ def sloped(A: Array, slope: Array) -> Array:
     return out
 
 
-def virtual(poses: Poses, A: Array) -> tuple[Array, Array]:
+def virtual_jacobian(poses: Poses, A: Array) -> tuple[Array, Array]:
     """Return J and w of the virtual joints; see the module's table."""
     J = np.einsum("bka,bkc->bac", A, poses.J)
     w = np.einsum("bk,bkc->bc", A[:, :, 2], poses.W)
@@ -177,7 +177,7 @@ def line_rates(J: Array, w: Array, v: Array, kappa: Array, inward: Array) -> Arr
     return x
 
 
-def bounded(J: Array, v: Array, low: Array, high: Array) -> Array:
+def bounded_speeds(J: Array, v: Array, low: Array, high: Array) -> Array:
     """Return joint speeds within bounds that move the hand as nearly as possible at a velocity.
 
     |v - J dq| is least for low <= dq <= high: by 60 sweeps of coordinate descent, which comes to
@@ -237,7 +237,7 @@ class _Catch:
         Those that may be asked are ``allowed``, shape (N,); the arm is ``longer`` by a factor, its
         pose the same.
         """
-        return np.array(bounded(longer * self.J, self.v, -allowed[None], allowed[None])[0])
+        return np.array(bounded_speeds(longer * self.J, self.v, -allowed[None], allowed[None])[0])
 
     def least(self, allowed: Array, *, longer: float = 1.0) -> float:
         """Return that least relative speed [m/s]; arguments as of :meth:`speeds`."""

@@ -25,18 +25,18 @@ from mitt.clock import Progress
 from mitt.design.candidate import Candidate, mutated
 from mitt.design.evaluation import Evaluation, How
 from mitt.design.geometry import (
-    Rows,
+    CandidateRows,
     best_of,
     candidates_of,
     drawn,
     improved,
     joined,
-    spread,
+    score_candidates,
     triples_of,
 )
 from mitt.design.poses import Touch
 from mitt.design.search_jobs import Answers, Asked, Evaluator, Procedure, digest, plain_task
-from mitt.design.task import REPORTED, Task
+from mitt.design.task import REPORTED, DesignTask
 from mitt.errors import ModelError
 from mitt.files.schema import to_plain
 
@@ -409,7 +409,7 @@ def _sought(evaluator: Evaluator, effort: Effort, joints: Sequence[str] | None) 
 
 def search_of(
     whole: Arm,
-    task: Task,
+    task: DesignTask,
     effort: Effort,
     *,
     joints: Sequence[str] | None,
@@ -473,7 +473,7 @@ def reported(evaluator: Evaluator, c: Candidate, effort: Effort) -> Evaluation |
     return None if worth[0].failed else worth[0]
 
 
-def to_report(c: Candidate, task: Task, effort: Effort) -> Asked:
+def to_report(c: Candidate, task: DesignTask, effort: Effort) -> Asked:
     """Return what is asked of a candidate whose throws are reported."""
     own = task.unseen or len(task.throws or task.recordings)  # 0 where throws are drawn
     throws = min(effort.report, own) if own else effort.report
@@ -482,14 +482,14 @@ def to_report(c: Candidate, task: Task, effort: Effort) -> Asked:
 
 def _by_geometry(
     evaluator: Evaluator, effort: Effort, triples: NDArray[np.int64], rng: np.random.Generator
-) -> Rows:
+) -> CandidateRows:
     """Return candidates that meet balls all over the box, by geometry alone."""
     whole, balls, progress = evaluator.whole, evaluator.task.balls, evaluator.progress
     found, count, touch = [], 0, Touch(whole, evaluator.task.scene)
     progress("geometry", 0, effort.rounds)
     for k in range(effort.rounds):
         rows = drawn(whole, balls, triples, rng, count=effort.poses, touch=touch)
-        found.append(spread(whole, balls, best_of(rows, count=4000, each=400), touch))
+        found.append(score_candidates(whole, balls, best_of(rows, count=4000, each=400), touch))
         count += len(found[-1].q)
         progress("geometry", k + 1, effort.rounds)
         if count >= effort.enough:

@@ -1,9 +1,9 @@
 """Candidates tried side by side, and the answers kept as they come.
 
 Each job is a pure function, so the result is the same with any number of workers. What a candidate
-is worth follows from what is asked of it alone (:class:`Job`). So a search that finds the answers
-of one that was broken off comes to the same design as one that never was. A line is handed to the
-system as soon as it is whole: a process that is killed loses what is under way.
+is worth follows from what is asked of it alone (:class:`SearchJob`). So a search that finds the
+answers of one that was broken off comes to the same design as one that never was. A line is handed
+to the system as soon as it is whole: a process that is killed loses what is under way.
 """
 
 import errno
@@ -22,8 +22,8 @@ import mitt
 from mitt.arm.arm import Arm
 from mitt.clock import Progress
 from mitt.design.candidate import Candidate
-from mitt.design.evaluation import Evaluation, How, hindrance, judged, learned, thrown
-from mitt.design.task import Task
+from mitt.design.evaluation import Evaluation, How, hindrance, judged, learned_map, thrown
+from mitt.design.task import DesignTask
 from mitt.errors import FileError, InputError, MittError
 from mitt.files.schema import to_plain
 from mitt.files.writing import own_file, remove_own
@@ -53,11 +53,11 @@ class Procedure:
 
 
 #: A candidate, what is to be caught, and how it is tried.
-Asked = tuple[Candidate, Task, Procedure]
+Asked = tuple[Candidate, DesignTask, Procedure]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Job:
+class SearchJob:
     """What is to be tried of a candidate.
 
     Attributes:
@@ -71,7 +71,7 @@ class Job:
     number: int
     whole: Arm
     candidate: Candidate
-    task: Task
+    task: DesignTask
     by: Procedure
 
 
@@ -80,7 +80,7 @@ def answer_of(w: Evaluation) -> dict[str, Any]:
     return {x.name: getattr(w, x.name) for x in fields(w) if x.name != "candidate"}
 
 
-def plain_task(task: Task) -> list[Any]:
+def plain_task(task: DesignTask) -> list[Any]:
     """Return a task as JSON has it."""
     rest = [to_plain(getattr(task, x.name)) for x in fields(task) if x.name != "scene"]
     return [task.scene.model_dump_json(), *rest]
@@ -102,10 +102,13 @@ class Answers:
 
     def __init__(self) -> None:
         """Begin with nothing, and without a file."""
-        self._ended: tuple[Task, list[Evaluation]] | None = None
-        self._under_way = list[tuple[Task, Evaluation]]()
+        self._ended: tuple[DesignTask, list[Evaluation]] | None = None
+        self._under_way = list[tuple[DesignTask, Evaluation]]()
         self._most: Evaluation | None = None
-        self._answers, self._tasks = dict[str, dict[str, Any]](), dict[int, tuple[Task, str]]()
+        self._answers, self._tasks = (
+            dict[str, dict[str, Any]](),
+            dict[int, tuple[DesignTask, str]](),
+        )
         self._file: int | None = None
         self._begun: bool | None = None  # whether there are answers, once that is known
         self._path = Path()
@@ -145,12 +148,12 @@ class Answers:
             raise
         return self
 
-    def get(self, job: Job) -> Evaluation | None:
+    def get(self, job: SearchJob) -> Evaluation | None:
         """Return what is known of a candidate; None where nothing is."""
         answer = self._answers.get(self._question(job)) if self._answers else None
         return None if answer is None else Evaluation(candidate=job.candidate, **answer)
 
-    def add(self, job: Job, worth: Evaluation) -> None:
+    def add(self, job: SearchJob, worth: Evaluation) -> None:
         """Keep what a candidate is worth; one that was lost with its worker may be tried again.
 
         Raises:
@@ -164,14 +167,14 @@ class Answers:
             self._write(json.dumps([self._question(job), answer_of(worth)]))
             self._begun = True
 
-    def ended(self, task: Task, worth: Sequence[Evaluation]) -> None:
+    def ended(self, task: DesignTask, worth: Sequence[Evaluation]) -> None:
         """Note what a stage has found: candidates that catch enough, by throws."""
         enough = [w for w in worth if w.enough]
         if enough:
             self._ended = task, enough
 
     @property
-    def best(self) -> tuple[Task, list[Evaluation]] | None:
+    def best(self) -> tuple[DesignTask, list[Evaluation]] | None:
         """The best of the last stage by throws: those that catch enough, and what they are for."""
         first = [(task, w) for task, w in self._under_way if task is self._under_way[0][0]]
         return self._ended or ((first[0][0], [w for _, w in first]) if first else None)
@@ -192,7 +195,7 @@ class Answers:
             os.close(self._file)
         self._file = None
 
-    def _question(self, job: Job) -> str:
+    def _question(self, job: SearchJob) -> str:
         """Return what is asked, as a digest; the arm is that of the whole search."""
         task = self._tasks.get(id(job.task))
         if task is None:  # keeps the task as well, so that no other takes its id
@@ -241,7 +244,7 @@ class Answers:
         return FileError(str(self._path), "a file that can be written", error.strerror)
 
 
-def evaluated(job: Job) -> Evaluation:
+def evaluated(job: SearchJob) -> Evaluation:
     """Return what a candidate is worth, or why it could not be thrown at.
 
     An error of one candidate ends no search: it is part of the answer.
@@ -252,7 +255,7 @@ def evaluated(job: Job) -> Evaluation:
         return _failed(job.candidate, "error", str(error))
 
 
-def _evaluated(job: Job) -> Evaluation:
+def _evaluated(job: SearchJob) -> Evaluation:
     """Return what a candidate is worth, stage by stage."""
     c, by = job.candidate, job.by
     why = hindrance(job.whole, c, job.task)
@@ -260,7 +263,7 @@ def _evaluated(job: Job) -> Evaluation:
         return _failed(c, "no pose", why)
     if by.how == "paper":
         return Evaluation(candidate=c, able=1.0, speed=0.0)
-    f = learned(job.whole, c, job.task, by.how)
+    f = learned_map(job.whole, c, job.task, by.how)
     if f is None:
         return _failed(c, "no map")
     worth = judged(c, f, job.task)
@@ -276,7 +279,7 @@ def _failed(c: Candidate, why: str, said: str = "") -> Evaluation:
     return Evaluation(candidate=c, able=0.0, speed=99.0, failed=why, said=said)
 
 
-def _evaluated_in_worker(job: Job) -> bytes:
+def _evaluated_in_worker(job: SearchJob) -> bytes:
     """Evaluate a candidate in a worker; the answer as bytes, without the candidate."""
     return json.dumps(answer_of(evaluated(job))).encode()
 
@@ -328,7 +331,7 @@ class Evaluator:
     def __init__(
         self,
         whole: Arm,
-        task: Task,
+        task: DesignTask,
         engine: Engine | None,
         progress: Progress,
         tally: Tally | None = None,
@@ -342,7 +345,7 @@ class Evaluator:
         self.whole, self.task, self._engine, self.progress = whole, task, engine, progress
         self.tally, self.answers = tally or Tally(), answers or Answers()
 
-    def at(self, task: Task) -> "Evaluator":
+    def at(self, task: DesignTask) -> "Evaluator":
         """Return an evaluator for another task, which counts and keeps where this one does."""
         return Evaluator(self.whole, task, self._engine, self.progress, self.tally, self.answers)
 
@@ -361,12 +364,12 @@ class Evaluator:
     def try_each(self, name: str, asked: Sequence[Asked]) -> list[Evaluation]:
         """Return what each candidate is worth for a task of its own, those that failed as well."""
         jobs = [
-            Job(number=k, whole=self.whole, candidate=c, task=task, by=by)
+            SearchJob(number=k, whole=self.whole, candidate=c, task=task, by=by)
             for k, (c, task, by) in enumerate(asked)
         ]
         return self._worth(name, jobs)
 
-    def _worth(self, name: str, jobs: Sequence[Job]) -> list[Evaluation]:
+    def _worth(self, name: str, jobs: Sequence[SearchJob]) -> list[Evaluation]:
         """Return what became of jobs, in their order."""
         found = {job.number: w for job in jobs if (w := self.answers.get(job)) is not None}
         new = [job for job in jobs if job.number not in found]
@@ -379,7 +382,7 @@ class Evaluator:
             self.tally.count(found[job.number])
         return [found[job.number] for job in jobs]
 
-    def _as_they_come(self, jobs: Sequence[Job]) -> Iterable[tuple[int, Evaluation]]:
+    def _as_they_come(self, jobs: Sequence[SearchJob]) -> Iterable[tuple[int, Evaluation]]:
         """Yield number and worth of each, as they come.
 
         A worker that dies takes with it what else is under way, so that those are evaluated again
@@ -389,7 +392,7 @@ class Evaluator:
             for job in jobs:
                 yield job.number, evaluated(job)
             return
-        again = list[Job]()
+        again = list[SearchJob]()
         for job, answer in run_tasks(
             self._engine, _evaluated_in_worker, jobs, window=2 * self._engine.workers
         ):
@@ -401,7 +404,7 @@ class Evaluator:
         for job in sorted(again, key=lambda x: x.number):
             yield job.number, self._alone(job, self._engine)
 
-    def _alone(self, job: Job, engine: Engine) -> Evaluation:
+    def _alone(self, job: SearchJob, engine: Engine) -> Evaluation:
         """Return what a candidate is worth with nothing else under way; tried twice."""
         for _ in range(2):
             for _, answer in run_tasks(engine, _evaluated_in_worker, [job], window=1):
@@ -410,7 +413,7 @@ class Evaluator:
                     return worth
         return _failed(job.candidate, "lost")
 
-    def _answer(self, job: Job, answer: bytes | BaseException) -> Evaluation | None:
+    def _answer(self, job: SearchJob, answer: bytes | BaseException) -> Evaluation | None:
         """Return what a worker said of a candidate; None where it died."""
         if not isinstance(answer, BaseException):
             return Evaluation(candidate=job.candidate, **json.loads(answer))

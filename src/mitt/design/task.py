@@ -19,7 +19,7 @@ from mitt.map.mapping import DirectMap
 from mitt.map.neighbourhood import Neighbourhood, neighbourhood
 from mitt.signals import Array
 from mitt.trials.source import Source, ranges_of, source_of
-from mitt.world.flights import CATCH_FRACTION, JITTER_POSITION, Recording, place_flight
+from mitt.world.flights import CATCH_FRACTION, JITTER_POSITION, RecordedFlight, place_flight
 from mitt.world.scene import Scene
 from mitt.world.throws import Aim, Throw, ThrowRanges, default_throw, fly
 
@@ -180,7 +180,7 @@ def of_throws(throws: Sequence[Throw], x: float, drag: float) -> Arrivals:
     return Arrivals(*(np.array(column) for column in zip(*rows, strict=True)))
 
 
-def of_flights(recordings: Sequence[Recording]) -> Arrivals:
+def of_flights(recordings: Sequence[RecordedFlight]) -> Arrivals:
     """Return how recorded flights arrive where they are led past the catch point."""
     placed = [place_flight(x, np.zeros(3), rng=None) for x in recordings]
     t = np.array([x.after(CATCH_FRACTION) for x in placed])
@@ -287,7 +287,7 @@ _HALVED_FROM = 20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Task:
+class DesignTask:
     """What is to be caught, and where it is tried.
 
     Attributes:
@@ -306,7 +306,7 @@ class Task:
     ranges: ThrowRanges | None = None
     arrivals: Array | None = None
     throws: tuple[Throw, ...] = ()
-    recordings: tuple[Recording, ...] = ()
+    recordings: tuple[RecordedFlight, ...] = ()
 
     @property
     def own(self) -> bool:
@@ -358,7 +358,7 @@ class Task:
         return replace(drawn, throws=part(self.throws), recordings=part(self.recordings))
 
 
-_Balls = TypeVar("_Balls", Throw, Recording)
+_Balls = TypeVar("_Balls", Throw, RecordedFlight)
 
 
 def seen(balls: tuple[_Balls, ...]) -> tuple[_Balls, ...]:

@@ -197,7 +197,7 @@ def look_at(centre: Array, target: Array) -> Array:
     return T
 
 
-def rotation(w: Array) -> Array:
+def rotation_by_vector(w: Array) -> Array:
     """Return the rotation by a vector [rad], shape (3, 3), by Rodrigues' formula."""
     angle, (x, y, z) = float(np.linalg.norm(w)), w
     K = np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))
@@ -221,7 +221,7 @@ def turned(T: Array, step: Array) -> Array:
         step: w [rad] and v [m], shape (6,).
     """
     out = np.array(T)
-    out[:3, :3] = rotation(step[:3]) @ T[:3, :3]
+    out[:3, :3] = rotation_by_vector(step[:3]) @ T[:3, :3]
     out[:3, 3] += step[3:]
     return out
 

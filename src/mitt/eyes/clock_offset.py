@@ -247,7 +247,7 @@ def _alike(along: Array) -> float:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Catch:
+class CatchSeen:
     """What arm and eyes said of a catch.
 
     Attributes:
@@ -271,7 +271,7 @@ class Catch:
     __repr__ = brief
 
 
-def caught_offset(arm: Arm, of: Catch) -> ClockOffset:
+def caught_offset(arm: Arm, of: CatchSeen) -> ClockOffset:
     """Return what a catch says of the clocks of eyes and arm."""
     read, seen = np.isfinite(of.q).all(axis=1), np.isfinite(of.seen).all(axis=1)
     use = seen & (of.t_seen >= of.t_brake + SETTLES) & (of.t_seen <= of.t_rest)
@@ -311,7 +311,7 @@ def load_fit(arm: Arm) -> None:
     t = np.linspace(0.0, 0.1, 100)
     caught_offset(
         arm,
-        Catch(
+        CatchSeen(
             t_arm=t,
             q=np.tile(arm.q_ready, (100, 1)),
             t_seen=t,
@@ -323,7 +323,7 @@ def load_fit(arm: Arm) -> None:
     )
 
 
-def _side(arm: Arm, of: Catch) -> int:
+def _side(arm: Arm, of: CatchSeen) -> int:
     """Return which part of the hand struck the ball out of its flight; see ``ClockOffset.side``."""
     since = of.t_seen - of.t_brake
     near = np.isfinite(of.seen).all(axis=1) & (np.trace(of.covariance, axis1=1, axis2=2) < LOOSE)

@@ -15,7 +15,7 @@ from mitt.eyes import head, localization, segmentation, triangulation
 from mitt.eyes.camera import Rig, fixed_rig, pack_cameras
 from mitt.eyes.localization import EyesHandle, EyesMemory, eyes_handle, localize
 from mitt.eyes.segmentation import SegmenterConfig, forget, pack_segmenter
-from mitt.eyes.triangulation import TriangulatorConfig, pack_ball, unseen
+from mitt.eyes.triangulation import TriangulatorConfig, no_sighting, pack_ball
 from mitt.fields import Range, Settings
 from mitt.signals import Array, BallState, Frame, Image, Sighting
 
@@ -214,11 +214,11 @@ class Eyes:
         images, apart, t = self.arrange(frames)
         self._t = t if frames else self._t
         if self.heads:
-            head.aim(self._handle)
+            head.aim_heads(self._handle)
         r_o, covariance = np.empty(3), np.empty((3, 3))
         if localize(images, self.backgrounds, apart, self._handle, r_o, covariance):
             return Sighting(t=t, found=True, r_o=r_o, covariance=covariance)
-        return unseen(t)
+        return no_sighting(t)
 
     def arrange(self, frames: tuple[Frame, ...]) -> tuple[tuple[Image, ...], int, float]:
         """Return images, which are apart, and the instant of the others, for ``localize``.

@@ -108,7 +108,7 @@ def aim_one(head: Fields, pan: float, tilt: float, camera: Fields) -> None:
 
 
 @kernel
-def aim(eyes: EyesMemory) -> None:
+def aim_heads(eyes: EyesMemory) -> None:
     """Write the poses of all cameras at the angles of their heads; for a rig with heads."""
     for n in range(len(eyes.heads)):
         aim_one(eyes.heads[n], eyes.angles[n, 0], eyes.angles[n, 1], eyes.cameras[n])

@@ -22,7 +22,7 @@ from mitt.eyes.segmentation import (
     follow_target,
     measure_if_due,
     outline,
-    show,
+    searched_difference,
 )
 from mitt.eyes.triangulation import NEAR, note, on_ray, triangulate
 from mitt.kernels import Fields, Handle, Record, define, kernel
@@ -529,7 +529,9 @@ def _show_whole(
 ) -> Image:
     """Return the whole image of a camera, or its difference from the background."""
     scratch, window = backgrounds[len(backgrounds) - 1], eyes.segment_work[0].window
-    shown: Image = show(images[n], backgrounds[n], scratch, eyes.targets[n], window, True)
+    shown: Image = searched_difference(
+        images[n], backgrounds[n], scratch, eyes.targets[n], window, True
+    )
     return shown
 
 

@@ -260,7 +260,7 @@ def subtract(
 
 
 @kernel
-def show(
+def searched_difference(
     pixels: Image, background: Image, difference: Image, target: Fields, window: Ints, whole: bool
 ) -> Image:
     """Return what is searched of an image: within a window, or in all of it, its difference.
@@ -449,14 +449,14 @@ def _segment(
     window, new, moments, top, rows = work.window, work.runs, target.moments, 0, 0
     whole_image(pixels, window)
     part = region_of_interest(target, settings, window)
-    shown = show(pixels, background, difference, target, window, not part)
+    shown = searched_difference(pixels, background, difference, target, window, not part)
     measure_if_due(shown, target, settings, work.counts)
     if target.state != LOST:
         top, rows = _find_again(shown, target, settings, new, moments)
     again = rows > 0
     if not again:
         if part:
-            shown = show(pixels, background, difference, target, window, True)
+            shown = searched_difference(pixels, background, difference, target, window, True)
         found = _best_box(shown, target, settings.min_area, work.boxes)
         if found >= 0:
             top = work.boxes[found].top

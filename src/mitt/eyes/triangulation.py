@@ -264,9 +264,9 @@ class Triangulator:
             worst = triangulate(self._cameras, self._points, ball["radius"], r_o, P, self._work[0])
             if worst <= ball["max_residual"]:
                 return Sighting(t=t, found=True, r_o=r_o, covariance=P)
-        return unseen(t)
+        return no_sighting(t)
 
 
-def unseen(t: float) -> Sighting:
+def no_sighting(t: float) -> Sighting:
     """Return the sighting of no ball at ``t`` [s]."""
     return Sighting(t=t, found=False, r_o=np.zeros(3), covariance=np.zeros((3, 3)))

@@ -18,8 +18,8 @@ from mitt.catcher.settings import CatcherSettings
 from mitt.errors import FileError, MittError
 from mitt.eyes.camera import Rig
 from mitt.eyes.eyes import EyesConfig
-from mitt.files.maps import map_content, map_of
-from mitt.files.schema import Part, from_plain, parsed, to_plain
+from mitt.files.maps import map_content, map_from
+from mitt.files.schema import FileSection, from_plain, parsed, to_plain
 from mitt.files.writing import json_digest
 from mitt.map.batting import BattingMap
 from mitt.map.demand import Tolerance
@@ -103,12 +103,12 @@ class About:
         return json.dumps(content | {"digest": json_digest(content)}, allow_nan=False)
 
 
-class _Arm(Part):
+class _Arm(FileSection):
     model: dict[str, Any]
     limits: dict[str, Any]
 
 
-class _About(Part):
+class _About(FileSection):
     schema_name: str = Field(alias="schema", pattern=f"^{SCHEMA}$")
     version: str = Field(max_length=80)
     arm: _Arm
@@ -151,7 +151,7 @@ def about_of(text: str, *, place: str) -> About:
         return About(
             arm=arm,
             generator=content.generator,
-            maps=tuple(_endless(map_of(x, arm, place="a map").map) for x in content.maps),
+            maps=tuple(_endless(map_from(x, arm, place="a map").map) for x in content.maps),
             settings=from_plain(CatcherSettings, content.settings, place="settings"),
             rig=from_plain(Rig, content.rig, place="rig"),
             eyes=from_plain(EyesConfig, content.eyes, place="eyes"),

@@ -33,10 +33,10 @@ from mitt.arm.load import (
 )
 from mitt.arm.wam import LIMIT_SETS
 from mitt.errors import FileError, InputError, MittError, UnknownNameError, printable
-from mitt.files.schema import Finite, Part, Settings, from_plain, parsed
+from mitt.files.schema import FileSection, FileSettings, Finite, from_plain, parsed
 from mitt.files.writing import toml_text, write_text
 from mitt.map.map_design import MapDesign, default_design, tangent_of
-from mitt.reading import difference, noted, read_bytes, read_toml, shipped, shipped_path
+from mitt.reading import changed_file, noted, read_bytes, read_toml, shipped, shipped_path
 from mitt.signals import Array
 
 SCHEMA = "mitt.arm/1"
@@ -59,7 +59,7 @@ ARRIVALS = {
 }
 
 
-class ThrowSettings(Settings):
+class ThrowSettings(FileSettings):
     """Ranges that the default throws are drawn from; what is left out stays as it is.
 
     Attributes:
@@ -98,7 +98,7 @@ class ThrowSettings(Settings):
         return self
 
 
-class ArrivalSettings(Settings):
+class ArrivalSettings(FileSettings):
     """How balls arrive at the box that is aimed at: the ranges that maps are learned for.
 
     Attributes:
@@ -128,7 +128,7 @@ class ArrivalSettings(Settings):
         return np.array([self.speed, self.descent, self.azimuth, self.flight])
 
 
-class _Limits(Part):
+class _Limits(FileSection):
     joints: Annotated[list[str], Field(min_length=1, max_length=64)]
     lower: _Row | None = None
     upper: _Row | None = None
@@ -140,7 +140,7 @@ class _Limits(Part):
     force: Annotated[float, Field(gt=0.0, le=1e6)] | None = None
 
 
-class _LimitsFile(Part):
+class _LimitsFile(FileSection):
     schema_name: Literal["mitt.limits/1"] = Field(alias="schema")
     limits: _Limits
 
@@ -318,7 +318,7 @@ class ArmFile:
                 )
 
 
-class _Arm(Part):
+class _Arm(FileSection):
     file: Name | None = None
     name: Name | None = None
     sha256: Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")] | None = None
@@ -342,7 +342,7 @@ class _Arm(Part):
         return self
 
 
-class _Hand(Part):
+class _Hand(FileSection):
     name: HandName = "three-finger"
     turn: Annotated[float, Field(ge=-10.0, le=10.0)] = 0.0
     mount: Mount | None = None
@@ -351,7 +351,7 @@ class _Hand(Part):
     catch_depth: Annotated[float, Field(ge=0.0, le=Basket().depth)] | None = None
 
 
-class _ArmFile(Part):
+class _ArmFile(FileSection):
     schema_name: Literal["mitt.arm/1"] = Field(alias="schema")
     arm: _Arm
     hand: _Hand = _Hand()
@@ -656,7 +656,7 @@ def with_notes_logged(arm: Arm, name: str | Path) -> Arm:
     return arm
 
 
-class ArmSpec(Settings):
+class ArmSpec(FileSettings):
     """Which arm and which map, as the options of the same names of ``mitt catch``."""
 
     arm: str = "wam"
@@ -695,7 +695,7 @@ class ArmSpec(Settings):
             arm, file = arm_with_hand(
                 self.arm, tip=self.tip, joints=joint_names(self.joints), limits=self.limits
             )
-        if was is not None and (name := difference(was, read)):
+        if was is not None and (name := changed_file(was, read)):
             raise FileError(
                 name,
                 "the file that the study was made with",

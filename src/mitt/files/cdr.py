@@ -220,12 +220,12 @@ def _laid_out(fields: tuple[Field, ...]) -> tuple[bytes, np.dtype[np.void]]:
     return raw, dtype
 
 
-def text(content: str) -> bytes:
+def encode_text(content: str) -> bytes:
     """Return a ``std_msgs/msg/String``."""
     return Writer().string(content).written()
 
 
-def read_text(message: bytes) -> str:
+def decode_text(message: bytes) -> str:
     """Return the text of a ``std_msgs/msg/String`` of any length; ValueError where it is none."""
     size = int.from_bytes(message[4:8], "little")
     if message[:4] != HEAD or size < 1 or len(message) < 8 + size:

@@ -17,7 +17,7 @@ from mitt.eyes.camera import Rig, fixed_rig
 from mitt.eyes.lens import Lens, is_bent
 from mitt.files.arm_file import ArmFile, Name, arm_with_hand
 from mitt.files.rig import read_rig
-from mitt.files.schema import Finite, Part, parsed
+from mitt.files.schema import FileSection, Finite, parsed
 from mitt.reading import read_toml, shipped, shipped_path
 from mitt.signals import TICK
 
@@ -35,7 +35,7 @@ _Positive = Annotated[float, Field(gt=0.0, le=1e4)]
 _Side = Annotated[float, Field(ge=0.005, le=0.5)]
 
 
-class ArmPart(Part):
+class ArmPart(FileSection):
     """The arm, as ``mitt catch`` takes it.
 
     Attributes:
@@ -51,7 +51,7 @@ class ArmPart(Part):
     limits: Name | None = None
 
 
-class BallPart(Part):
+class BallPart(FileSection):
     """What is thrown.
 
     Attributes:
@@ -71,7 +71,7 @@ class BallPart(Part):
     friction: Annotated[float, Field(gt=0.0, le=3.0)] = 1.0
 
 
-class BeltPart(Part):
+class BeltPart(FileSection):
     """A level, straight belt.
 
     Attributes:
@@ -91,7 +91,7 @@ class BeltPart(Part):
     speed: Annotated[float, Field(ge=0.0, le=5.0)] = 0.3
 
 
-class AreaPart(Part):
+class AreaPart(FileSection):
     """Where parts may be met, in the arm's base frame.
 
     Attributes:
@@ -110,7 +110,7 @@ class AreaPart(Part):
         return self
 
 
-class MeetTask(Part):
+class MeetTask(FileSection):
     """Parts are met on a belt, or in a hand, taken, and put down.
 
     Attributes:
@@ -138,7 +138,7 @@ class MeetTask(Part):
     put: _Point
 
 
-class SourcePart(Part):
+class SourcePart(FileSection):
     """Where the ball is seen.
 
     Attributes:
@@ -168,7 +168,7 @@ class SourcePart(Part):
     calibration_px: Annotated[float, Field(ge=0.0, le=5.0)] = 0.05
 
 
-class RobotPart(Part):
+class RobotPart(FileSection):
     """How the robot is reached.
 
     Attributes:
@@ -200,7 +200,7 @@ class RobotPart(Part):
         return round(1.0 / (self.rate * TICK))
 
 
-class ZonePart(Part):
+class ZonePart(FileSection):
     """A capsule that no part of the arm may enter, in the arm's base frame.
 
     Attributes:
@@ -214,7 +214,7 @@ class ZonePart(Part):
     radius: _Positive
 
 
-class MotionPart(Part):
+class MotionPart(FileSection):
     """How fast the arm moves.
 
     Attributes:
@@ -226,7 +226,7 @@ class MotionPart(Part):
     ready_speed: Annotated[float, Field(gt=0.0, le=0.5)] = 0.15
 
 
-class Cell(Part):
+class Cell(FileSection):
     """All that a cell file says.
 
     Attributes:

@@ -11,7 +11,7 @@ from pydantic import Field
 from mitt import checks
 from mitt.arm.arm import Arm, difference, identity_of
 from mitt.errors import FileError, InputError, MittError
-from mitt.files.schema import Finite, Part, from_plain, parsed
+from mitt.files.schema import FileSection, Finite, from_plain, parsed
 from mitt.files.writing import json_digest, write_json
 from mitt.map.learn import Learned, Step
 from mitt.map.map_design import MapDesign, tangent_of
@@ -24,7 +24,7 @@ SCHEMA = "mitt.map/2"
 _AGAIN = "learn it again with mitt learn"
 
 
-class _MapFile(Part):
+class _MapFile(FileSection):
     """Content of a map file; ``checksum`` covers all the rest."""
 
     schema_name: Literal["mitt.map/2"] = Field(alias="schema")
@@ -97,10 +97,10 @@ def read_map(path: str | Path, arm: Arm) -> Learned:
             version, or was learned for another arm or other limits.
     """
     path, arm = checks.path("path", path), checks.instance("arm", arm, Arm)
-    return map_of(read_json(path), arm, place=str(path))
+    return map_from(read_json(path), arm, place=str(path))
 
 
-def map_of(raw: Any, arm: Arm, *, place: str) -> Learned:  # noqa: ANN401 (any JSON value)
+def map_from(raw: Any, arm: Arm, *, place: str) -> Learned:  # noqa: ANN401 (any JSON value)
     """Return a learned map for an arm from what its file says.
 
     Args:

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitt.catcher.state import Result, fresh_result
-from mitt.files.cdr import Field, Rows, layout, text
-from mitt.files.robot_description import Frame as Drawn
+from mitt.files.cdr import Field, Rows, encode_text, layout
+from mitt.files.robot_description import LinkFrame as Drawn
 from mitt.numerals import real_of
 from mitt.signals import Array, Frame, Senses, Sighting
 
@@ -81,7 +81,9 @@ _PLACE_OF = {"geometry_msgs/Point": "float64 x\nfloat64 y\nfloat64 z\n"}
 def _definition(own: str, **parts: str) -> str:
     """Return a message definition with those of its parts, as a ``ros2msg`` schema has it."""
     parts |= {"std_msgs/Header": _HEADER, "builtin_interfaces/Time": _TIME}
-    return _BREAK.join((own, *(f"MSG: {name}\n{text}" for name, text in parts.items())))
+    return _BREAK.join(
+        (own, *(f"MSG: {name}\n{encode_text}" for name, encode_text in parts.items()))
+    )
 
 
 def _results() -> list[Field]:
@@ -258,7 +260,7 @@ def ball_marker(ns: int, radius: float) -> bytes:
     return row.tobytes()
 
 
-def image(shape: tuple[int, int], camera: int) -> Rows:
+def image_type(shape: tuple[int, int], camera: int) -> Rows:
     """Return a ``sensor_msgs/msg/Image`` of grey values, shape (height, width)."""
     height, width = shape
     out = layout(
@@ -282,12 +284,12 @@ def points(count: int = 1) -> Rows:
     return layout(_POINT, count)
 
 
-def frames() -> Rows:
+def frame_type() -> Rows:
     """Return a ``mitt_msgs/msg/Frame``: what a frame says besides its image."""
     return layout(_FRAME)
 
 
-def flag() -> Rows:
+def bool_type() -> Rows:
     """Return a ``std_msgs/msg/Bool``."""
     return layout([("data", "bool", None)])
 
@@ -320,7 +322,7 @@ def tick_rows(results: Result, senses: Sequence[Senses], heads: int) -> Rows:
 
 def call_message(name: str) -> Said:
     """Return what the catcher was told to do."""
-    return CALLS, TEXT, text(name), None
+    return CALLS, TEXT, encode_text(name), None
 
 
 def torques_call(torques: Array) -> str:
@@ -351,7 +353,7 @@ def clock_in(calls: Iterable[str]) -> float:
 
 def notice_message(topic: str, said: str) -> Said:
     """Return something that happens now."""
-    return topic, TEXT, text(said), None
+    return topic, TEXT, encode_text(said), None
 
 
 def point_message(row: np.void) -> Said:
@@ -369,8 +371,8 @@ def point_rows(sightings: Sequence[Sighting]) -> Rows:
 
 
 def frame_row(frame: Frame) -> tuple[Rows, bytes]:
-    """Return a frame of the layout :func:`mitt.files.messages.frames`, and its grey values."""
-    row = frames()
+    """Return a frame of the layout :func:`mitt.files.messages.frame_type`, and its grey values."""
+    row = frame_type()
     row["t"], row["camera"], row["number"] = frame.t, frame.camera, frame.number
     row["pan"], row["tilt"] = frame.pan, frame.tilt
     return row, frame.pixels.tobytes()
@@ -381,7 +383,7 @@ def frame_messages(
 ) -> tuple[Said, Said]:
     """Return what belongs to an image, and the image."""
     camera = int(row["camera"][0])
-    row_of_image = image(shapes[camera], camera)
+    row_of_image = image_type(shapes[camera], camera)
     row_of_image["sec"], row_of_image["nanosec"] = np.divmod(ns_of(row["t"]), 1_000_000_000)
     row_of_image["data"] = np.frombuffer(pixels, np.uint8)
     topic = IMAGES.format(camera)

@@ -54,7 +54,7 @@ from mitt.files import messages as of
 from mitt.files.about import About, about_of
 from mitt.files.cdr import Rows
 from mitt.files.messages import Said
-from mitt.files.robot_description import Frame as Drawn
+from mitt.files.robot_description import LinkFrame as Drawn
 from mitt.files.robot_description import frames_of, urdf_of
 from mitt.files.writing import write_atomically
 from mitt.signals import Array, Frame, Sighting
@@ -205,7 +205,7 @@ class RecordingWriter:
                     self._commands, ns, position=told[:, 0], velocity=told[:, 1], effort=told[:, 3]
                 ),
             ),
-            (of.BRAKES, of.FLAG, of.filled(of.flag(), None, data=rows["brakes"])),
+            (of.BRAKES, of.FLAG, of.filled(of.bool_type(), None, data=rows["brakes"])),
             (of.ESTIMATE, of.STAMPED, of.filled(of.point_stamped(), ns, r=rows["ball"][:, :3])),
             (of.TICKS, of.TICK, rows),
         ]
@@ -265,7 +265,7 @@ class RecordingWriter:
         rows = of.transforms(frames, now, [frame.poses(np.zeros(1)) for frame in frames])
         self.say(
             (
-                (of.DESCRIPTION, of.TEXT, cdr.text(self._heading.description), None),
+                (of.DESCRIPTION, of.TEXT, cdr.encode_text(self._heading.description), None),
                 (of.FIXED, of.TRANSFORMS, rows[0].tobytes(), None),
             ),
             sequence,
@@ -279,7 +279,7 @@ class RecordingWriter:
         for topic, text in ((of.PHASE, phase), (of.STATE, f"{state}: {reason}")):
             if text != self._last[topic]:
                 self._last[topic] = text
-                self._add(topic, of.TEXT, cdr.text(text), self._ns, sequence)
+                self._add(topic, of.TEXT, cdr.encode_text(text), self._ns, sequence)
 
     def _add(self, topic: str, kind: str, data: bytes, ns: int, sequence: int) -> None:
         """Add a message; its topic is made known by the first."""
@@ -369,7 +369,9 @@ def _others(recording: Recording) -> tuple[dict[int, list[Said]], list[Said]]:
     """Return what is said before each tick, and after the last."""
     ns, shapes = of.ns_of(recording.ticks["t"]), recording.heading.shapes
     before: dict[int, list[Said]] = {k: [] for k in range(len(ns))}
-    texts = [(x.topic, of.TEXT, cdr.text(x.text), int(of.ns_of(x.t))) for x in recording.notices]
+    texts = [
+        (x.topic, of.TEXT, cdr.encode_text(x.text), int(of.ns_of(x.t))) for x in recording.notices
+    ]
     for track in recording.tracks:
         rows = of.filled(of.point_stamped(), of.ns_of(track.t), r=track.r)
         times = of.ns_of(track.t).tolist()
@@ -615,17 +617,17 @@ class Recorded:
             _whole(data, _POINT)
             self._points.setdefault(number, []).append(data)
         elif topic == of.FRAMES and self._images:
-            self._half = _row(of.frames(), data)
+            self._half = _row(of.frame_type(), data)
         elif topic.startswith("/camera_") and self._images and self._half is not None:
             self._frames.setdefault(number, []).append(self._frame(self._half, data))
             self._half = None
         elif topic == of.CALLS:
-            self.calls.setdefault(number, []).append(cdr.read_text(data))
+            self.calls.setdefault(number, []).append(cdr.decode_text(data))
         elif topic in (of.TRUTH, of.CATCH_POINT):
             _whole(data, _PLACE)
             self._places.setdefault(topic, []).append((ns, data))
         elif topic in (of.EVENT, of.PHASE, of.STATE):
-            self.notices.append((1e-9 * ns, topic, cdr.read_text(data)))
+            self.notices.append((1e-9 * ns, topic, cdr.decode_text(data)))
 
     def _frame(self, row: Rows, data: bytes) -> Frame:
         """Return a frame from what belongs to it and its image."""
@@ -633,7 +635,7 @@ class Recorded:
         shapes = self.about.shapes
         if not 0 <= camera < len(shapes):
             raise self._error(f"images of {len(shapes)} cameras", f"one of camera {camera}")
-        image = _row(of.image(shapes[camera], camera), data)
+        image = _row(of.image_type(shapes[camera], camera), data)
         return Frame(
             t=float(row["t"][0]),
             camera=camera,

@@ -10,9 +10,9 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from mitt.errors import FileError, MittError
-from mitt.eyes.camera import Rig, applied, rotation
+from mitt.eyes.camera import Rig, applied, rotation_by_vector
 from mitt.eyes.lens import Lens
-from mitt.files.schema import Part, parsed
+from mitt.files.schema import FileSection, parsed
 from mitt.files.writing import write_text
 from mitt.reading import read_toml
 from mitt.signals import Array
@@ -72,7 +72,7 @@ class HeadAxes:
 def _about(axis: Array, point: Array, angle: float) -> Array:
     """Return the turn by an angle [rad] about a line, shape (4, 4)."""
     T = np.eye(4)
-    T[:3, :3] = rotation(axis * angle)
+    T[:3, :3] = rotation_by_vector(axis * angle)
     T[:3, 3] = point - T[:3, :3] @ point
     return T
 
@@ -125,7 +125,7 @@ class CalibratedRig:
         return replace(self, frame=frame, cameras=tuple(moved))
 
 
-class _Head(Part):
+class _Head(FileSection):
     """Axes of a head, in the world.
 
     Attributes:
@@ -141,7 +141,7 @@ class _Head(Part):
     tilt_point: Three
 
 
-class _Camera(Part):
+class _Camera(FileSection):
     """A camera as calibrated.
 
     Attributes:
@@ -175,7 +175,7 @@ class _Camera(Part):
         return self
 
 
-class _Clock(Part):
+class _Clock(FileSection):
     """The clocks of arm and cameras.
 
     Attributes:
@@ -187,7 +187,7 @@ class _Clock(Part):
     sigma_s: float = Field(ge=0.0, le=1e3)
 
 
-class RigFile(Part):
+class RigFile(FileSection):
     """All that a rig's file says.
 
     Attributes:

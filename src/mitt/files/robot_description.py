@@ -46,7 +46,7 @@ _SIDES = 12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Frame:
+class LinkFrame:
     """A frame on the one that carries it.
 
     Attributes:
@@ -102,11 +102,11 @@ class _Part:
     colour: str = "metal"
 
     @property
-    def frame(self) -> Frame:
+    def frame(self) -> LinkFrame:
         """Its frame."""
         R = self.T[:3, :3]
         axis = np.zeros(3) if self.axis is None else self.axis
-        return Frame(
+        return LinkFrame(
             name=self.child,
             parent=self.parent,
             place=_plain(self.T[:3, 3]),
@@ -117,7 +117,7 @@ class _Part:
         )
 
 
-def frames_of(arm: Arm) -> tuple[Frame, ...]:
+def frames_of(arm: Arm) -> tuple[LinkFrame, ...]:
     """Return the frames of an arm and its hand, each behind the one that carries it."""
     return tuple(part.frame for part in _parts(arm))
 

@@ -64,13 +64,13 @@ class OneLine(_ModelMetaclass):
             raise InputError(field, *_in_words(first)) from None
 
 
-class Part(BaseModel, metaclass=OneLine):
+class FileSection(BaseModel, metaclass=OneLine):
     """Part of a file; unknown keys are refused."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
-class Settings(Part):
+class FileSettings(FileSection):
     """Settings: numbers are numbers, and finite."""
 
     model_config = ConfigDict(strict=True, allow_inf_nan=False)

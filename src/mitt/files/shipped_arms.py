@@ -34,7 +34,7 @@ class Figures:
     """What came of throws at a design that ships: ``mitt catch --arm NAME --limits LIMITS``.
 
     Attributes:
-        digest: Of the design, as of :func:`digest`.
+        digest: Of the design, as of :func:`arm_digest`.
         joints: Active joints.
         hand: The hand at its flange.
         throws: Number of throws.
@@ -121,7 +121,7 @@ def _rows() -> dict[tuple[str, str], Figures]:
     }
 
 
-def digest(chosen: ChosenArm) -> str:
+def arm_digest(chosen: ChosenArm) -> str:
     """Return the SHA-256 of all numbers of an arm, its limits, its hand, its map and its throws."""
     arm, file = chosen.arm, chosen.file
     of = [

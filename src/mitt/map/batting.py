@@ -33,7 +33,15 @@ from mitt.map.learn import Flight, Learned, LearnSettings, Lifted, learn_lifted,
 from mitt.map.map_design import MapDesign, check_joints
 from mitt.map.mapping import DirectMap, coordinates, initial_gap, project
 from mitt.map.polynomial import CatchBasis
-from mitt.map.striking import ASTRAY, Aiming, Impact, Strike, aim, aiming_of, attained
+from mitt.map.striking import (
+    ASTRAY,
+    Aiming,
+    Impact,
+    PaddleStrike,
+    aim_at_target,
+    aiming_of,
+    attained,
+)
 from mitt.signals import GRAVITY, Array, BallState
 
 #: Largest speed of a motion from rest to rest, in units of its mean, and largest acceleration, in
@@ -90,9 +98,9 @@ class BattingMap:
         return aiming_of(self.arm, tuple(sorted({*self.map.design.free, *self.held})))
 
     def strike(
-        self, ball: Array, target: Array | None, impact: Impact, *, near: Strike | None = None
-    ) -> Strike | None:
-        """Return how the paddle meets a ball; see :func:`mitt.map.striking.aim`.
+        self, ball: Array, target: Array | None, impact: Impact, *, near: PaddleStrike | None = None
+    ) -> PaddleStrike | None:
+        """Return how the paddle meets a ball; see :func:`mitt.map.striking.aim_at_target`.
 
         Args:
             ball: r_o, v_o at the contact [m, m/s], shape (2, 3).
@@ -102,16 +110,16 @@ class BattingMap:
         """
         start = self.map.start if near is None else near.q
         T = None if near is None or near.T == 0.0 else near.T
-        return aim(self.arm, self.aiming, ball, target, impact, start, T=T)
+        return aim_at_target(self.arm, self.aiming, ball, target, impact, start, T=T)
 
-    def aims(self, strike: Strike, target: Array | None) -> bool:
+    def aims(self, strike: PaddleStrike, target: Array | None) -> bool:
         """Say whether a strike points the paddle as well as the arm can.
 
         An arm without a joint to aim with, and a shield, are as near to it as they can be.
         """
         return strike.astray <= ASTRAY or target is None or not self.held
 
-    def ease(self, strike: Strike, q: Array, after: float) -> float:
+    def ease(self, strike: PaddleStrike, q: Array, after: float) -> float:
         """Return about the share of the limits that a strike takes.
 
         Args:
@@ -129,7 +137,7 @@ class BattingMap:
         beyond = np.where(off > 1.0, np.inf, 0.0)
         return float(max(way.max(), np.abs(strike.dq / attained(arm)).max(), beyond.max()))
 
-    def posed(self, strike: Strike) -> DirectMap:
+    def posed(self, strike: PaddleStrike) -> DirectMap:
         """Return the map whose joints are those of a strike at s = 0, with alpha as learned."""
         f, q = self.map, strike.q
         i = f.design.catch_joint
@@ -147,7 +155,7 @@ class BattingMap:
         posed.__dict__.update({k: v for k, v in f.__dict__.items() if k in _SHARED})
         return posed
 
-    def adapt(self, ball: BallState, q: Array, dq: Array, strike: Strike) -> DirectMap | None:
+    def adapt(self, ball: BallState, q: Array, dq: Array, strike: PaddleStrike) -> DirectMap | None:
         """Return the map that starts where the arm is and ends in a strike.
 
         None where the ball is, or will be, outside the domain of l_c^-1, or where the strike turns
@@ -173,8 +181,8 @@ class BattingMap:
 
 
 def easiest(
-    met: Callable[[float], tuple[float, Strike] | None], times: Array
-) -> list[tuple[float, tuple[float, Strike]]]:
+    met: Callable[[float], tuple[float, PaddleStrike] | None], times: Array
+) -> list[tuple[float, tuple[float, PaddleStrike]]]:
     """Return instants of a contact and how the ball is met then, the easiest first.
 
     Where a paddle can be brought to a ball, and how easily, changes within milliseconds: about the
@@ -196,7 +204,7 @@ def easiest(
     return sorted(found.items(), key=lambda x: x[1][0])
 
 
-def contact_rows(f: DirectMap, strike: Strike) -> tuple[Array, Array] | None:
+def contact_rows(f: DirectMap, strike: PaddleStrike) -> tuple[Array, Array] | None:
     """Return both rates of the monomials at the contact, (2, m), and those of q* - q_o, (2 n,).
 
     None where l_c has no inverse there.
@@ -245,7 +253,7 @@ def _basis(design: MapDesign, centre: Array, scale: Array) -> CatchBasis:
     return CatchBasis(design.order, i, centre, scale, first_order=True)
 
 
-def lift_strike(g: BattingMap, flight: Flight, strike: Strike) -> Lifted | None:
+def lift_strike(g: BattingMap, flight: Flight, strike: PaddleStrike) -> Lifted | None:
     """Return a flight in virtual joints, held to its start and its strike; None outside l_c^-1."""
     f = g.posed(strike)
     lifted, end = lift_flight(f, flight), contact_rows(f, strike)
@@ -257,7 +265,7 @@ def lift_strike(g: BattingMap, flight: Flight, strike: Strike) -> Lifted | None:
 
 def learn_batting(
     g: BattingMap,
-    flights: Sequence[tuple[Flight, Strike]],
+    flights: Sequence[tuple[Flight, PaddleStrike]],
     *,
     settings: LearnSettings | None = None,
 ) -> tuple[BattingMap, Learned]:
@@ -283,8 +291,11 @@ def learn_batting(
 
 
 def _learned(
-    g: BattingMap, flights: Sequence[tuple[Flight, Strike]], count: int, settings: LearnSettings
-) -> tuple[BattingMap, Learned, list[tuple[Flight, Strike]]]:
+    g: BattingMap,
+    flights: Sequence[tuple[Flight, PaddleStrike]],
+    count: int,
+    settings: LearnSettings,
+) -> tuple[BattingMap, Learned, list[tuple[Flight, PaddleStrike]]]:
     """Return the map scaled to flights, what was learned from them, and those it is fit for."""
     inside = [(x, of) for of in flights if (x := lift_strike(g, *of)) is not None]
     if not inside:
@@ -295,7 +306,7 @@ def _learned(
     both = [(x, of) for of in flights if (x := lift_strike(g, *of)) is not None]
     lifted = [x for x, _ in both]
     learned = learn_lifted(g.map, lifted, left_out=count - len(lifted), settings=settings)
-    f, fit = learned.map, list[tuple[Flight, Strike]]()
+    f, fit = learned.map, list[tuple[Flight, PaddleStrike]]()
     for x, of in both:
         motion = x.motion(project(f.alpha, f.H_inverse, x.phi_0, x.gap))
         if float(demand(g.arm, motion).shares.max()) <= _MOST:
@@ -303,7 +314,7 @@ def _learned(
     return g, learned, fit
 
 
-def _scaled(g: BattingMap, lifted: Sequence[Lifted], strikes: Sequence[Strike]) -> BattingMap:
+def _scaled(g: BattingMap, lifted: Sequence[Lifted], strikes: Sequence[PaddleStrike]) -> BattingMap:
     """Return the map with the variables of b scaled to what occurs, and the region of strikes."""
     design, q = g.map.design, np.array([x.q for x in strikes])
     i, c = design.free.index(design.catch_joint), design.catch_joint

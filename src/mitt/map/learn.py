@@ -224,7 +224,7 @@ class Cost(NamedTuple):
     J: Array  # (2 K n, m n)
 
 
-class Rows(NamedTuple):
+class LimitRows(NamedTuple):
     """Linearised limits: rows @ step <= room, and the largest share of any limit."""
 
     rows: Array
@@ -264,7 +264,7 @@ def cost(arm: Arm, s: Sensitivity) -> Cost:
     return Cost(torque, speed, J)
 
 
-def limit_rows(arm: Arm, s: Sensitivity, *, share: float, near: float) -> Rows:
+def limit_rows(arm: Arm, s: Sensitivity, *, share: float, near: float) -> LimitRows:
     """Return the limits (18), (20), ranges and accelerations as rows, those above ``near`` of one.
 
     Their values are the shares of :func:`mitt.map.demand.reckon` with their signs.
@@ -300,10 +300,12 @@ def limit_rows(arm: Arm, s: Sensitivity, *, share: float, near: float) -> Rows:
         rows.append(sign[:, None] * slope[at])
         room.append(share - np.abs(value[at]))
     worst = max(float(np.abs(value).max()) for value in values)
-    return Rows(np.concatenate(rows), np.concatenate(room), worst)
+    return LimitRows(np.concatenate(rows), np.concatenate(room), worst)
 
 
-def solve(H: Array, gradient: Array, limits: tuple[Array, Array], *, weight: float) -> Array | None:
+def solve_step(
+    H: Array, gradient: Array, limits: tuple[Array, Array], *, weight: float
+) -> Array | None:
     """Return the step that minimises the quadratic plus weighted squares of the excess.
 
     x'Hx/2 + g'x + weight sum max(rows x - room, 0)^2 is convex and piecewise quadratic: Newton's
@@ -413,7 +415,7 @@ class _Part(NamedTuple):
     hessian: Array  # (m n, m n) of alpha_f
     reduced: Array  # (m n, m n) P' hessian P
     gradient: Array  # (m n,) P' gradient
-    limits: Rows
+    limits: LimitRows
     step: Step
     cost: float  # of eq. (22), and of the relative velocity at the catch
 
@@ -559,7 +561,7 @@ def _stepped(
     gradient = np.mean([p.gradient for p in parts], axis=0)
     rows = np.concatenate([p.limits.rows for p in parts])
     room = np.concatenate([p.limits.room for p in parts])
-    step = solve(H, gradient, (rows, room), weight=_PENALTY / instants)
+    step = solve_step(H, gradient, (rows, room), weight=_PENALTY / instants)
     if step is None:
         return None
     before = _merit(f, lifted, settings, starts)

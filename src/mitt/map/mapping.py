@@ -38,7 +38,7 @@ from mitt.map.tangent import (
     catch_angle,
     coordinate,
     expand,
-    follow,
+    follow_coupling,
     lift,
     pack,
     scratch_of,
@@ -155,7 +155,7 @@ class DirectMap:
         known = bool(np.all(np.isfinite(self.region)))
         q: Array = self.region.mean(axis=0) if known else self.arm.q_ready.copy()
         q[self.design.catch_joint] = catch_angle(self.tangent, q)
-        follow(self.tangent, q)
+        follow_coupling(self.tangent, q)
         return q
 
     @cached_property

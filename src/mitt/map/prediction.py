@@ -75,7 +75,7 @@ def lay_state(motion: Array, drag: float, led: bool, state: Array) -> None:
 def flown(ball: BallState, after: Array) -> Array:
     """Return r_o, dr_o, ddr_o some times after the estimate [s], (K,), shape (K, 3, 3)."""
     path = np.empty((len(after), 3, 3))
-    fly(state_of(ball), after, path)
+    foreseen_flight(state_of(ball), after, path)
     return path
 
 
@@ -113,7 +113,7 @@ def go_on(ball: Array, drag: float, dt: float) -> None:
 
 
 @kernel
-def fly(state: Array, after: Array, path: Array) -> None:
+def foreseen_flight(state: Array, after: Array, path: Array) -> None:
     """Write r_o, dr_o, ddr_o at rising times after a state (10,) [s], (K,), shape (K, 3, 3)."""
     last, ball = 0.0, np.empty((3, 3))
     fly_on(state, 0.0, ball)

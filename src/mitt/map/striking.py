@@ -90,7 +90,7 @@ class Impact(Settings):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Strike:
+class PaddleStrike:
     """How a paddle meets a ball.
 
     Attributes:
@@ -288,7 +288,7 @@ def _least(a: Aiming) -> None:
 
 
 @big_kernel
-def search(
+def search_strike(
     a: Aiming, ball: Array, target: Array, of: tuple[bool, float, float], q: Array, out: Array
 ) -> None:
     """Improve a pose ``q`` to one that sends a ball to a target.
@@ -333,7 +333,7 @@ def search(
     out[2] = np.sqrt(dot(miss, miss))
 
 
-def aim(
+def aim_at_target(
     arm: Arm,
     a: Aiming,
     ball: Array,
@@ -342,7 +342,7 @@ def aim(
     start: Array,
     *,
     T: float | None = None,
-) -> Strike | None:
+) -> PaddleStrike | None:
     """Return how a paddle sends a ball to a target; None where it cannot be brought there.
 
     A direction that is met only in part is returned, with what is left of it.
@@ -362,7 +362,7 @@ def aim(
     away = float(np.linalg.norm(to - ball[0]))
     found = np.array([max(away / _USUAL, 0.3) if T is None else T, 0.0, 0.0])
     q = checks.vector("start", start, arm.n, finite=True).copy()
-    search(a, ball, to, (aims, impact.drag, impact.loss), q, found)
+    search_strike(a, ball, to, (aims, impact.drag, impact.loss), q, found)
     if not (np.all(np.isfinite(q)) and found[2] < _NEAR and found[1] < 0.5 * np.pi):
         return None
     normal = arm.orientation(q)[:, 2]
@@ -373,7 +373,7 @@ def aim(
         into /= (1.0 + impact.restitution) * _share(impact, behind)
         v_paddle = (v_o @ normal - into) * normal
     v_out = rebound(impact, behind, normal, v_o, v_paddle)
-    return Strike(
+    return PaddleStrike(
         q=q,
         dq=_speeds(arm, q, v_paddle),
         ball=ball,
@@ -414,7 +414,9 @@ class Restitution(Settings):
     drift: Annotated[float, Range(0.0, 1.0)] = 0.002
     sigma_v: Annotated[float, Range(1e-6, 10.0)] = 0.05
 
-    def after(self, strike: Strike, behind: float, mass: float, v_out: Array) -> "Restitution":
+    def after(
+        self, strike: PaddleStrike, behind: float, mass: float, v_out: Array
+    ) -> "Restitution":
         """Return what is known after a hit.
 
         Args:

@@ -225,7 +225,7 @@ def to_go(g: Tangent, q_o: Array) -> float:
 
 
 @kernel
-def follow(g: Tangent, q_o: Array) -> None:
+def follow_coupling(g: Tangent, q_o: Array) -> None:
     """Write the angles of the joints that are not free, of a pose whose free joints are there."""
     for k in range(len(q_o)):
         if k != g.free[0] and k != g.free[1] and k != g.free[2]:
@@ -250,7 +250,7 @@ def expand(g: Tangent, q_o: Array, w: Scratch) -> None:
     for k in range(len(q_o)):
         w.q[k] = q_o[k]
     w.q[g.catch_joint] = catch_angle(g, q_o)
-    follow(g, w.q)
+    follow_coupling(g, w.q)
     place(g.chain, w.q, m)
     J = _turned(g.A, c, m.J)
     T = plus(times(g.kappa, J), times(g.inward, cross(_turned(g.A, c, m.W), J)))
@@ -430,7 +430,7 @@ def invert(g: Tangent, r_o: Array, q_o: Array, w: Scratch) -> bool:
         w: Scratch.
     """
     inside = invert_planar(g, r_o, q_o) if g.planar else invert_newton(g, r_o, q_o, w)
-    follow(g, q_o)
+    follow_coupling(g, q_o)
     return bool(inside)
 
 

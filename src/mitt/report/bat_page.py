@@ -11,7 +11,7 @@ from matplotlib.patches import Circle
 
 from mitt.arm.arm import Arm
 from mitt.files.writing import write_text
-from mitt.report.page import NONE, Section, made_with, number, page
+from mitt.report.page import NONE, Section, made_with, page, shown_number
 from mitt.report.pictures import still
 from mitt.report.replay_3d import BOX, replay_page
 from mitt.report.style import BLUE, GREY, INK, ORANGE, Plot, dots, plot
@@ -100,7 +100,7 @@ def write_bat_page(path: Path, content: BatContent) -> None:
             typed=content.command,
             rows=_rows(trials),
             returns=returns(passes).svg if passes else "",
-            learned=learned(misses).svg if len(misses) > 1 else "",
+            learned=draw_learned(misses).svg if len(misses) > 1 else "",
             replay=None if log is None else replay_page(content.arm, content.scene, log),
             still=None if log is None else still(content.arm, content.scene, log, BOX),
         ),
@@ -127,7 +127,7 @@ def returns(passes: Sequence[Sequence[float]]) -> Plot:
     return plot("returns", (9.0, 5.6), draw)
 
 
-def learned(trials: Sequence[dict[str, Any]]) -> Plot:
+def draw_learned(trials: Sequence[dict[str, Any]]) -> Plot:
     """Draw what was believed before each hit, and how far it missed."""
     index = np.array([t["index"] for t in trials])
     miss = 100.0 * np.array([t["miss_m"] for t in trials])
@@ -152,11 +152,11 @@ def _rows(trials: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:
             str(t["status"]),
             str(t["binding_limit"] or NONE),
             str(t["limit_violations"]),
-            number(t["t_hit_s"], 3),
-            number(t["off_middle_mm"], 1),
-            number(None if t["miss_m"] is None else 100.0 * t["miss_m"], 1),
-            number(t["return_speed_m_s"], 2),
-            number(t["peak_contact_force_n"], 0),
+            shown_number(t["t_hit_s"], 3),
+            shown_number(t["off_middle_mm"], 1),
+            shown_number(None if t["miss_m"] is None else 100.0 * t["miss_m"], 1),
+            shown_number(t["return_speed_m_s"], 2),
+            shown_number(t["peak_contact_force_n"], 0),
         )
         for t in trials[:_ROWS]
     ]

@@ -15,9 +15,9 @@ from mitt.design.arm_design import AtSpeed, Design, Region, softer
 from mitt.design.evaluation import Evaluation
 from mitt.design.interception import FasterJoint, faster_joints, longer_arm
 from mitt.files.writing import write_text
-from mitt.report.page import Section, made_with, number, page
+from mitt.report.page import Section, made_with, page, shown_number
 from mitt.report.painter import SIDE, painted, png_of, seen_from
-from mitt.report.pictures import body_faces, placed
+from mitt.report.pictures import body_faces, placed_faces
 from mitt.report.style import BLUE, GREEN, GREY, INK, ORANGE, PALE, PURPLE, YELLOW, Plot, plot
 from mitt.signals import Array
 from mitt.trials.statistics import wilson
@@ -117,7 +117,9 @@ def _pose_picture(
         qpos[model.joint(name).qposadr[0]] = angle
     qpos[model.joint("ball").qposadr[0] :][:3] = arm.position(q) if catch else (9.0, 0.0, -0.5)
     reach = 0.5 * (arm.position(q) + arm.model.mount[:3, 3])
-    corners, colours = placed(model, bodies, qpos, np.zeros((0, 3)) if marks is None else marks)
+    corners, colours = placed_faces(
+        model, bodies, qpos, np.zeros((0, 3)) if marks is None else marks
+    )
     near = np.linalg.norm(corners.mean(axis=1) - reach, axis=1) < 3.0
     x, y, z = reach.tolist()
     view = seen_from(*angles, (x, y, z))
@@ -174,7 +176,12 @@ def write_design_page(path: Path, found: Design, scene: Scene, *, command: str) 
         helps = faster_joints(*of)
         advice = advice_of(found, helps, longer_arm(*of))
     rows = [
-        (x.joint, number(100.0 * x.share, 0), number(x.relative_m_s, 2), number(x.quicker_m_s, 2))
+        (
+            x.joint,
+            shown_number(100.0 * x.share, 0),
+            shown_number(x.relative_m_s, 2),
+            shown_number(x.quicker_m_s, 2),
+        )
         for x in helps
     ]
     write_text(
@@ -234,7 +241,7 @@ def _interval(best: Evaluation | None) -> str:
     if best is None:
         return ""
     low, high = wilson(best.clean, best.thrown)
-    return f"{number(100.0 * low, 1)} to {number(100.0 * high, 1)} %"
+    return f"{shown_number(100.0 * low, 1)} to {shown_number(100.0 * high, 1)} %"
 
 
 def _choice(found: Design) -> list[tuple[str, ...]]:
@@ -243,8 +250,8 @@ def _choice(found: Design) -> list[tuple[str, ...]]:
         (
             "taken" if w is found.confirmed[0] else "",
             f"{w.clean} of {w.thrown}",
-            number(w.speed, 2),
-            number(w.force, 0),
+            shown_number(w.speed, 2),
+            shown_number(w.force, 0),
             str(len(w.candidate.active)),
         )
         for w in sorted(found.confirmed, key=lambda w: w.hardness)

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from mitt.files.writing import write_text
-from mitt.report.page import NONE, Section, made_with, number, page
+from mitt.report.page import NONE, Section, made_with, page, shown_number
 from mitt.report.style import BLUE, GREY, ORANGE, Plot, mark_time, plot
 from mitt.trials.meeting import NEAR, SLOW, STATUSES, Course
 
@@ -121,13 +121,13 @@ def _rows(trials: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:
             placed[t["placed"]],
             str(t["binding_limit"] or NONE),
             str(t["limit_violations"]),
-            number(t["t_met_s"], 2),
-            number(1e3 * t["in_sync_s"], 0),
-            number(t["position_error_mm"], 1),
-            number(t["velocity_error_m_s"], 3),
-            number(t["peak_contact_force_n"], 0),
-            number(t["hand_force_n"], 0),
-            number(t["tool_speed_m_s"], 2),
+            shown_number(t["t_met_s"], 2),
+            shown_number(1e3 * t["in_sync_s"], 0),
+            shown_number(t["position_error_mm"], 1),
+            shown_number(t["velocity_error_m_s"], 3),
+            shown_number(t["peak_contact_force_n"], 0),
+            shown_number(t["hand_force_n"], 0),
+            shown_number(t["tool_speed_m_s"], 2),
         )
         for t in trials[:_ROWS]
     ]

@@ -97,7 +97,7 @@ def _environment() -> Environment:
         keep_trailing_newline=True,
     )
     style = files("mitt").joinpath("data/pages/page.css").read_text(encoding="utf-8")
-    environment.filters["num"] = number
+    environment.filters["num"] = shown_number
     environment.globals["style"] = style
     environment.globals["piece"] = environment.get_template("pieces.html").module
     return environment
@@ -112,7 +112,7 @@ def made_with() -> str:
     )
 
 
-def number(value: float | None, digits: int) -> str:
+def shown_number(value: float | None, digits: int) -> str:
     """Return a number with so many digits, or a dash where there is none."""
     return NONE if value is None else f"{value:.{digits}f}"
 

@@ -79,7 +79,7 @@ def pictures_of(
     out = []
     for t in times:
         k = int(np.argmin(np.abs(trace.t - t)))
-        faces = placed(model, bodies, trace.qpos[k], trace.r_o[max(k - 96, 0) : k : 8])
+        faces = placed_faces(model, bodies, trace.qpos[k], trace.r_o[max(k - 96, 0) : k : 8])
         out.append(png_of(painted(*faces, scene.floor, view=view)))
     return out
 
@@ -94,7 +94,7 @@ def body_faces(model: mujoco.MjModel, body: int, arm: Arm, scene: Scene) -> Face
     return np.concatenate(corners), np.concatenate(colours)
 
 
-def placed(model: mujoco.MjModel, bodies: list[Faces], qpos: Array, trail: Array) -> Faces:
+def placed_faces(model: mujoco.MjModel, bodies: list[Faces], qpos: Array, trail: Array) -> Faces:
     """Return all faces in the world.
 
     Args:

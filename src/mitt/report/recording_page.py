@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from mitt.files.messages import PHASE
 from mitt.files.writing import write_text
-from mitt.report.page import Section, number, page
+from mitt.report.page import Section, page, shown_number
 from mitt.report.style import (
     BLUE,
     GREEN,
@@ -199,15 +199,17 @@ def write_replay_page(path: Path, x: Replayed, *, command: str) -> None:
     )
     verdicts = [
         (
-            number(j.t, 3),
+            shown_number(j.t, 3),
             j.verdict.outcome.value,
             j.verdict.binding_limit or "",
-            number(j.verdict.share if np.isfinite(j.verdict.share) else None, 2),
+            shown_number(j.verdict.share if np.isfinite(j.verdict.share) else None, 2),
         )
         for j in x.verdicts[-_MOST:]
     ]
     events = [
-        (number(t, 3), topic, text[:200]) for t, topic, text in x.recorded.notices if topic != PHASE
+        (shown_number(t, 3), topic, text[:200])
+        for t, topic, text in x.recorded.notices
+        if topic != PHASE
     ][:_MOST]
     write_text(
         path,

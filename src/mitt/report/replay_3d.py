@@ -174,7 +174,7 @@ def moving_bodies(scene_api: Any, model: mujoco.MjModel) -> dict[int, Any]:  # n
     }
 
 
-def place(frames: dict[int, Any], model: mujoco.MjModel, data: mujoco.MjData) -> None:
+def place_frames(frames: dict[int, Any], model: mujoco.MjModel, data: mujoco.MjData) -> None:
     """Place the frames of moving bodies where they are at ``data.qpos``."""
     mujoco.mj_kinematics(model, data)
     for b, frame in frames.items():
@@ -212,7 +212,7 @@ def _recorded(server: Any, model: mujoco.MjModel, log: TrialLog) -> str:  # noqa
     recorder = server.get_scene_serializer()
     for k in ticks.tolist():
         data.qpos[:] = trace.qpos[k]
-        place(handles, model, data)
+        place_frames(handles, model, data)
         phase = PHASES[log.phase[min(k, len(log.phase) - 1)]].value
         label.text = f"{1e3 * trace.t[k]:.0f} ms  {phase}"
         for at, dot in dots:

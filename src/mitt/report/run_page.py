@@ -14,7 +14,7 @@ from mitt.arm.hands import HandModel
 from mitt.eyes.camera import fixed_rig
 from mitt.files.writing import write_text
 from mitt.map.learn import Step
-from mitt.report.page import NONE, Section, made_with, number, page
+from mitt.report.page import NONE, Section, made_with, page, shown_number
 from mitt.report.pictures import picture_strip, still
 from mitt.report.replay_3d import BOX, replay_page
 from mitt.report.run_figures import (
@@ -281,9 +281,9 @@ def _trial_rows(trials: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:
             str(t["status"]),
             str(t["binding_limit"] or NONE),
             reason_of(t.get("stopped_by")) or NONE,
-            number(t["position_error_mm"], 1),
-            number(t["velocity_error_m_s"], 2),
-            number(t["peak_contact_force_n"], 0),
+            shown_number(t["position_error_mm"], 1),
+            shown_number(t["velocity_error_m_s"], 2),
+            shown_number(t["peak_contact_force_n"], 0),
             str(t["limit_violations"]),
         )
         for t in trials

@@ -19,7 +19,7 @@ from mitt.clock import Progress
 from mitt.files.arm_file import ThrowSettings
 from mitt.files.writing import write_text
 from mitt.reading import read_json
-from mitt.report.page import Cell, Section, interval, number, page
+from mitt.report.page import Cell, Section, interval, page, shown_number
 from mitt.report.replay_3d import replay_page
 from mitt.report.style import BLUE, GENERATORS, GREY, INK, UNNAMED, Plot, legend_above, plot
 from mitt.signals import Array
@@ -381,13 +381,13 @@ def _cells(row: Row) -> list[str]:
         str(row["caught"]),
         f"{100.0 * row['catch_rate']:.1f}",
         interval(row["ci95"]),
-        number(force["median"], 0),
-        number(force["p95"], 0),
+        shown_number(force["median"], 0),
+        shown_number(force["p95"], 0),
         str(row["over_force"]),
         *(str(row[status]) for status in STATUSES[1:]),
-        number(median["position_error_mm"], 1),
-        number(median["velocity_error_m_s"], 2),
-        number(median["energy_j"], 0),
+        shown_number(median["position_error_mm"], 1),
+        shown_number(median["velocity_error_m_s"], 2),
+        shown_number(median["energy_j"], 0),
         str(row["violating_throws"]),
     ]
 
@@ -405,7 +405,7 @@ def _times(result: StudyResult) -> list[list[str]]:
                 [checks.number(f"{path} {key}", row.get(key)) for row in of]
                 for key in ("tick_us_p50", "tick_us_p99")
             )
-            cells.append([name, number(max(p50), 0), number(max(p99), 0)])
+            cells.append([name, shown_number(max(p50), 0), shown_number(max(p99), 0)])
     return cells
 
 

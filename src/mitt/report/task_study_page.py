@@ -16,7 +16,7 @@ from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from mitt.clock import Progress
 from mitt.files.writing import write_text
-from mitt.report.page import NONE, Section, interval, number, page
+from mitt.report.page import NONE, Section, interval, page, shown_number
 from mitt.report.style import BAND, GENERATORS, INK, UNNAMED, Plot, legend_above, plot
 from mitt.trials.bat_study import AXES, BatCondition, BatStudy
 from mitt.trials.result import PAGE
@@ -115,7 +115,11 @@ def _cells(study: TaskStudy, first: str, row: Row) -> list[str]:
 
 def _spread(of: Mapping[str, float] | None, digits: int) -> str:
     """Return median and 90th percentile as text."""
-    return NONE if of is None else f"{number(of['median'], digits)} ({number(of['p90'], digits)})"
+    return (
+        NONE
+        if of is None
+        else f"{shown_number(of['median'], digits)} ({shown_number(of['p90'], digits)})"
+    )
 
 
 def miss_map(cells: Sequence[tuple[BatCondition, Row]]) -> Plot:
@@ -152,7 +156,7 @@ def _draw_misses(axes: Axes, cells: Sequence[tuple[BatCondition, Row]]) -> None:
         ink = "white" if miss is not None and value > 0.45 else INK
         refused = round(100.0 * row["unreachable"] / row["trials"])
         lost = round(100.0 * (row["trials"] - row["hit"] - row["unreachable"]) / row["trials"])
-        text = number(miss, 1 if miss is not None and miss < 10.0 else 0)
+        text = shown_number(miss, 1 if miss is not None and miss < 10.0 else 0)
         axes.text(x, y + 0.14, text, ha="center", va="center", color=ink, fontsize=10.5)
         said = ", ".join(f"{n} {what}" for n, what in ((refused, "ref."), (lost, "lost")) if n)
         axes.text(x, y - 0.26, said, ha="center", va="center", color=ink, fontsize=6.5)

@@ -24,7 +24,7 @@ from mitt.files.about import About
 from mitt.files.cdr import Rows
 from mitt.files.messages import CATCH_POINT, TRUTH
 from mitt.files.recordings import Recorded
-from mitt.report.replay_3d import HAND, furnish, moving_bodies, place, served
+from mitt.report.replay_3d import HAND, furnish, moving_bodies, place_frames, served
 from mitt.report.scene_meshes import BALL
 from mitt.signals import Array, BallState
 from mitt.trials.score import drive_loads
@@ -42,7 +42,7 @@ _SEEN = (110, 120, 130)
 _TRUE = (240, 228, 66)
 
 
-def scene_of(about: About) -> Scene:
+def recorded_scene(about: About) -> Scene:
     """Return a scene with ball or part, belt and floor of a recording, for its shapes alone."""
     scene, s = Scene(), about.settings
     if not about.maps and "scene" in about.notes:
@@ -95,7 +95,7 @@ def _lay(node: Any, r: Array, covariance: Array) -> None:  # noqa: ANN401 (viser
 
 
 @final
-class Stage:
+class ViserScene:
     """Arm, hand and ball of one recording in a Viser scene."""
 
     def __init__(self, api: Any, recorded: Recorded) -> None:  # noqa: ANN401 (viser)
@@ -117,7 +117,7 @@ class Stage:
             about.arm,
             about.meeting is not None,
         )
-        scene = scene_of(about)
+        scene = recorded_scene(about)
         self._model = build_scene(scene, about.arm.model).model
         self._data = mujoco.MjData(self._model)
         furnish(api, about.arm, scene, self._model)
@@ -199,7 +199,7 @@ class Stage:
         qpos[:n], qpos[n : self._free] = q, told if hand is None else hand.fingers_at(told)
         r = self._arm.position(q) if self._carries(row) else row["ball"][:3]
         qpos[self._free : self._free + 7] = (*r, 1.0, 0.0, 0.0, 0.0)
-        place(self._bodies, self._model, self._data)
+        place_frames(self._bodies, self._model, self._data)
 
     def _carries(self, row: np.void) -> bool:
         """Say whether the tool holds the part, as far as the catcher knows."""
@@ -316,7 +316,7 @@ class Viewer:
     def _put_up(self) -> None:
         """Put up the scene of the recording."""
         self._server.scene.reset()
-        self._stage = Stage(self._server.scene, self._recorded)
+        self._stage = ViserScene(self._server.scene, self._recorded)
         for image in self._images:
             image.remove()
         blank = [np.zeros(shape, np.uint8) for shape in self._recorded.about.shapes]

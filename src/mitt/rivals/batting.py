@@ -25,13 +25,13 @@ from mitt.catcher.batting import Batting, foreseen
 from mitt.catcher.generators import Generator
 from mitt.errors import UnknownNameError
 from mitt.fields import brief
-from mitt.map.striking import Strike
+from mitt.map.striking import PaddleStrike
 from mitt.rivals.clairvoyant import Flight
 from mitt.rivals.intercept import Intercept
 from mitt.rivals.mpc import mpc_path
 from mitt.rivals.planned import Planned, RuckigPlanner, plan_quintic
 from mitt.rivals.pursuit import Chase, ChaseMemory, Pursuit, coasting, resting
-from mitt.rivals.servo import Servo, bounds_of, run_up
+from mitt.rivals.servo import Servo, pursuit_bounds, run_up
 from mitt.signals import Array, BallState, JointReference
 from mitt.verdict.feasibility import Verdict
 
@@ -117,7 +117,7 @@ class BatRival(Generator):
         return catch if strike is None else _contact(strike, catch.t_c)
 
 
-def _contact(strike: Strike, t_c: float) -> Intercept:
+def _contact(strike: PaddleStrike, t_c: float) -> Intercept:
     """Return a strike at a time as what a pursuit leads to."""
     end = np.array([strike.q, strike.dq, 0.0 * strike.q])
     return Intercept(
@@ -136,7 +136,7 @@ PATHS: Final[dict[str, Callable[[Arm], Pursuit]]] = {
     "quintic": lambda _: Planned(planner=plan_quintic),
     "ruckig": lambda arm: Planned(planner=RuckigPlanner(arm)),
     "mpc": mpc_path,
-    "ik": lambda arm: Servo(most=bounds_of(arm), lead=_swing, slowest=15.0, join=0.95),
+    "ik": lambda arm: Servo(most=pursuit_bounds(arm), lead=_swing, slowest=15.0, join=0.95),
     "clairvoyant": lambda _: Planned(planner=plan_quintic, dead_q=inf, dead_dq=inf),
 }
 """How each gets to the contact, by name."""

@@ -39,10 +39,10 @@ from mitt.rivals.intercept import (
     STRIDE,
     Chooser,
     Intercept,
-    hand_of,
+    hand_numbers,
 )
-from mitt.rivals.paths import Motion, quintic
-from mitt.rivals.pursuit import resting, still
+from mitt.rivals.paths import PathMotion, quintic
+from mitt.rivals.pursuit import at_rest, resting
 from mitt.signals import GRAVITY, TICK, Array, BallState, JointReference, MapStatus
 from mitt.verdict.feasibility import Outcome, Verdict
 
@@ -183,7 +183,7 @@ class Programme:
 
     def solve(
         self, t: float, motion: Array, guess: Intercept, *, flight: Array, window: float
-    ) -> Motion | None:
+    ) -> PathMotion | None:
         """Return the least-cost catch near a guessed one; None where IPOPT finds none.
 
         Args:
@@ -213,7 +213,7 @@ class Programme:
             return None
         q, dq, ddq = x[: 3 * n * (M + 1)].reshape(3, M + 1, n).transpose(0, 2, 1)
         step = float(x[-2]) / M
-        return Motion(t=t, step=step, q=q, dq=dq, ddq=ddq, cost=float(answer["f"]))
+        return PathMotion(t=t, step=step, q=q, dq=dq, ddq=ddq, cost=float(answer["f"]))
 
     @cached_property
     def _bounds(self) -> tuple[Array, Array]:
@@ -262,7 +262,9 @@ class Programme:
         rows.equal(0.01 * (met[:, 2] + approach * normal))
         for value, low, high in drive_rows(arm, tau, dq, share=_SHARE):
             rows.within(value, np.full(M + 1, low), np.full(M + 1, high))
-        rows.within(braked(arm, q[:, -1], dq[:, -1]), arm.q_min + _GAP, arm.q_max - _GAP)
+        rows.within(
+            pose_after_braking(arm, q[:, -1], dq[:, -1]), arm.q_min + _GAP, arm.q_max - _GAP
+        )
         active = tau[list(arm.model.active), :] / ca.DM(arm.tau_max)
         cost = (ca.sumsqr(active) + ca.sumsqr(dq / ca.DM(arm.dq_max))) / (M + 1)
         x = ca.vertcat(ca.vec(q), ca.vec(dq), ca.vec(a), span, approach)
@@ -332,7 +334,7 @@ def drive_rows(
     return rows
 
 
-def braked(arm: Arm, q: Expression, dq: Expression) -> Expression:
+def pose_after_braking(arm: Arm, q: Expression, dq: Expression) -> Expression:
     """Return about where the joints stand once the arm has braked after the catch, shape (n,).
 
     Args:
@@ -340,7 +342,7 @@ def braked(arm: Arm, q: Expression, dq: Expression) -> Expression:
         q: Angles at the catch, shape (n,).
         dq: Speeds there, shape (n,).
     """
-    size, inertia = casadi().sqrt(dq**2 + 0.01), hand_of(arm).inertia
+    size, inertia = casadi().sqrt(dq**2 + 0.01), hand_numbers(arm).inertia
     return q + FOLLOW * dq + 0.5 * dq * size * inertia
 
 
@@ -369,7 +371,7 @@ class _Last:
     def __init__(self) -> None:
         """Start without."""
         self.key: tuple[float, ...] = ()
-        self.plan: Motion | None = None
+        self.plan: PathMotion | None = None
 
     def refuses(self, t: float, motion: Array) -> bool:
         """Say whether there was no plan from the same rest a moment ago.
@@ -400,7 +402,7 @@ class Clairvoyant(Generator):
     chooser: Chooser
     programme: Programme
     flight: Flight | None = None
-    plan: Motion | None = None
+    plan: PathMotion | None = None
     last: _Last = field(default_factory=_Last)
 
     @property
@@ -425,7 +427,7 @@ class Clairvoyant(Generator):
         """Plan; where no plan keeps the limits, the throw is out of reach."""
         ball = checks.instance("ball", ball, BallState)
         q = checks.vector("q", q, self.chooser.arm.n, finite=True)
-        plan = self._planned(ball.t, still(q))
+        plan = self._planned(ball.t, at_rest(q))
         if plan is None:
             return Verdict(
                 outcome=Outcome.UNREACHABLE,
@@ -477,7 +479,7 @@ class Clairvoyant(Generator):
             time_to_catch=plan.t_c - ball.t,
         )
 
-    def _planned(self, t: float, motion: Array) -> Motion | None:
+    def _planned(self, t: float, motion: Array) -> PathMotion | None:
         """Return the plan from a state, kept for the next question about it."""
         if self.flight is None:
             return None
@@ -489,14 +491,14 @@ class Clairvoyant(Generator):
         last.key, last.plan = key, self._plan(t, motion)
         return last.plan
 
-    def _plan(self, t: float, motion: Array) -> Motion | None:
+    def _plan(self, t: float, motion: Array) -> PathMotion | None:
         """Return the cheapest of the optima found from several starts; None without one."""
         after = np.arange(SOONEST, 1.2, STRIDE)
         balls = np.array([self._ball(t + x) for x in after.tolist()])
         first = self.chooser.best(after, balls, motion)
         if first is None:
             return None
-        found: list[Motion] = []
+        found: list[PathMotion] = []
         for shift in (0.0, -0.08, 0.08, 0.16):  # of the guessed catch in time [s]
             guess = self._guess(first, shift, t, motion)
             plan = None if guess is None else self._optimum(t, motion, guess)
@@ -514,7 +516,7 @@ class Clairvoyant(Generator):
         found = self.chooser.best(after, self._ball(t + float(after[0]))[None], motion)
         return None if found is None else replace(found, t_c=t + found.t_c)
 
-    def _optimum(self, t: float, motion: Array, guess: Intercept) -> Motion | None:
+    def _optimum(self, t: float, motion: Array, guess: Intercept) -> PathMotion | None:
         """Return the optimum about a guess; where the flight has a kink, close about it."""
         for window in _WINDOWS:
             flight, left = self._fitted(guess.t_c, window)

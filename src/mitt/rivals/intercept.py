@@ -61,7 +61,7 @@ from mitt.map.demand import (
 from mitt.map.mapping import DirectMap
 from mitt.map.prediction import flown, fly_on, state_of
 from mitt.map.tangent import unfold, unpack
-from mitt.rivals.paths import sample
+from mitt.rivals.paths import sample_quintic
 from mitt.signals import Array, BallState
 from mitt.verdict.feasibility import Approach, Outcome, Verdict, asked
 
@@ -73,7 +73,7 @@ _STEPS = 30
 _EARLY = 0.05
 
 
-class Hand(NamedTuple):
+class HandNumbers(NamedTuple):
     """What the kernels know of the hand and of what moves it.
 
     Attributes:
@@ -87,12 +87,12 @@ class Hand(NamedTuple):
     speed: Array
 
 
-def hand_of(arm: Arm) -> Hand:
+def hand_numbers(arm: Arm) -> HandNumbers:
     """Return the hand of an arm."""
     q = arm.q_ready
     frame = np.array([_frame(arm.chain, q, axis) for axis in np.eye(3)]).T
     normal = frame.T @ arm.orientation(q)[:, 2]
-    return Hand(normal, np.diag(arm.mass_matrix(q)) / arm.tau_max, arm.dq_max)
+    return HandNumbers(normal, np.diag(arm.mass_matrix(q)) / arm.tau_max, arm.dq_max)
 
 
 @kernel
@@ -138,7 +138,7 @@ def _gram(J: Array, i: int) -> Vec:
 
 
 @kernel
-def reach(packed: Array, r: Array, q: Array, work: Array) -> float:
+def reach_point(packed: Array, r: Array, q: Array, work: Array) -> float:
     """Move ``q`` to where the catch point is at ``r``; return the distance that is left [m]."""
     g = unpack(packed)
     w = unfold(work, len(q))
@@ -159,7 +159,9 @@ def reach(packed: Array, r: Array, q: Array, work: Array) -> float:
 
 
 @kernel
-def lift(packed: Array, hand: Hand, ahead: Vec, point: Array, rows: Array, work: Array) -> float:
+def follow_point(
+    packed: Array, hand: HandNumbers, ahead: Vec, point: Array, rows: Array, work: Array
+) -> float:
     """Write q, dq, ddq at which a point in front of the palm follows a moving point.
 
     Args:
@@ -183,10 +185,12 @@ def lift(packed: Array, hand: Hand, ahead: Vec, point: Array, rows: Array, work:
 
 
 @kernel
-def _lift(packed: Array, hand: Hand, ahead: Vec, point: Array, rows: Array, work: Array) -> float:
-    """As :func:`lift`, for an arm whose tip is the point in front of the palm."""
+def _lift(
+    packed: Array, hand: HandNumbers, ahead: Vec, point: Array, rows: Array, work: Array
+) -> float:
+    """As :func:`follow_point`, for an arm whose tip is the point in front of the palm."""
     g = unpack(packed)
-    gap = reach(packed, point[0], rows[0], work)
+    gap = reach_point(packed, point[0], rows[0], work)
     w = unfold(work, rows.shape[1])
     m = w.motion
     normal = _frame(g.chain, rows[0], hand.normal)
@@ -215,7 +219,9 @@ class Entry(NamedTuple):
 
 
 @kernel
-def meet(packed: Array, hand: Hand, how: Entry, ball: Array, rows: Array, work: Array) -> bool:
+def meet_ball(
+    packed: Array, hand: HandNumbers, how: Entry, ball: Array, rows: Array, work: Array
+) -> bool:
     """Write how the ball is met, shape (3, n); False where the catch point cannot be there."""
     n = rows.shape[1]
     if not _lift(packed, hand, (0.0, -how.closing, 0.0), ball, rows, work) <= 1e3 * _RESIDUAL:
@@ -236,7 +242,7 @@ def meet(packed: Array, hand: Hand, how: Entry, ball: Array, rows: Array, work: 
 
 
 @kernel
-def slowest(packed: Array, hand: Hand, rows: Array, work: Array) -> float:
+def slowest(packed: Array, hand: HandNumbers, rows: Array, work: Array) -> float:
     """Return the closing speed with the least joint speeds [m/s], from how a ball is met at 0.
 
     0 where the joints would have to be faster for any.
@@ -322,7 +328,7 @@ class Search(NamedTuple):
     """What the search knows of the arm, and scratch."""
 
     packed: Array  # the arm, as :attr:`DirectMap.packed`
-    hand: Hand
+    hand: HandNumbers
     work: Array
     bounds: Array  # (3, n) lowest and highest joints; where the first inverse starts [rad]
     plant: ArmNumbers
@@ -343,9 +349,9 @@ class Chooser:
         return self.map.arm
 
     @cached_property
-    def hand(self) -> Hand:
+    def hand(self) -> HandNumbers:
         """The hand, as the kernels take it."""
-        return hand_of(self.arm)
+        return hand_numbers(self.arm)
 
     @cached_property
     def floor(self) -> float:
@@ -388,7 +394,7 @@ class Chooser:
             motion: q, dq, ddq now, shape (3, n).
         """
         ends, table = np.zeros((len(after), 3, self.arm.n)), np.zeros(len(after), WEIGHED)
-        weigh(self._search, after, balls, motion, ends, table)
+        weigh_catches(self._search, after, balls, motion, ends, table)
         k = int(np.argmin(table["price"]))
         price, utilization, limit, closing = table[k].tolist()
         if not price < np.inf:
@@ -408,7 +414,7 @@ class Chooser:
         """Return the catch with its end where the ball is now predicted to be at its time."""
         f, at, end = self.map, np.empty((3, 3)), catch.end.copy()
         fly_on(state_of(ball), catch.t_c - ball.t, at)
-        if np.isfinite(at).all() and meet(f.packed, self.hand, catch.entry, at, end, f.work):
+        if np.isfinite(at).all() and meet_ball(f.packed, self.hand, catch.entry, at, end, f.work):
             return replace(catch, end=end, r_c=at[0])
         return catch
 
@@ -422,7 +428,7 @@ class Chooser:
             rows: Result; row 0 is where the hand was, shape (3, n).
         """
         ahead, f = (-closing * after, -closing, 0.0), self.map
-        return bool(lift(f.packed, self.hand, ahead, ball, rows, f.work) <= 1e3 * _RESIDUAL)
+        return bool(follow_point(f.packed, self.hand, ahead, ball, rows, f.work) <= 1e3 * _RESIDUAL)
 
     def verdict(
         self, catch: Intercept | None, ball: BallState, motion: Array, *, sigma: float
@@ -445,14 +451,14 @@ class Chooser:
             )
         after, way = catch.t_c - ball.t, np.empty((_JUDGED, 3, self.arm.n))
         way[0] = motion
-        sample(motion, catch.end, after, way[1:])
+        sample_quintic(motion, catch.end, after, way[1:])
         dr_o = flown(ball, np.array([after]))[0, 1]
         approach = Approach(motion=way, step=after / (_JUDGED - 1), dr_o=dr_o)
         return asked(self.arm, approach, Tolerance(), t_catch=catch.t_c, sigma=sigma)
 
 
 @kernel
-def weigh(
+def weigh_catches(
     g: Search, after: Array, balls: Array, motion: Array, ends: Array, table: NDArray[np.void]
 ) -> None:
     """Weigh several catches, each with the hand as fast as the limits allow.
@@ -471,7 +477,7 @@ def weigh(
         tried[0] = known
         for share in CLOSINGS:
             closing = share * top
-            if not meet(g.packed, g.hand, Entry(closing, *APPROACH), balls[k], tried, g.work):
+            if not meet_ball(g.packed, g.hand, Entry(closing, *APPROACH), balls[k], tried, g.work):
                 break
             known[:] = tried[0]
             price, used, limit = _weigh(g, after[k], balls[k], closing, motion, tried)
@@ -495,7 +501,7 @@ def _weigh(
     """
     p, inertia, n = g.plant, g.hand.inertia, motion.shape[1]
     links, path = len(g.scratch.tau), np.empty((INSTANTS, 3, n))
-    sample(motion, end, after, path)
+    sample_quintic(motion, end, after, path)
     for j in range(n):
         if not g.bounds[0, j] < end[0, j] < g.bounds[1, j]:
             return np.inf, np.inf, 0

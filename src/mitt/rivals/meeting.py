@@ -37,7 +37,7 @@ from mitt.rivals.intercept import Intercept
 from mitt.rivals.mpc import MpcPlanner
 from mitt.rivals.planned import Plan, Planner, RuckigPlanner, plan_quintic
 from mitt.rivals.pursuit import coasting
-from mitt.rivals.servo import Bounds, bounds_of, follow, rate_of
+from mitt.rivals.servo import Bounds, close_gap, pursuit_bandwidth, pursuit_bounds
 from mitt.signals import Array, BallState, JointReference, MapStatus
 from mitt.verdict.feasibility import Verdict
 
@@ -256,7 +256,7 @@ class Attracted:
         left = t_c - meeting.settings.descent - ball.t
         if ball.t > w.t:
             rows = w.motion.copy()
-            follow(self.most, goal, rate_of(left, _SLOWEST, _RATE), ball.t - w.t, rows)
+            close_gap(self.most, goal, pursuit_bandwidth(left, _SLOWEST, _RATE), ball.t - w.t, rows)
             w.t, w.motion = ball.t, rows
         return w.motion
 
@@ -393,7 +393,7 @@ def make_meeter(name: str, meeting: Meeting, *, rate: float = 100.0) -> Generato
     if name in PLANNERS:
         return _rival(meeting, Replanned(PLANNERS[name](arm), rate))
     if name == "ds":
-        return _rival(meeting, Attracted(bounds_of(arm)))
+        return _rival(meeting, Attracted(pursuit_bounds(arm)))
     if name not in LINES:
         raise UnknownNameError("--generator", name, MEETERS)
     if meeting.settings.along is None:

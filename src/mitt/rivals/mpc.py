@@ -37,7 +37,7 @@ from mitt.kernels import kernel
 from mitt.map.demand import ArmNumbers, Work, arm_numbers, work_of
 from mitt.map.mapping import DirectMap
 from mitt.rivals.intercept import Intercept
-from mitt.rivals.paths import Motion, quintic, responses
+from mitt.rivals.paths import PathMotion, quintic, responses
 from mitt.rivals.planned import Plan, Planned
 from mitt.rivals.pursuit import SPEED, rival
 from mitt.signals import Array
@@ -158,7 +158,7 @@ class MpcPlanner:
         soft = (M + 1) * links + 2 * (M - 1) * n
         return np.array([_EQUAL] * (4 * n) + [_SOFT] * soft, np.int32)
 
-    def _read(self, a: Array, motion: Array, t: float, step: float) -> Motion:
+    def _read(self, a: Array, motion: Array, t: float, step: float) -> PathMotion:
         """Return the answer as a motion."""
         M, n = self.settings.parts, self.arm.n
         D, P = responses(M, step)
@@ -166,7 +166,7 @@ class MpcPlanner:
         ticks = step * np.arange(M + 1)[:, None]
         q, dq = motion[0] + ticks * motion[1] + P @ rows, motion[1] + D @ rows
         q, dq, ddq = (np.ascontiguousarray(x.T) for x in (q, dq, rows))
-        return Motion(t=t, step=step, q=q, dq=dq, ddq=ddq, cost=0.0)
+        return PathMotion(t=t, step=step, q=q, dq=dq, ddq=ddq, cost=0.0)
 
 
 def solve(problem: Quadratic) -> Array | None:

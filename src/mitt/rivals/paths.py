@@ -37,7 +37,7 @@ def quintic(start: Array, end: Array, span: float, t: float, out: Array) -> None
 
 
 @kernel
-def sample(start: Array, end: Array, span: float, out: Array) -> None:
+def sample_quintic(start: Array, end: Array, span: float, out: Array) -> None:
     """Write a quintic at S even instants, the last one the end, shape (S, 3, n)."""
     for s in range(out.shape[0]):
         quintic(start, end, span, span * (s + 1) / out.shape[0], out[s])
@@ -45,7 +45,7 @@ def sample(start: Array, end: Array, span: float, out: Array) -> None:
 
 @final
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Motion:
+class PathMotion:
     """A motion whose acceleration is linear between even instants.
 
     Attributes:

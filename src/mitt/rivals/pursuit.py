@@ -169,7 +169,7 @@ class Rival(Generator):
         if not np.linalg.norm(gap) < _NEAR:
             return False
         chase = self.memory.after
-        return _easy(self._choose(ball, still(self.q_hold) if chase is None else chase.motion))
+        return _easy(self._choose(ball, at_rest(self.q_hold) if chase is None else chase.motion))
 
     def waiting(self, ball: BallState) -> BallState:
         """Wait for a ball that rises to the nominal catch height as it comes within reach."""
@@ -287,7 +287,7 @@ def lobbed(f: DirectMap, ball: BallState) -> BallState:
     return replace(ball, r_o=r_o, dr_o=dr_o)
 
 
-def still(q: Array) -> Array:
+def at_rest(q: Array) -> Array:
     """Return rest in ``q`` as q, dq, ddq, shape (3, n)."""
     return np.array([q, np.zeros(len(q)), np.zeros(len(q))])
 

@@ -30,7 +30,7 @@ from mitt.kernels import kernel
 from mitt.map.mapping import DirectMap
 from mitt.map.prediction import fly_on, state_of
 from mitt.map.tangent import unfold, unpack
-from mitt.rivals.intercept import Hand, Intercept, hand_of, lift
+from mitt.rivals.intercept import HandNumbers, Intercept, follow_point, hand_numbers
 from mitt.rivals.paths import quintic
 from mitt.rivals.pursuit import SPEED, rival
 from mitt.signals import Array, BallState
@@ -52,13 +52,13 @@ class Bounds(NamedTuple):
     acceleration: Array
 
 
-def bounds_of(arm: Arm) -> Bounds:
+def pursuit_bounds(arm: Arm) -> Bounds:
     """Return the bounds; twice the torques on each joint's own inertia for acceleration."""
     top = 2.0 * arm.tau_max / np.diag(arm.mass_matrix(arm.q_ready))
     return Bounds(arm.q_min + STOP_GAP, arm.q_max - STOP_GAP, SPEED * arm.dq_max, top)
 
 
-def rate_of(left: float, slowest: float, fastest: float) -> float:
+def pursuit_bandwidth(left: float, slowest: float, fastest: float) -> float:
     """Return the bandwidth of the joints a time before the catch [s], between two bounds."""
     return min(max(_SHARPEN / max(left, 1e-3), slowest), fastest)
 
@@ -72,7 +72,7 @@ class Sphere(NamedTuple):
 
 @final
 @dataclass(frozen=True, eq=False)
-class Reach:
+class PursuitArm:
     """What the pursuit knows of the arm of a map."""
 
     map: DirectMap
@@ -80,12 +80,12 @@ class Reach:
     @cached_property
     def most(self) -> Bounds:
         """Bounds of the joints."""
-        return bounds_of(self.map.arm)
+        return pursuit_bounds(self.map.arm)
 
     @cached_property
-    def hand(self) -> Hand:
+    def hand(self) -> HandNumbers:
         """The hand, as the kernels take it."""
-        return hand_of(self.map.arm)
+        return hand_numbers(self.map.arm)
 
     @cached_property
     def sphere(self) -> Sphere:
@@ -156,9 +156,9 @@ class Servo:
         span = max(self.join * (catch.t_c - self.t_s), 1e-3)
         if self.join > 0.0 and ball.t - self.t_s < span:
             quintic(gap, np.zeros_like(gap), span, ball.t - self.t_s, left)
-        rate = rate_of(catch.t_c - ball.t, self.slowest, _FASTEST)
+        rate = pursuit_bandwidth(catch.t_c - ball.t, self.slowest, _FASTEST)
         if ball.t > self.t:
-            follow(self.most, goal + left, rate, ball.t - self.t, rows)
+            close_gap(self.most, goal + left, rate, ball.t - self.t, rows)
         return rows, replace(self, t=ball.t, motion=rows, goal=goal, gap=gap)
 
 
@@ -173,11 +173,11 @@ def _second(packed: Array, q: Array, place: Array, work: Array) -> None:
 
 @kernel
 def _lead(
-    packed: Array, hand: Hand, sphere: Sphere, h: Vec, point: Array, rows: Array, work: Array
+    packed: Array, hand: HandNumbers, sphere: Sphere, h: Vec, point: Array, rows: Array, work: Array
 ) -> None:
     """As :meth:`Reach.lead`, for a point so far in front of the palm, with two derivatives."""
     _hold_back(point, sphere, h[0])
-    lift(packed, hand, h, point, rows, work)
+    follow_point(packed, hand, h, point, rows, work)
 
 
 @kernel
@@ -213,7 +213,7 @@ def _hold_back(point: Array, sphere: Sphere, longer: float) -> None:
 
 
 @kernel
-def follow(most: Bounds, goal: Array, gain: float, dt: float, rows: Array) -> None:
+def close_gap(most: Bounds, goal: Array, gain: float, dt: float, rows: Array) -> None:
     """Advance ``rows`` by a tick so that the gap to the goal decays, critically damped.
 
     ddq = ddq_g + 2 w (dq_g - dq) + w^2 (q_g - q), the goal being that of the end of the tick.
@@ -286,7 +286,7 @@ def _servo(
     f: DirectMap, point: Callable[[Intercept, BallState], Array], *, slowest: float, join: float
 ) -> Servo:
     """Return the pursuit of a point, of which position to acceleration are given, (3, 3)."""
-    reach = Reach(f)
+    reach = PursuitArm(f)
 
     def lead(catch: Intercept, ball: BallState, goal: Array) -> None:
         reach.lead(point(catch, ball), catch.t_c - ball.t, catch.closing, goal)

@@ -28,7 +28,7 @@ from mitt.trials.catcher_settings import catcher_settings
 from mitt.trials.source import ranges_of
 from mitt.trials.strikes import STRUCK, learn_strikes
 from mitt.world.build import TOUCH, restitution_on
-from mitt.world.flights import CATCH_FRACTION, Recording, place_flight, smooth
+from mitt.world.flights import CATCH_FRACTION, RecordedFlight, place_flight, smooth
 from mitt.world.overlap import check_scene
 from mitt.world.scene import Scene
 from mitt.world.throws import ThrowRanges
@@ -207,7 +207,7 @@ def throw_ranges(speed: tuple[float, float] | None, station: BatStation) -> Thro
 
 
 def coming(
-    speed: tuple[float, float] | None = None, recordings: Sequence[Recording] = ()
+    speed: tuple[float, float] | None = None, recordings: Sequence[RecordedFlight] = ()
 ) -> Neighbourhood:
     """Return how balls come to be struck: as throws, of some speeds [m/s], or as recorded flights.
 
@@ -229,7 +229,7 @@ def coming(
     )
 
 
-def strike_share(recording: Recording) -> float:
+def strike_share(recording: RecordedFlight) -> float:
     """Return the share of its time since the release after which a recorded flight is struck.
 
     Some time after its bounce, when the ball is known again; one whose recording ends soon after

@@ -17,7 +17,7 @@ from mitt.arm.tools import Paddle
 from mitt.clock import Stopwatch
 from mitt.errors import InputError
 from mitt.files.arm_file import Coordinate
-from mitt.files.schema import Settings
+from mitt.files.schema import FileSettings
 from mitt.reading import noted
 from mitt.rivals.batting import BATTERS
 from mitt.trials.bat_station import (
@@ -115,7 +115,7 @@ class BatCondition(TaskCondition):
         return value
 
 
-class MapSettings(Settings):
+class MapSettings(FileSettings):
     """A map of the miss: the target moved along each axis, balls of each speed.
 
     Attributes:

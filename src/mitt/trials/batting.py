@@ -27,7 +27,7 @@ from mitt.errors import InputError, ModelError
 from mitt.eyes.eyes import Eyes
 from mitt.files.about import About
 from mitt.files.recordings import Recording
-from mitt.map.striking import Restitution, Strike, mass_behind
+from mitt.map.striking import PaddleStrike, Restitution, mass_behind
 from mitt.rivals.batting import ORACLE, make_batter
 from mitt.signals import GRAVITY, TICK, Array, Frame, Senses, Sighting
 from mitt.trials.bat_station import BatStation
@@ -430,7 +430,7 @@ def _sighted(senses: Senses, watcher: Eyes) -> list[Sighting]:
     return points
 
 
-def strike_of(arm: Arm, ticks: Result, met: float) -> Strike:
+def strike_of(arm: Arm, ticks: Result, met: float) -> PaddleStrike:
     """Return a hit as the arm knows it: by its readings, and by the ball that was expected.
 
     What the joints lag behind their commands is taken from the ticks before the contact, as its
@@ -458,7 +458,7 @@ def strike_of(arm: Arm, ticks: Result, met: float) -> Strike:
         float(ticks.scalars["drag"][k - 1]),
         met - float(ticks.scalars["t_ball"][k - 1]),
     )
-    return Strike(
+    return PaddleStrike(
         q=q,
         dq=dq,
         ball=ball,
@@ -471,7 +471,11 @@ def strike_of(arm: Arm, ticks: Result, met: float) -> Strike:
 
 
 def learned(
-    known: Restitution, strike: Strike, station: BatStation, seen: list[Sighting], apart: float
+    known: Restitution,
+    strike: PaddleStrike,
+    station: BatStation,
+    seen: list[Sighting],
+    apart: float,
 ) -> Restitution:
     """Return what is known of the restitution after a hit; nothing new after an odd one.
 

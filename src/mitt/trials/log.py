@@ -16,7 +16,7 @@ from mitt.files.about import About
 from mitt.files.messages import CATCH_POINT, EVENT, TRUTH, clock_call, tick_rows
 from mitt.files.recordings import Notice, Recording, Track, heading_of, write_recording
 from mitt.signals import Array, Frame, Senses
-from mitt.trials.result import finite, plain
+from mitt.trials.result import finite, plain_fields
 from mitt.trials.score import reason_of
 from mitt.world.truth import Trace
 
@@ -123,7 +123,7 @@ def log_of(
         hand=s["hand"],
         brakes=s["brakes"],
         t_0=t_0,
-        t_catch=catch_time(ticks),
+        t_catch=announced_catch_time(ticks),
         truth=truth,
         ticks=ticks,
         senses=senses,
@@ -138,7 +138,7 @@ def catch_tick(ticks: Result) -> int | None:
     return int(near[-1]) if len(near) else None
 
 
-def catch_time(ticks: Result) -> float:
+def announced_catch_time(ticks: Result) -> float:
     """Return the time of the catch, as the map announced it last [s]; infinite without one."""
     k, s = catch_tick(ticks), ticks.scalars
     return np.inf if k is None else float(s["t"][k] + s["time_to_catch"][k])
@@ -159,7 +159,7 @@ def recording_of(
     metadata = {name: str(value) for name, value in (notes or {}).items()}
     metadata |= {
         "throw": str(trial.index),
-        "trial": json.dumps(finite(plain(trial)), allow_nan=False),
+        "trial": json.dumps(finite(plain_fields(trial)), allow_nan=False),
     }
     frames = {k: x.frames for k, x in enumerate(log.senses) if x.frames}
     if log.background:
@@ -178,7 +178,7 @@ def recording_of(
     )
 
 
-class Recorder(Protocol):
+class TrialLogger(Protocol):
     """What runs trials and can say all of the last one."""
 
     def recording(self, trial: Any) -> Recording:  # noqa: ANN401 (a trial of its task)
@@ -186,7 +186,9 @@ class Recorder(Protocol):
         ...
 
 
-def keep_recording(wanted: str, success: str, runner: Recorder, out: Path, trial: Scored) -> None:
+def keep_recording(
+    wanted: str, success: str, runner: TrialLogger, out: Path, trial: Scored
+) -> None:
     """Write the recording of the last trial into a folder, if it is wanted.
 
     Args:

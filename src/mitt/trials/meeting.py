@@ -40,9 +40,9 @@ from mitt.trials.station import Station
 from mitt.trials.statistics import wilson
 from mitt.verdict.feasibility import Outcome
 from mitt.world.engine import BALL_HAND
-from mitt.world.flights import Recording
+from mitt.world.flights import RecordedFlight
 from mitt.world.simulation import World
-from mitt.world.targets import InHand, Recorded, Ride, recorded
+from mitt.world.targets import InHand, RecordedMotion, Ride, recorded
 from mitt.world.truth import Trace
 
 SCHEMA = "mitt.meet/1"
@@ -166,7 +166,7 @@ class MeetRunner:
         seed: int,
         speed: float,
         generator: Generator | None = None,
-        recordings: tuple[Recording, ...] = (),
+        recordings: tuple[RecordedFlight, ...] = (),
     ) -> None:
         """Build the world.
 
@@ -204,7 +204,7 @@ class MeetRunner:
         catcher = Catcher(s.arm, self._generator, settings=s.catcher)
         longest, results = _LONGEST, list[Result]()
         self.senses, self._notes, self._results = [], True, results
-        if isinstance(target, Recorded):
+        if isinstance(target, RecordedMotion):
             longest = max(longest, target.duration + _BEYOND)
         for _ in self._ticks(catcher, results, longest):
             if catcher.done or _has_braked(catcher, world.t):

@@ -23,8 +23,8 @@ from mitt.catcher.state import (
     StateHandle,
     result_handle,
     room_for,
-    rows_of,
     store,
+    ticks_between,
 )
 from mitt.catcher.tick import looks, tick
 from mitt.clock import Stopwatch, now_ns
@@ -38,10 +38,10 @@ from mitt.signals import TICK, Array, Image
 from mitt.world.capsules import Body, lay_capsules
 from mitt.world.engine import Plant
 from mitt.world.imaging import BLOCK
-from mitt.world.motion import WATCHED, move, note_stop, over
+from mitt.world.motion import WATCHED, move_motors, note_stop, over
 from mitt.world.outline import scratch_for
-from mitt.world.painting import Balls, Exposure, Film, Light, render_images
-from mitt.world.sensors import Encoders, read_encoders
+from mitt.world.painting import Exposure, Film, Optics, PaintedBalls, render_images
+from mitt.world.sensors import SimulatedEncoders, read_encoders
 from mitt.world.simulation import Stage
 from mitt.world.truth import Trace
 
@@ -90,7 +90,7 @@ class LookAhead(NamedTuple):
     hand: Array
 
 
-class Sight(NamedTuple):
+class PlayedSight(NamedTuple):
     """What the catcher is given to see, and where that comes from.
 
     Attributes:
@@ -114,13 +114,13 @@ class Sight(NamedTuple):
     points: Points
     radius: float
     offset: float
-    encoders: Encoders
+    encoders: SimulatedEncoders
     nothing: tuple[Image, Image]
     backgrounds: tuple[Image, ...]
     ahead: LookAhead
 
 
-class Kept(NamedTuple):
+class KeptTicks(NamedTuple):
     """What is kept of the ticks.
 
     Attributes:
@@ -140,8 +140,8 @@ _DARK = Film(
     np.zeros(0, HEAD),
     np.zeros((0, 4)),
     np.zeros((0, 2), CAMERA),
-    Balls(np.zeros(1), np.zeros(1), *(np.zeros((1, 3)) for _ in range(5))),
-    Light(*(0.0,) * 13),
+    PaintedBalls(np.zeros(1), np.zeros(1), *(np.zeros((1, 3)) for _ in range(5))),
+    Optics(*(0.0,) * 13),
     np.zeros((0, 0), np.uint8),
     np.zeros(0, np.float32),
     scratch_for(0),
@@ -155,7 +155,7 @@ NOTHING = np.empty((0, 0), np.uint8), np.empty((0, 0), np.uint8)
 
 
 @kernel
-def render(sight: Sight, k: int, state: StateHandle, held: bool) -> None:
+def render(sight: PlayedSight, k: int, state: StateHandle, held: bool) -> None:
     """Draw of the images exposed in tick ``k`` what the eyes are going to look at.
 
     That is where they find the ball again; where they do not, and so look everywhere, all. A ball
@@ -206,7 +206,7 @@ def render(sight: Sight, k: int, state: StateHandle, held: bool) -> None:
 
 
 @big_kernel
-def capture(plant: Plant, sight: Sight, state: StateHandle, k: int, held: bool) -> None:
+def capture(plant: Plant, sight: PlayedSight, state: StateHandle, k: int, held: bool) -> None:
     """Keep what is in view in tick ``k``, and draw the images that arrive in it."""
     shots, points = sight.shots, sight.points
     ball, latency = len(plant.ctrl), len(points.line) - 1
@@ -228,9 +228,9 @@ def capture(plant: Plant, sight: Sight, state: StateHandle, k: int, held: bool) 
 @kernel
 def play(
     plant: Plant,
-    sight: Sight,
+    sight: PlayedSight,
     catcher: tuple[Array, StateHandle, ResultHandle],
-    kept: Kept,
+    kept: KeptTicks,
     until: tuple[float, float],
     count: int,
     path: Array,
@@ -244,7 +244,7 @@ def play(
         kept: What is kept of the ticks.
         until: Two numbers of :func:`mitt.world.motion.over`.
         count: Most ticks to be made.
-        path: As of :func:`mitt.world.motion.move`.
+        path: As of :func:`mitt.world.motion.move_motors`.
 
     Returns:
         What is to be thought about: bits of :mod:`mitt.catcher.tick`.
@@ -278,7 +278,7 @@ def play(
             copy(line[(k - latency) % len(line)], result.sighting[0])
             copy(sight.points.covariance, result.sighting[1:])
         note_stop(plant.state, out.brakes, s.phase == STOPPED)
-        move(plant, result.command[3], out.hand, kept.trace, path)
+        move_motors(plant, result.command[3], out.hand, kept.trace, path)
         store(result, kept.results, k)
         todo = 0 if undecided(todo, state, result) else todo
         if todo != 0 or over(plant.state, until[0], until[1]):
@@ -286,7 +286,7 @@ def play(
     return 0
 
 
-def sight_of(stage: Stage, catcher: Catcher, offset: float = 0.0) -> Sight:
+def sight_of(stage: Stage, catcher: Catcher, offset: float = 0.0) -> PlayedSight:
     """Return what a catcher is given to see in a world at the release; ``offset`` as of a stamp."""
     imager, latency = stage.imager, stage.scene.sensing.latency
     film, starts = (_DARK, _NO_STARTS) if imager is None else imager.film
@@ -299,7 +299,7 @@ def sight_of(stage: Stage, catcher: Catcher, offset: float = 0.0) -> Sight:
         np.zeros((2, 4), np.int64), np.zeros(2, np.bool_), np.zeros(1, WORK), np.zeros(3)
     )
     points = Points(np.zeros((0, 3)), stage.sensors.covariance, np.zeros((latency + 1, 3)))
-    return Sight(
+    return PlayedSight(
         stage.body,
         film,
         starts,
@@ -342,7 +342,7 @@ def play_out(
     imager, p, most = stage.imager, stage.plant.state, round((longest + held + WATCHED) / TICK) + 2
     log, sight = room_for(catcher.result, most), sight_of(stage, catcher, offset)
     trace, times = stage.trace_buffer.reserve(most + 1), np.zeros(most + 2, np.int64)
-    kept = Kept(trace, result_handle(log), times)
+    kept = KeptTicks(trace, result_handle(log), times)
     while (parts := catcher.parts) is not None and not over(p, longest, held):
         k = int(p["ticks"][0])
         if imager is not None:
@@ -360,4 +360,4 @@ def play_out(
         catcher.think()
     ticks = int(p["ticks"][0])
     stopwatch.add(times[:ticks])
-    return rows_of(log, 0, ticks)
+    return ticks_between(log, 0, ticks)

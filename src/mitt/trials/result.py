@@ -57,12 +57,12 @@ def result(
         "schema": SCHEMA,
         **head,
         **({"incomplete": True} if wanted is not None and len(trials) < wanted else {}),
-        "trials": [finite(plain(trial)) for trial in trials],
+        "trials": [finite(plain_fields(trial)) for trial in trials],
         "summary": summary(trials, stopwatch),
     }
 
 
-def plain(trial: Any) -> dict[str, Any]:  # noqa: ANN401 (any dataclass)
+def plain_fields(trial: Any) -> dict[str, Any]:  # noqa: ANN401 (any dataclass)
     """Return a trial by its fields, without what only a run that learns a clock has."""
     row = asdict(trial)
     if row.get("clock", row) is None:
@@ -166,7 +166,7 @@ class Journal(AbstractContextManager["Journal"]):
         Raises:
             FileError: It cannot be written.
         """
-        self._write(plain(trial))
+        self._write(plain_fields(trial))
         self.trials.append(trial)
 
     def last_words(self) -> str:

@@ -14,7 +14,7 @@ from mitt.catcher.generators import Direct, Generator
 from mitt.catcher.state import Result, copied, gathered, room_for
 from mitt.clock import Stopwatch
 from mitt.eyes.camera import Rig, fixed_rig
-from mitt.eyes.clock_offset import Catch
+from mitt.eyes.clock_offset import CatchSeen
 from mitt.eyes.eyes import Eyes
 from mitt.eyes.head import active_rig
 from mitt.files.about import About
@@ -22,7 +22,7 @@ from mitt.map.mapping import DirectMap
 from mitt.rivals.clairvoyant import Clairvoyant
 from mitt.signals import ArmState, Frame, Senses, Sighting
 from mitt.trials.catcher_settings import catcher_settings, driven, eyes_settings
-from mitt.trials.log import TrialLog, catch_time, log_of
+from mitt.trials.log import TrialLog, announced_catch_time, log_of
 from mitt.trials.play import play_out
 from mitt.trials.score import (
     HELD_AFTER,
@@ -30,8 +30,8 @@ from mitt.trials.score import (
     Trial,
     certificate_of,
     measure,
-    status_of,
     stop_as_json,
+    trial_status,
     was_held,
 )
 from mitt.trials.source import Source
@@ -87,7 +87,7 @@ class TrialRunner:
         cameras = cameras_of(self.rig, scene) if pixels else None
         self.world = World(scene, arm.model, cameras=cameras, limits=arm.limits)
         self.stopwatch, self.clock_offset = Stopwatch(), 0.0
-        self.caught: Catch | None = None
+        self.caught: CatchSeen | None = None
         self._catcher, self.views = self._made(), list[tuple[Frame, ...]]()
         self.ticks = room_for(self._catcher.result, 0)
 
@@ -167,7 +167,9 @@ class TrialRunner:
         catcher, senses = self.release(ball, seed=seed), list[Senses]()
         self.ticks = ticks = self._play(catcher, senses if log else None, images=images)
         truth = self.world.trace()
-        trial = self._score(index, catcher, measure(self.arm, ticks, truth), catch_time(ticks))
+        trial = self._score(
+            index, catcher, measure(self.arm, ticks, truth), announced_catch_time(ticks)
+        )
         if not log:
             return LoggedTrial(trial, None)
         ground = tuple(frame for view in self.views for frame in view) if images else ()
@@ -217,7 +219,7 @@ class TrialRunner:
         known = contact is not None and np.isfinite(most)
         return Trial(
             index=index,
-            status=status_of(
+            status=trial_status(
                 world, catcher.phase, refused=catcher.refused, was_held=was_held(self.arm, world)
             ),
             t_catch_s=float(t_catch) if np.isfinite(t_catch) else None,
@@ -233,7 +235,7 @@ class TrialRunner:
         )
 
 
-def _caught(catcher: Catcher, ticks: Result, points: Sequence[Sighting]) -> Catch | None:
+def _caught(catcher: Catcher, ticks: Result, points: Sequence[Sighting]) -> CatchSeen | None:
     """Return what arm and eyes said of a catch; None where the arm never braked for one."""
     s = ticks.scalars
     if not np.isfinite(catcher.state.scalars[0]["t_rest"]):

@@ -47,8 +47,8 @@ from mitt.trials.runner import LOOKS, TrialRunner
 from mitt.trials.score import Trial, reason_of
 from mitt.trials.source import Source, source_of
 from mitt.world.flights import BallPath
-from mitt.world.motion import move
-from mitt.world.scene import Scene, changed, scene_from
+from mitt.world.motion import move_motors
+from mitt.world.scene import Scene, changed_settings, scene_from
 from mitt.world.throws import Throw
 
 Count: TypeAlias = "Synchronized[int]"
@@ -165,7 +165,7 @@ def _plant(runner: TrialRunner, catcher: Catcher) -> None:
     """Compile what moves the world."""
     if (stage := runner.world.stage) is not None:
         rows, tau = stage.trace_buffer.reserve(2), catcher.result.command[3]
-        _compile(move.inner, stage.plant, tau, 0.0, rows, stage.rows(0))
+        _compile(move_motors.inner, stage.plant, tau, 0.0, rows, stage.rows(0))
 
 
 def _pictures(runner: TrialRunner, catcher: Catcher) -> None:
@@ -226,7 +226,7 @@ class Prepared:
     @property
     def head(self) -> dict[str, object]:
         """What the result says of the run; the scene, and in what it was changed."""
-        changes, of = changed(self.scene), self.settings
+        changes, of = changed_settings(self.scene), self.settings
         return {
             "version": mitt.__version__,
             "arm": self.arm.model.name,

@@ -355,7 +355,7 @@ def _rates_beyond(
     return out
 
 
-def status_of(world: World, phase: Phase, *, refused: bool, was_held: bool) -> str:
+def trial_status(world: World, phase: Phase, *, refused: bool, was_held: bool) -> str:
     """Return the status of a finished trial.
 
     Args:

@@ -14,7 +14,7 @@ from mitt.world.flights import (
     CATCH_FRACTION,
     BallPath,
     PlacedFlight,
-    Recording,
+    RecordedFlight,
     place_flight,
     read_flights,
 )
@@ -80,7 +80,7 @@ class Source:
     aim: Aim
     catch_point: Array
     throws: tuple[Throw, ...] = ()
-    recordings: tuple[Recording, ...] = ()
+    recordings: tuple[RecordedFlight, ...] = ()
     drag: float = 0.12
     ranges: ThrowRanges | None = None
     shares: tuple[float, ...] = ()
@@ -122,7 +122,7 @@ def source_of(
     count: int | None = None,
     throws_file: Path | None = None,
     flights_file: Path | None = None,
-    recordings: tuple[Recording, ...] = (),
+    recordings: tuple[RecordedFlight, ...] = (),
     ranges: ThrowRanges | None = None,
 ) -> Source:
     """Return balls for an arm: those of a file, recordings, or else default throws.

@@ -16,7 +16,7 @@ from mitt.errors import InputError
 from mitt.map.batting import BattingMap, easiest, learn_batting
 from mitt.map.learn import Flight, Learned, LearnSettings
 from mitt.map.neighbourhood import LEARNING_SEED, Neighbourhood
-from mitt.map.striking import Strike
+from mitt.map.striking import PaddleStrike
 from mitt.signals import Array
 
 #: How balls come to a paddle: those of the default throws that are aimed at a box before the arm.
@@ -61,7 +61,7 @@ def learn_strikes(
         InputError: Fewer than one ball in ten can be struck so.
     """
     place, rng = checks.vector("place", place, 3, finite=True), np.random.default_rng(seed)
-    flights = list[tuple[Flight, Strike]]()
+    flights = list[tuple[Flight, PaddleStrike]]()
     for _ in range(_DRAWS * around.flights):
         drawn = _drawn(g, batting, place, around, (rng, np.array(spread)))
         flights += [] if drawn is None else [drawn]
@@ -81,7 +81,7 @@ def _drawn(
     place: Array,
     around: Neighbourhood,
     of: tuple[np.random.Generator, Array],
-) -> tuple[Flight, Strike] | None:
+) -> tuple[Flight, PaddleStrike] | None:
     """Draw a flight, and how its ball is struck; None where it cannot be."""
     rng, spread = of
     drag = float(rng.uniform(*around.drag))
@@ -95,7 +95,7 @@ def _drawn(
     lasts, noise = float(rng.uniform(*around.flight)), rng.standard_normal((2, 3))
     impact = replace(batting.impact, drag=drag)
 
-    def met(dt: float) -> tuple[float, Strike] | None:
+    def met(dt: float) -> tuple[float, PaddleStrike] | None:
         strike = g.strike(_row(r, v, dt, drag)[:2], target, impact)
         if strike is None or not g.aims(strike, target):
             return None

@@ -11,7 +11,7 @@ from mitt import checks
 from mitt.errors import FileError, InputError, UnknownNameError, meant
 from mitt.files.arm_file import ArmSpec, ThrowSettings
 from mitt.files.csv_table import MAX_BYTES
-from mitt.files.schema import Settings, merged, validated
+from mitt.files.schema import FileSettings, merged, validated
 from mitt.files.writing import json_digest
 from mitt.reading import read_bytes, read_toml, shipped, shipped_path
 from mitt.trials.registry import origin_of
@@ -31,7 +31,7 @@ Table = dict[str, Any]
 Number = Annotated[float, Field(ge=-1e6, le=1e6)]
 
 
-class Overrides(Settings):
+class Overrides(FileSettings):
     """What a condition may change.
 
     Attributes:
@@ -77,7 +77,7 @@ class SweepSettings(Overrides):
     factor: float = 1.0
 
 
-class StudySettings(Settings):
+class StudySettings(FileSettings):
     """A study file.
 
     Attributes:
@@ -111,7 +111,7 @@ class StudySettings(Settings):
     record: Annotated[int, Field(ge=0, le=100)] = 1
 
 
-class Condition(Settings):
+class Condition(FileSettings):
     """One condition with everything in its place.
 
     Attributes:
@@ -140,7 +140,7 @@ class Condition(Settings):
     arm_files: dict[str, str] = Field(default_factory=dict)
 
 
-class Study(Settings):
+class Study(FileSettings):
     """A study that can run: all conditions spelled out.
 
     Attributes:

@@ -19,7 +19,7 @@ from mitt import checks
 from mitt.errors import FileError, InputError
 from mitt.files.arm_file import ArmSpec
 from mitt.files.csv_table import MAX_BYTES
-from mitt.files.schema import Settings, validated
+from mitt.files.schema import FileSettings, validated
 from mitt.files.writing import (
     Leaves,
     claim_folder,
@@ -29,7 +29,7 @@ from mitt.files.writing import (
     write_bytes,
     write_json,
 )
-from mitt.reading import difference, read_bytes, read_json
+from mitt.reading import changed_file, read_bytes, read_json
 from mitt.trials.study_file import SCHEMA, Study
 
 MANIFEST = "study.json"
@@ -219,7 +219,7 @@ def _other(given: object, study: AnyStudy) -> str:
         if was.flights.get(name, digest) != digest:
             return f"another content of {name}"
     for old, new in zip(was.conditions, study.conditions, strict=False):
-        name = difference(old.arm_files, new.arm_files)
+        name = changed_file(old.arm_files, new.arm_files)
         if name and old.arm == new.arm:
             return f"another content of {name}"
     return "another study"
@@ -242,7 +242,7 @@ def task_of_folder(path: Path) -> object:
     return study.get("task") if isinstance(study, dict) else None
 
 
-_Kind = TypeVar("_Kind", bound=Settings)
+_Kind = TypeVar("_Kind", bound=FileSettings)
 
 
 def read_manifest(path: Path, kind: type[_Kind]) -> _Kind:

@@ -270,11 +270,11 @@ def summary(study: Study, folder: Folder) -> list[dict[str, Any]]:
         for generator, wanted in study.counts.items():
             cell = [("generator", "=", generator), ("condition", "=", condition.name)]
             throws = read_columns(folder.trials, _SUMMED, cell).to_pylist()
-            cells.append(cell_of(generator, condition, wanted, throws))
+            cells.append(throws_in_cell(generator, condition, wanted, throws))
     return compared(cells)
 
 
-def cell_of(
+def throws_in_cell(
     generator: str, condition: Condition, wanted: int, trials: Iterable[dict[str, Any]]
 ) -> Cell:
     """Return the throws of one generator in one condition, as far as they are done.

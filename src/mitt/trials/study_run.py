@@ -21,7 +21,7 @@ from mitt.catcher.generators import Generator
 from mitt.clock import Progress, Stopwatch
 from mitt.errors import FileError, InputError, MittError
 from mitt.files.arm_file import ArmSpec, ThrowSettings
-from mitt.files.maps import map_of, save_map
+from mitt.files.maps import map_from, save_map
 from mitt.files.recordings import write_recording
 from mitt.files.writing import write_atomically, write_bytes, write_json
 from mitt.interrupts import notice, status_of
@@ -46,7 +46,7 @@ from mitt.trials.study_results import (
 )
 from mitt.trials.workers import Engine, run_tasks
 from mitt.world.disturbances import Undisturbed
-from mitt.world.flights import Recording, builtin_flights, read_flights
+from mitt.world.flights import RecordedFlight, builtin_flights, read_flights
 from mitt.world.throws import Throw
 
 #: Arms with their maps, and generators, that a worker keeps.
@@ -118,7 +118,7 @@ class Job:
     start: int
     stop: int
     map: str
-    recordings: tuple[Recording, ...]
+    recordings: tuple[RecordedFlight, ...]
     notes: tuple[tuple[str, str], ...]
     origin: str = ""
 
@@ -159,7 +159,7 @@ def _learned(of: _ArmOfJob) -> tuple[Learned, ThrowSettings | None]:
     """
     settings, files, text, _ = of
     found = settings.read(was=dict(files))
-    return map_of(json.loads(text), found.arm, place="map of the study"), found.throws
+    return map_from(json.loads(text), found.arm, place="map of the study"), found.throws
 
 
 @lru_cache(maxsize=_KEPT)
@@ -347,7 +347,7 @@ def _map_text(condition: Condition, folder: Folder, version: str, progress: Prog
     return path.read_text(encoding="utf-8")
 
 
-def _recordings(condition: Condition, study: Study, folder: Folder) -> tuple[Recording, ...]:
+def _recordings(condition: Condition, study: Study, folder: Folder) -> tuple[RecordedFlight, ...]:
     """Return the recorded flights of a condition, from the copy that the study's folder keeps."""
     if condition.flights is None:
         return ()

@@ -14,9 +14,9 @@ from pydantic import Field
 import mitt
 from mitt.clock import Stopwatch
 from mitt.errors import FileError, InputError, UnknownNameError
-from mitt.files.schema import Settings, validated
+from mitt.files.schema import FileSettings, validated
 from mitt.files.writing import json_digest
-from mitt.reading import difference, noted, read_toml
+from mitt.reading import changed_file, noted, read_toml
 from mitt.trials.study_file import Name, Table, study_path, without_places
 from mitt.world.scene import Scene, scene_of
 
@@ -64,7 +64,7 @@ class Task:
     measures: Mapping[str, Measure]
 
 
-class TaskCondition(Settings):
+class TaskCondition(FileSettings):
     """What comes by.
 
     Attributes:
@@ -74,7 +74,7 @@ class TaskCondition(Settings):
     name: Name
 
 
-class TaskStudySettings(Settings):
+class TaskStudySettings(FileSettings):
     """What the file of a study of whatever task may say.
 
     Attributes:
@@ -98,7 +98,7 @@ class TaskStudySettings(Settings):
     chunk: Annotated[int, Field(ge=1, le=1000)] = 5
 
 
-class Player(Settings):
+class Player(FileSettings):
     """A generator, at a rate where it plans.
 
     Attributes:
@@ -115,7 +115,7 @@ class Player(Settings):
         return self.name if self.rate is None else f"{self.name} {self.rate:g} Hz"
 
 
-class TaskStudy(Settings):
+class TaskStudy(FileSettings):
     """A study of a task that can run.
 
     Attributes:
@@ -265,7 +265,7 @@ def study_of(
 
 def check_files(study: TaskStudy, files: Mapping[str, str]) -> None:
     """Refuse an arm that was read from other files than those of a study."""
-    if name := difference(study.arm_files, dict(files)):
+    if name := changed_file(study.arm_files, dict(files)):
         raise FileError(
             name,
             "the file that the study was made with",

@@ -192,11 +192,11 @@ def _started(
 def _weighed(
     f: DirectMap, alpha: Array, ball: BallState, after: float, tolerance: Tolerance
 ) -> Verdict:
-    """Return the verdict of a map with other coefficients; see :func:`weigh`."""
-    return weigh(f.with_alpha(alpha), ball, after, tolerance)
+    """Return the verdict of a map with other coefficients; see :func:`weigh_way`."""
+    return weigh_way(f.with_alpha(alpha), ball, after, tolerance)
 
 
-def weigh(f: DirectMap, ball: BallState, after: float, tolerance: Tolerance) -> Verdict:
+def weigh_way(f: DirectMap, ball: BallState, after: float, tolerance: Tolerance) -> Verdict:
     """Return the verdict by what the way to a foreseen catch asks of the arm of an adapted map.
 
     Args:
@@ -249,7 +249,7 @@ def is_far(ball: BallState, hand: Array) -> bool:
     return nearest * STRIDE > _START_AHEAD
 
 
-def returns(f: DirectMap, ball: BallState) -> bool:
+def has_come_back(f: DirectMap, ball: BallState) -> bool:
     """Say whether an open throw has come back: its predicted catch lies in the map's region."""
     return _where(f, foresee(f, checks.instance("ball", ball, BallState))) is None
 

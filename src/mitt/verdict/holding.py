@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from mitt.arm.arm import Arm
-from mitt.arm.catch import LOST, Catch, CaughtBall, Strike
+from mitt.arm.catch import LOST, Catch, CaughtBall, HandImpact
 from mitt.control.closing import fingers_of, lead_of, takes_of
 from mitt.control.stop import Brake, rows_of
 from mitt.signals import GRAVITY, TICK, Array
@@ -69,7 +69,7 @@ def force_of(arm: Arm, q: Array, v_rel: Array, ball: CaughtBall) -> float:
     aslant = float(np.sqrt(max(1.0 - (into / max(whole, 1e-6)) ** 2, 0.0)))
     fingers = fingers_of(hand, ball.radius, ball.restitution)[0]
     lead = float(lead_of(fingers, whole, _OFF_AXIS * aslant))
-    return hand.contact_force(ball, Strike(whole, into, lead, behind))
+    return hand.contact_force(ball, HandImpact(whole, into, lead, behind))
 
 
 def _felt(arm: Arm, brake: Brake, t: Array) -> tuple[Array, Array]:

@@ -329,7 +329,7 @@ def gap_at_catch(
 
 
 class _Run(NamedTuple):
-    """A motion that is run on the model; see :func:`rehearse`."""
+    """A motion that is run on the model; see :func:`follow_within_limits`."""
 
     bounds: Record
     rows: Array
@@ -351,7 +351,9 @@ def _run_of(arm: Arm, approach: Approach, caps: Array) -> _Run:
 def _run_on(arm: Arm, run: _Run, bandwidth: float, first: int) -> None:
     """Let it go on for a stretch, from a tick on."""
     rows = run.rows[first : first + _STRETCH + 1]
-    rehearse(arm.tables, run.bounds, bandwidth, rows, run.state, run.last, run.tracking, run.mass)
+    follow_within_limits(
+        arm.tables, run.bounds, bandwidth, rows, run.state, run.last, run.tracking, run.mass
+    )
 
 
 def _each_tick(approach: Approach) -> Array:
@@ -369,7 +371,7 @@ def _each_tick(approach: Approach) -> Array:
 
 
 @kernel
-def rehearse(
+def follow_within_limits(
     arm: Tables,
     b: Record,
     bandwidth: float,

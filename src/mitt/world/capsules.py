@@ -54,7 +54,7 @@ def into(camera: Camera, x: float, y: float, z: float) -> Point:
 
 
 @kernel
-def seen_from(camera: Camera, capsules: Array, k: int) -> tuple[bool, Seen]:
+def capsule_in_view(camera: Camera, capsules: Array, k: int) -> tuple[bool, Seen]:
     """Return a capsule in the optical frame, cut off near the lens; False if none of it is ahead.
 
     Args:

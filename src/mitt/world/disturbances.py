@@ -20,7 +20,7 @@ from pydantic import Field
 from mitt.arm.limits import Limits
 from mitt.ball.flight import advance
 from mitt.errors import InputError
-from mitt.files.schema import Settings
+from mitt.files.schema import FileSettings
 from mitt.signals import TICK, Array
 from mitt.world.flights import BallPath
 from mitt.world.targets import Ride
@@ -75,7 +75,7 @@ class Undisturbed:
         return float(instants[int(np.argmin(gaps))])
 
 
-class Trial(NamedTuple):
+class DisturbedTrial(NamedTuple):
     """What a fault may ask of the trial that it happens in.
 
     Attributes:
@@ -89,7 +89,7 @@ class Trial(NamedTuple):
     active: tuple[int, ...]
 
 
-class Fault(Settings):
+class Fault(FileSettings):
     """What all kinds share.
 
     Attributes:
@@ -105,7 +105,7 @@ class Fault(Settings):
 
     _rng: np.random.Generator
 
-    def begun(self, rng: np.random.Generator, trial: Trial) -> Self:
+    def begun(self, rng: np.random.Generator, trial: DisturbedTrial) -> Self:
         """Return a fresh copy that acts in a trial, with a source of randomness of its own."""
         begins = self.start + (rng.uniform(0.0, self.later) if self.later > 0.0 else 0.0)
         fresh = self.model_copy(update={"start": begins})
@@ -113,7 +113,7 @@ class Fault(Settings):
         fresh._begin(trial)
         return fresh
 
-    def _begin(self, trial: Trial) -> None:
+    def _begin(self, trial: DisturbedTrial) -> None:
         """Draw and set what is remembered."""
 
     @property
@@ -162,7 +162,7 @@ class Spin(_Force):
     magnitude: Annotated[float, Field(ge=0.0, le=1.0)]
     _axis: Array
 
-    def _begin(self, trial: Trial) -> None:  # noqa: ARG002
+    def _begin(self, trial: DisturbedTrial) -> None:  # noqa: ARG002
         self._axis = direction(self._rng)
 
     def _acceleration(self, dr: Array) -> Array:
@@ -176,7 +176,7 @@ class _Air(_Force):
     _drag: float
     _wind: Array
 
-    def _begin(self, trial: Trial) -> None:
+    def _begin(self, trial: DisturbedTrial) -> None:
         self._nominal = self._drag = trial.flight.drag
         self._wind = np.zeros(3)
 
@@ -192,7 +192,7 @@ class Drag(_Air):
     kind: Literal["drag"] = "drag"
     magnitude: Annotated[float, Field(ge=0.0, le=20.0)]
 
-    def _begin(self, trial: Trial) -> None:
+    def _begin(self, trial: DisturbedTrial) -> None:
         super()._begin(trial)
         self._drag = self.magnitude * self._nominal
 
@@ -203,7 +203,7 @@ class Gust(_Air):
     kind: Literal["gust"] = "gust"
     magnitude: Annotated[float, Field(ge=0.0, le=60.0)]
 
-    def _begin(self, trial: Trial) -> None:
+    def _begin(self, trial: DisturbedTrial) -> None:
         super()._begin(trial)
         heading = self._rng.uniform(-np.pi, np.pi)
         self._wind[:2] = self.magnitude * np.cos(heading), self.magnitude * np.sin(heading)
@@ -226,7 +226,7 @@ class Kick(Push):
     _change: Array
     _over: bool = False
 
-    def _begin(self, trial: Trial) -> None:
+    def _begin(self, trial: DisturbedTrial) -> None:
         self._when = self.start + self.share * trial.flight.nearest() - self.before
         self._change = self.magnitude * direction(self._rng)
 
@@ -261,7 +261,7 @@ class Bounce(Push):
     _gap: float = np.inf
     _over: bool = False
 
-    def _begin(self, trial: Trial) -> None:
+    def _begin(self, trial: DisturbedTrial) -> None:
         """Put the plate where the ball's centre touches its middle."""
         self._centre, dr = trial.flight.at(self.start + self.share * trial.flight.nearest())
         along = dr / np.linalg.norm(dr)
@@ -302,7 +302,7 @@ class Taken(Push):
     soon: Annotated[float, Field(gt=0.0, le=2.0)] = 0.1
     _along: Array
 
-    def _begin(self, trial: Trial) -> None:  # noqa: ARG002
+    def _begin(self, trial: DisturbedTrial) -> None:  # noqa: ARG002
         angle = self._rng.uniform(-pi, pi)
         self._along = np.array([cos(angle), sin(angle), 1.0]) / sqrt(2.0)
 

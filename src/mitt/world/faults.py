@@ -26,6 +26,7 @@ from mitt.world.disturbances import (
     Carried,
     Chance,
     DisturbedFlight,
+    DisturbedTrial,
     Drag,
     Elastic,
     Fault,
@@ -38,7 +39,6 @@ from mitt.world.disturbances import (
     Spin,
     Spring,
     Taken,
-    Trial,
     Turned,
     direction,
     disturbed_flight,
@@ -150,7 +150,7 @@ class Frozen(SensorFault):
     _frames: dict[int, Frame]
     _points: tuple[Sighting, ...]
 
-    def _begin(self, trial: Trial) -> None:  # noqa: ARG002
+    def _begin(self, trial: DisturbedTrial) -> None:  # noqa: ARG002
         self._hit, self._frames, self._points = bool(self._rng.random() < self.magnitude), {}, ()
 
     def delivered(self, senses: Senses) -> Senses:
@@ -186,7 +186,7 @@ class _Delayed(SensorFault):
     _waiting: list[tuple[float, int, Seen]]
     _count: int
 
-    def _begin(self, trial: Trial) -> None:  # noqa: ARG002
+    def _begin(self, trial: DisturbedTrial) -> None:  # noqa: ARG002
         self._waiting, self._count = [], 0
 
     def _hits(self) -> bool:
@@ -252,7 +252,7 @@ class Duplicate(SensorFault):
     magnitude: Chance = 0.1
     _last: Seen
 
-    def _begin(self, trial: Trial) -> None:  # noqa: ARG002
+    def _begin(self, trial: DisturbedTrial) -> None:  # noqa: ARG002
         self._last = (), ()
 
     def delivered(self, senses: Senses) -> Senses:
@@ -282,7 +282,7 @@ class Calibration(SensorFault):
     part: Literal["angles", "place", "focal"] = "angles"
     _A: Array
 
-    def _begin(self, trial: Trial) -> None:  # noqa: ARG002
+    def _begin(self, trial: DisturbedTrial) -> None:  # noqa: ARG002
         size = self.magnitude * self._rng.standard_normal()
         axis = direction(self._rng)
         self._A = rotation(axis, size) if self.part == "angles" else (1.0 + size) * np.eye(3)
@@ -390,7 +390,7 @@ class Encoder(SensorFault):
             raise ValueError("a magnitude above 0 for a step")
         return self
 
-    def _begin(self, trial: Trial) -> None:  # noqa: ARG002
+    def _begin(self, trial: DisturbedTrial) -> None:  # noqa: ARG002
         self._t, self._read, self._stuck = 0.0, np.empty(0), np.empty(0)
 
     def delivered(self, senses: Senses) -> Senses:
@@ -445,7 +445,7 @@ class CommandFault(ChannelFault):
     _waiting: deque[Command]
     _last: Command | None
 
-    def _begin(self, trial: Trial) -> None:  # noqa: ARG002
+    def _begin(self, trial: DisturbedTrial) -> None:  # noqa: ARG002
         self._waiting, self._last = deque(), None
 
     def through(self, t: float, command: Command) -> Command:
@@ -467,9 +467,9 @@ class Torque(ChannelFault):
 
     kind: Literal["torque"] = "torque"
     magnitude: Annotated[float, Field(ge=0.01, le=1.0)] = 0.5
-    _trial: Trial
+    _trial: DisturbedTrial
 
-    def _begin(self, trial: Trial) -> None:
+    def _begin(self, trial: DisturbedTrial) -> None:
         if trial.limits is None:
             raise InputError("fault torque", "the limits of the arm", "none")
         self._trial = trial
@@ -529,7 +529,7 @@ FaultPlan = Annotated[
 """Entries in the order in which they act."""
 
 
-def begun(plan: tuple[AnyFault, ...], seed: int, trial: Trial) -> Iterator[AnyFault]:
+def begun(plan: tuple[AnyFault, ...], seed: int, trial: DisturbedTrial) -> Iterator[AnyFault]:
     """Yield the entries of a plan as they are at the release of a trial."""
     for number, fault in enumerate(plan):
         yield fault.begun(np.random.default_rng([_STREAMS, number, seed]), trial)
@@ -582,7 +582,7 @@ class ActiveFaults:
         payload: Mass at the hand that no model knows [kg].
     """
 
-    def __init__(self, plan: tuple[AnyFault, ...], seed: int, trial: Trial) -> None:
+    def __init__(self, plan: tuple[AnyFault, ...], seed: int, trial: DisturbedTrial) -> None:
         """Draw the faults of a trial.
 
         Raises:

@@ -22,7 +22,7 @@ from numpy.polynomial import Polynomial, legendre
 from numpy.typing import NDArray
 
 from mitt.errors import FileError
-from mitt.files.csv_table import measured, number, read_rows
+from mitt.files.csv_table import measured, read_number, read_rows
 from mitt.signals import GRAVITY, Array
 from mitt.world.fall import WANTED, doubt_of, free_of_gravity
 from mitt.world.throws import fly
@@ -86,7 +86,7 @@ class BallPath(Protocol):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Recording:
+class RecordedFlight:
     """Positions of one recorded flight, in the frame of the recording.
 
     Attributes:
@@ -177,7 +177,7 @@ class PlacedFlight:
         return (r, dr) if beyond == 0.0 else fly(r, dr, drag=self.drag, duration=beyond)
 
 
-def read_flights(path: Path) -> tuple[Recording, ...]:
+def read_flights(path: Path) -> tuple[RecordedFlight, ...]:
     """Read recorded flights, by their first rows; rows without a position are left out.
 
     Raises:
@@ -189,7 +189,7 @@ def read_flights(path: Path) -> tuple[Recording, ...]:
     limits = {"t_s": MAX_TIME, "x_m": MAX_DISTANCE, "y_m": MAX_DISTANCE, "z_m": MAX_DISTANCE}
     for line, cells in read_rows(path, COLUMNS):
         flight = rows.setdefault(cells["flight"].strip(), [])
-        t = number(path, line, "t_s", cells["t_s"], limit=limits["t_s"])
+        t = read_number(path, line, "t_s", cells["t_s"], limit=limits["t_s"])
         r = (measured(path, line, c, cells[c], limit=limits[c]) for c in COLUMNS[2:])
         row = (t, *r)
         if not np.all(np.isfinite(row)):
@@ -207,24 +207,24 @@ def read_flights(path: Path) -> tuple[Recording, ...]:
     return flights
 
 
-def _recording(path: Path, name: str, samples: Array) -> Recording:
+def _recording(path: Path, name: str, samples: Array) -> RecordedFlight:
     """Check the whole of one flight and start its time at zero."""
     place = f"{path} flight {name[:40]!r}"
     if len(samples) < MIN_SAMPLES:
         raise FileError(place, f"at least {MIN_SAMPLES} samples", len(samples))
     if np.hypot(*(samples[-1, 1:3] - samples[0, 1:3])) < MIN_CHORD:
         raise FileError(place, f"a horizontal way of at least {MIN_CHORD} m", "less")
-    return Recording(name=name, t=samples[:, 0] - samples[0, 0], r=samples[:, 1:])
+    return RecordedFlight(name=name, t=samples[:, 0] - samples[0, 0], r=samples[:, 1:])
 
 
-def builtin_flights() -> tuple[Recording, ...]:
+def builtin_flights() -> tuple[RecordedFlight, ...]:
     """The 44 flights of ``mitt/data/flights/tennicam.csv`` (source and licence beside it)."""
     with as_file(files("mitt") / "data" / "flights" / "tennicam.csv") as path:
         return read_flights(path)
 
 
 def place_flight(
-    recording: Recording,
+    recording: RecordedFlight,
     catch_point: Array,
     *,
     rng: np.random.Generator | None,
@@ -283,7 +283,7 @@ def smooth(t: Array, r: Array) -> PiecewisePolynomial:
     """
     used = np.ones(t.shape, dtype=np.bool_)
     hits = bounces(t, r[:, 2])
-    release = release_of(t, r, hits)
+    release = find_release(t, r, hits)
     count = int(np.ceil((release - t[0]) / PART_OF_HOLD))
     held = np.linspace(t[0], release, count + 1)  # one edge alone where there is no hand
     edges = np.array([*held, *(x for x in hits if x > release), t[-1]])
@@ -324,7 +324,7 @@ def bounces(t: Array, z: Array) -> list[float]:
     return sorted(found)
 
 
-def release_of(t: Array, r: Array, hits: Sequence[float] = ()) -> float:
+def find_release(t: Array, r: Array, hits: Sequence[float] = ()) -> float:
     """Find when a ball leaves the hand: from then on it moves as in free flight, but for bounces.
 
     Its last stretch of free flight counts that lasts: a ball may be tossed before it is thrown, and

@@ -23,7 +23,7 @@ from mitt.fields import Range, Settings, check
 from mitt.kernels import Record, kernel
 from mitt.signals import Array, Frame, Image
 from mitt.world.outline import scratch_for
-from mitt.world.painting import PERIOD, Balls, Exposure, Film, Light, render_images
+from mitt.world.painting import PERIOD, Exposure, Film, Optics, PaintedBalls, render_images
 from mitt.world.scene import Scene
 
 BLOCK = 512
@@ -116,10 +116,10 @@ def sensor_of(scene: Scene) -> ImageSensor:
     return ImageSensor(brightness=scene.ball.brightness, **own)
 
 
-def _light(sensor: ImageSensor, side: int, rng: np.random.Generator) -> Light:
+def _light(sensor: ImageSensor, side: int, rng: np.random.Generator) -> Optics:
     """Return light and noise; what moves on images of so many pixels has a stream of its own."""
     phase, place = rng.spawn(1)[0].random(2)
-    return Light(
+    return Optics(
         float(sensor.read_noise),
         float(sensor.electrons),
         float(sensor.body),
@@ -376,11 +376,11 @@ class Imager:
 
 def _balls(
     level: float, second: tuple[float, float, float, float] | None, velocity: Sequence[float]
-) -> Balls:
+) -> PaintedBalls:
     """Return the thrown ball, and a second one that rolls, of a grey level."""
     count = 1 if second is None else 2
     begin, end, start, speed, centre = (np.zeros((count, 3)) for _ in range(5))
-    balls = Balls(np.full(count, level), np.zeros(count), start, speed, begin, end, centre)
+    balls = PaintedBalls(np.full(count, level), np.zeros(count), start, speed, begin, end, centre)
     if second is not None:
         balls.start[1], balls.radius[1], balls.velocity[1] = second[:3], second[3], velocity
     return balls

@@ -52,7 +52,7 @@ REST_AFTER = 0.08
 
 
 @big_kernel
-def move(plant: Plant, tau: Array, hand: float, trace: Trace, path: Array) -> None:
+def move_motors(plant: Plant, tau: Array, hand: float, trace: Trace, path: Array) -> None:
     """Let the motors follow a command for one tick.
 
     Args:
@@ -73,7 +73,7 @@ def move(plant: Plant, tau: Array, hand: float, trace: Trace, path: Array) -> No
         if arrive(plant, start + step * (TICK / steps)) & BALL_ANY:
             state.prescribed = False
     state.ticks += 1
-    note(plant, trace)
+    note_state(plant, trace)
 
 
 @kernel
@@ -205,7 +205,7 @@ def arrive(plant: Plant, t: float) -> int:
 
 
 @kernel
-def note(plant: Plant, trace: Trace) -> None:
+def note_state(plant: Plant, trace: Trace) -> None:
     """Write the present state into the trace, judge it, and set the steps of the next tick."""
     state, ball, n = plant.state[0], len(plant.ctrl), len(plant.slides)
     k, t = state.ticks, state.ticks * TICK

@@ -35,7 +35,7 @@ INSTANTS = 8
 _SLACK = 1e-3
 
 
-class Scratch(NamedTuple):
+class PaintScratch(NamedTuple):
     """Scratch of :func:`paint_ball` for images up to a width w.
 
     Attributes:
@@ -54,16 +54,16 @@ class Scratch(NamedTuple):
     full: Array
 
 
-def scratch_for(width: int) -> Scratch:
+def scratch_for(width: int) -> PaintScratch:
     """Return scratch for images up to a width [px]."""
     lines, pixels = (LINES,), (width,)
     path = np.zeros((INSTANTS, 6))
-    return Scratch(np.zeros(lines), np.zeros(lines), path, np.zeros(pixels), np.zeros(pixels))
+    return PaintScratch(np.zeros(lines), np.zeros(lines), path, np.zeros(pixels), np.zeros(pixels))
 
 
 @kernel
 def _intersect(
-    work: Scratch, j: int, k: int, lens: Point, far: float, row: int, lines: int
+    work: PaintScratch, j: int, k: int, lens: Point, far: float, row: int, lines: int
 ) -> None:
     """Write where the lines of a row that have the j-th of k instants begin and end to be covered.
 
@@ -85,7 +85,9 @@ def _intersect(
 
 
 @kernel
-def _cover(work: Scratch, width: int, lens: Point, row: int, lines: int, k: int) -> tuple[int, int]:
+def _cover(
+    work: PaintScratch, width: int, lens: Point, row: int, lines: int, k: int
+) -> tuple[int, int]:
     """Write the covered share of each pixel of a row; return its first and last column."""
     part, full, begins, ends = work.part, work.full, work.left, work.right
     per, share, edge = lines // k, 1.0 / lines, 0
@@ -142,7 +144,7 @@ def _lay_path(lens: Point, ball: Seen, path: Array, window: Edges) -> tuple[int,
 
 @kernel
 def paint_ball(
-    canvas: Canvas, lens: Point, ball: Seen, level: float, window: Edges, work: Scratch
+    canvas: Canvas, lens: Point, ball: Seen, level: float, window: Edges, work: PaintScratch
 ) -> None:
     """Mix a ball of a grey level into the pixels that it covers in part or whole.
 

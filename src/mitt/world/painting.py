@@ -27,13 +27,13 @@ from mitt.world.capsules import (
     Edges,
     Point,
     Seen,
+    capsule_in_view,
     in_front,
     into,
     misses,
     paint_capsule,
-    seen_from,
 )
-from mitt.world.outline import Scratch, paint_ball
+from mitt.world.outline import PaintScratch, paint_ball
 
 Window: TypeAlias = NDArray[np.int64]
 
@@ -45,7 +45,7 @@ _GRAIN_SHIFT = 0.7
 """Phase by which the grain of a capsule differs from that of the one before it [half periods]."""
 
 
-class Light(NamedTuple):
+class Optics(NamedTuple):
     """Light, noise and lens, a number each.
 
     Attributes:
@@ -74,7 +74,7 @@ class Light(NamedTuple):
     shadow_start: float
 
 
-class Balls(NamedTuple):
+class PaintedBalls(NamedTuple):
     """The balls in view, at most two: one that is thrown and one that rolls.
 
     One whose place is not finite is left out.
@@ -118,11 +118,11 @@ class Film(NamedTuple):
     heads: Record
     angles: Array
     optics: Record
-    balls: Balls
-    light: Light
+    balls: PaintedBalls
+    light: Optics
     wall: Image
     normal: NDArray[np.float32]
-    work: Scratch
+    work: PaintScratch
     canvas: NDArray[np.float32]
 
 
@@ -248,7 +248,7 @@ def _paint(
     farther = 1 if count == 2 and centre[1, 2] > centre[0, 2] else 0
     for drawn in range(count + 1):
         for k in range(capsules.shape[0]):
-            ahead, seen = seen_from(begin, capsules, k)
+            ahead, seen = capsule_in_view(begin, capsules, k)
             if not ahead or misses(lens, seen, window):
                 continue
             if _count_behind(seen, centre) == drawn:
@@ -313,7 +313,7 @@ def _soften(canvas: Canvas, other: Canvas, sigma: float, wide: Edges, window: Ed
 
 
 @kernel
-def _cast(canvas: Canvas, light: Light, t: float, window: Edges) -> None:
+def _cast(canvas: Canvas, light: Optics, t: float, window: Edges) -> None:
     """Cast the shadow on a window."""
     edge = light.shadow_start + light.shadow_speed * t
     for v in range(np.uint64(window[0]), np.uint64(window[1] + 1)):

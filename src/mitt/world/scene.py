@@ -13,7 +13,7 @@ from pydantic import Field, field_validator, model_validator
 
 from mitt import checks
 from mitt.errors import FileError, InputError, meant
-from mitt.files.schema import Settings, merged, validated
+from mitt.files.schema import FileSettings, merged, validated
 from mitt.reading import read_toml, shipped_path
 from mitt.signals import Array
 from mitt.world.faults import FaultPlan
@@ -38,7 +38,7 @@ _FILE_BASE: SceneName = "ideal"
 """What a file starts from that does not say so."""
 
 
-class Ball(Settings):
+class Ball(FileSettings):
     """What is thrown; radius and mass are choices of this project, drag that of thrown balls.
 
     Attributes:
@@ -66,7 +66,7 @@ class Ball(Settings):
         return self
 
 
-class Mismatch(Settings):
+class Mismatch(FileSettings):
     """How far the plant is from the model of the catcher, drawn anew from each trial's seed.
 
     Attributes:
@@ -86,7 +86,7 @@ class Mismatch(Settings):
     ball_radius: Annotated[float, Field(ge=0.0, le=0.2)] = 0.0
 
 
-class Sensing(Settings):
+class Sensing(FileSettings):
     """What the catcher senses, and when.
 
     Attributes:
@@ -156,7 +156,7 @@ class Sensing(Settings):
         return views
 
 
-class Actuation(Settings):
+class Actuation(FileSettings):
     """How commands become torques.
 
     Attributes:
@@ -173,7 +173,7 @@ class Actuation(Settings):
     servo: Annotated[float, Field(ge=0.5, le=100.0)] = 8.0
 
 
-class Contact(Settings):
+class Contact(FileSettings):
     """Contact of ball and hand.
 
     Attributes:
@@ -189,7 +189,7 @@ class Contact(Settings):
     settle: Annotated[float, Field(ge=0.002, le=0.02)] = 0.004
 
 
-class Belt(Settings):
+class Belt(FileSettings):
     """A conveyor belt, level and straight.
 
     Attributes:
@@ -212,7 +212,7 @@ class Belt(Settings):
         return np.array([np.cos(self.direction), np.sin(self.direction), 0.0])
 
 
-class Tray(Settings):
+class Tray(FileSettings):
     """A level plate that stands still, for what was met.
 
     Attributes:
@@ -226,7 +226,7 @@ class Tray(Settings):
     side: Annotated[float, Field(gt=0.02, le=5.0)] = 0.24
 
 
-class Scene(Settings):
+class Scene(FileSettings):
     """The world around the catcher; without arguments the scene ``ideal``.
 
     Attributes:
@@ -340,7 +340,7 @@ def scene_of(
     return validated(Scene, merged(below, table), place=place)
 
 
-def changed(scene: Scene) -> dict[str, Any]:
+def changed_settings(scene: Scene) -> dict[str, Any]:
     """Return the settings in which a scene differs from the one that it starts from."""
     own, other = scene.model_dump(mode="json"), named_scene(scene.base).model_dump(mode="json")
     return _difference(own, other)

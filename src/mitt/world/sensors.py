@@ -21,7 +21,7 @@ CameraMaker = Callable[[np.random.Generator], Imager]
 """Sets up the cameras for a trial with its own source of noise."""
 
 
-class Encoders(NamedTuple):
+class SimulatedEncoders(NamedTuple):
     """The encoders of n joints.
 
     Attributes:
@@ -47,14 +47,16 @@ def encoder_steps(scene: Scene, arm: ArmModel) -> Array:
     return np.full(len(arm.names), step)
 
 
-def fresh_encoders(steps: Array) -> Encoders:
+def fresh_encoders(steps: Array) -> SimulatedEncoders:
     """Return encoders of some resolution that have not been read yet."""
     n = len(steps)
-    return Encoders(np.array(steps), np.zeros(n), np.zeros(n), np.zeros(n), np.array([-1.0]))
+    return SimulatedEncoders(
+        np.array(steps), np.zeros(n), np.zeros(n), np.zeros(n), np.array([-1.0])
+    )
 
 
 @kernel
-def read_encoders(encoders: Encoders, t: float, q: Array, dq: Array) -> None:
+def read_encoders(encoders: SimulatedEncoders, t: float, q: Array, dq: Array) -> None:
     """Read the encoders: exact, or counts whose difference is the velocity.
 
     Args:
@@ -116,7 +118,7 @@ class Sensors:
         return self._cameras
 
     @property
-    def encoders(self) -> Encoders:
+    def encoders(self) -> SimulatedEncoders:
         """The encoders, for compiled loops that read them."""
         return self._encoders
 

@@ -15,14 +15,14 @@ from mitt.errors import InputError
 from mitt.signals import GRAVITY, TICK, Array, Command, Frame, Senses
 from mitt.world.build import Drawn, PlantDraw, build_scene
 from mitt.world.capsules import Body, body_of, lay_capsules
-from mitt.world.disturbances import Trial, Undisturbed
+from mitt.world.disturbances import DisturbedTrial, Undisturbed
 from mitt.world.drives import brakes_of, finger_servo, fresh_drives, servo_of
 from mitt.world.engine import Plant, hand_names, plant_of, released
 from mitt.world.faults import ActiveFaults, Sensor
 from mitt.world.flights import BallPath
 from mitt.world.giver import Giver
 from mitt.world.imaging import Imager
-from mitt.world.motion import move, note, note_stop, over
+from mitt.world.motion import move_motors, note_state, note_stop, over
 from mitt.world.prescribed import FREE, Prescribed, states_of
 from mitt.world.scene import Scene
 from mitt.world.sensors import CameraMaker, Sensors, encoder_steps
@@ -308,7 +308,7 @@ class World:
         self._disturb()
         until = self._ticks + 2
         trace = self._trace.reserve(until)
-        move(self._plant, command.tau, command.hand, trace, self._rows(until))
+        move_motors(self._plant, command.tau, command.hand, trace, self._rows(until))
         self._sensors.turn(command.gaze, TICK)
 
     def _disturb(self) -> None:
@@ -379,7 +379,7 @@ class World:
         self.data.qpos[: self._n] = self._arm.q_ready
         mujoco.mj_kinematics(self.model, self.data)
         flight = Undisturbed(ball=ball, drag=self._scene.ball.drag, hand=self._site.copy())
-        return ActiveFaults(plan, seed, Trial(flight, self._limits, self._arm.active))
+        return ActiveFaults(plan, seed, DisturbedTrial(flight, self._limits, self._arm.active))
 
     def _start(self, drawn: Drawn) -> None:
         """Forget the trial before and bring all derived quantities up to date."""
@@ -401,7 +401,7 @@ class World:
         )
         self._prescribed = self._prescription()
         self._plant.state["prescribed"] = self._prescribed is not None
-        note(self._plant, self._trace.rows)
+        note_state(self._plant, self._trace.rows)
 
     def _prescription(self) -> Prescribed | None:
         """Return the motion that the ball follows until it is touched; None where it is free.

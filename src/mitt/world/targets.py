@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from mitt.signals import Array
-from mitt.world.flights import CATCH_FRACTION, Recording, placing
+from mitt.world.flights import CATCH_FRACTION, RecordedFlight, placing
 
 #: Frequencies of a hand's tremor [Hz], and its amplitude at most [m].
 _TREMOR = (8.0, 12.0)
@@ -120,7 +120,7 @@ def drawn_reach(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Recorded(InHand):
+class RecordedMotion(InHand):
     """A thing that moves as one was recorded, and comes to rest after the last sample.
 
     Attributes:
@@ -153,7 +153,9 @@ class Recorded(InHand):
         return r, (u + x * (2.0 * square + 3.0 * x * cube)) / _STEP
 
 
-def recorded(recording: Recording, place: Array, rng: np.random.Generator | None) -> Recorded:
+def recorded(
+    recording: RecordedFlight, place: Array, rng: np.random.Generator | None
+) -> RecordedMotion:
     """Return a recorded motion before an arm, as recorded flights are placed.
 
     It is smoothed by parabolas, each fitted to the samples about its time. Samples that are farther
@@ -178,7 +180,7 @@ def recorded(recording: Recording, place: Array, rng: np.random.Generator | None
     r, dr = np.moveaxis(np.array(rows), 1, 0)
     anchor = r[min(round(CATCH_FRACTION * float(t[-1]) / _STEP), len(r) - 1)]
     rotation, shift = placing(recording.r[-1] - recording.r[0], anchor, place, rng)
-    return Recorded(name=recording.name, r=r @ rotation.T + shift, dr=dr @ rotation.T)
+    return RecordedMotion(name=recording.name, r=r @ rotation.T + shift, dr=dr @ rotation.T)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
