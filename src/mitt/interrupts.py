@@ -27,6 +27,7 @@ _PATIENCE = 0.5
 _SAFE_PATH = "PYTHONSAFEPATH"
 
 _noticed = threading.Event()
+_asked = threading.Event()
 #: Held by whoever decides which thread ends the process: only one of them does.
 _deciding = threading.Lock()
 _arrived: list[int] = []
@@ -103,6 +104,16 @@ def raise_again() -> None:
     if _arrived and not _noticed.is_set():
         notice()
         raise Interrupted(_arrived[0])
+
+
+def ask_to_end(*, asked: bool = True) -> None:
+    """Note that a signal has asked a session to end, or that there is none any more."""
+    (_asked.set if asked else _asked.clear)()
+
+
+def asked_to_end() -> bool:
+    """Say whether a signal has asked the session to end: who waits for long looks now and then."""
+    return _asked.is_set()
 
 
 def notice() -> None:

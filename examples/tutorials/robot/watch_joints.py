@@ -8,14 +8,14 @@ from contextlib import closing
 
 import numpy as np
 
+from mitt.cell.drivers import connect_robot
 from mitt.cell.prepare import prepare
-from mitt.cell.robot import driver_named
 from mitt.clock import monotonic
 from mitt.files.cell import read_cell
 
 prepared = prepare(read_cell(sys.argv[1]))
 arm = prepared.arm
-with closing(driver_named(prepared.cell.robot.driver)(prepared.cell, arm)) as robot:
+with closing(connect_robot(prepared).robot) as robot:
     end = monotonic() + float(sys.argv[2] if sys.argv[2:] else 60.0)
     count, last = 0, -1.0
     while monotonic() < end:

@@ -10,8 +10,9 @@ import numpy as np
 
 from mitt.arm.arm import Arm
 from mitt.cell.frames import FrameSet, FrameSource, SharedFrames, memory_name
+from mitt.cell.hosted import HostedRobot
 from mitt.cell.prepare import PreparedCell, feed_of, scene_of_cell
-from mitt.cell.robot import ReceivedCommand, Robot, check_added, driver_named
+from mitt.cell.robot import ReceivedCommand, Robot, check_added
 from mitt.cell.simulated import SimulatedCell
 from mitt.clock import monotonic
 from mitt.files.cell import Cell
@@ -175,6 +176,7 @@ def connect_robot(prepared: PreparedCell) -> Connection:
     Raises:
         UnknownNameError: No driver is called that.
         InputError: It does not load, its library is not there, or an option is not one.
+        DriverError: It does not reach the robot.
     """
     cell, arm = prepared.cell, prepared.arm
     check_driver(cell, arm)
@@ -187,7 +189,7 @@ def connect_robot(prepared: PreparedCell) -> Connection:
         from mitt.cell.ros2 import Ros2Robot  # noqa: PLC0415 (needs the extra ros2)
 
         return Connection(Ros2Robot(cell, arm), frames, monotonic)
-    return Connection(driver_named(cell.robot.driver)(cell, arm), frames, monotonic)
+    return Connection(HostedRobot(cell, arm), frames, monotonic)
 
 
 def check_driver(cell: Cell, arm: Arm) -> list[str]:

@@ -5,9 +5,11 @@ doubt nothing else holds the arm. What has no brakes is therefore refused when t
 unless the caller says that the arm stays where it is without its drives.
 
 Drivers of other packages are entry points of the group ``mitt.robots``: a function from a
-:class:`mitt.files.cell.Cell` and its :class:`mitt.arm.arm.Arm` to a :class:`Robot`. One of the same
-name of the group ``mitt.robot_checks`` says whether it can be made, for ``--check`` and before the
-start: from cell and arm to lines that say what the robot has to be; it connects to nothing.
+:class:`mitt.files.cell.Cell` and its :class:`mitt.arm.arm.Arm` to a :class:`Robot`. They run in a
+process of their own (:mod:`mitt.cell.driver_host`), all calls from its main thread but one.
+One of the same name of the group ``mitt.robot_checks`` says whether it can be made, for ``--check``
+and before the start: from cell and arm to lines that say what the robot has to be; it connects to
+nothing, and loads no maker's library.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -64,6 +66,8 @@ class Robot(Protocol):
 
     def engage_brakes(self) -> str | None:
         """Engage the brakes and, once they act, switch the drives off. May be called again.
+
+        Where another call has not returned it is called beside that, from another thread.
 
         What is returned says why nobody will, as far as that is known, as ``nobody takes /brake``.
         """

@@ -35,7 +35,7 @@ from mitt.cell.recorder import Recorder
 from mitt.cell.robot import Robot, RobotLink
 from mitt.cell.simulated import Port, SimulatedCell
 from mitt.clock import hurried, monotonic, pinned, sleep_until, time_of_day, uncollected
-from mitt.interrupts import SIGNALS, notice
+from mitt.interrupts import SIGNALS, ask_to_end, notice
 from mitt.signals import TICK
 from mitt.trials.result import STATUSES as THROWN
 from mitt.trials.result import spread_of
@@ -335,6 +335,7 @@ class Session:
 
         def heard(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
             self.signal = self.signal or number
+            ask_to_end()
             notice()
 
         before = {n: signal.getsignal(n) for n in SIGNALS if signal.getsignal(n) != signal.SIG_IGN}
@@ -343,6 +344,7 @@ class Session:
         try:
             yield
         finally:
+            ask_to_end(asked=False)
             for number, handler in before.items():
                 signal.signal(number, handler)
 

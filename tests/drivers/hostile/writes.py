@@ -1,0 +1,23 @@
+"""Commands the hostile driver's arm a thousand times a second until ended: FILE of notes."""
+
+import sys
+import time
+
+import numpy as np
+
+from mitt.cell.hosted import HostedRobot
+from mitt.clock import hurried
+from mitt.files.cell import arm_of, read_cell
+from mitt.signals import Command
+
+cell = read_cell("wam-sim")
+arm = arm_of(cell)
+options: dict[str, str | float | bool] = {"call": "", "fault": "nothing", "notes": sys.argv[1]}
+robot = cell.robot.model_copy(update={"driver": "hostile", "options": options})
+hosted = HostedRobot(cell.model_copy(update={"robot": robot}), arm)
+with hurried():
+    hosted.release()
+    while True:
+        hosted.read(0.02)
+        joints = np.zeros((4, arm.n))
+        hosted.write(Command(t=0.0, joints=joints, hand=0.0), time.time())
