@@ -39,7 +39,7 @@ def target_of(contrast: float = 0.0, mean: float = 24.0) -> Record:
     """Return a target with a known contrast of the ball, or none, shape (1,)."""
     target = np.empty(1, TARGET)
     forget(target)
-    target["mean"] = mean
+    target["mean"], target["learned"] = mean, 1
     if contrast > 0.0:
         target["gain"], target["weighed"], target["expected"] = contrast, 5.0, 20.0
     return target
@@ -116,7 +116,8 @@ def test_the_mean_of_the_looks_is_the_background() -> None:
     for n in range(2):
         assert np.array_equal(eyes.backgrounds[n], np.rint(stacks[:, n].mean(axis=0)))
     eyes.reset()
-    assert all(background.size == 0 for background in eyes.backgrounds)
+    assert not eyes.memory.targets["learned"].any()
+    assert not np.any(eyes.backgrounds)
 
 
 def test_a_background_of_another_size_or_camera_is_refused() -> None:

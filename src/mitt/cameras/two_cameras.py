@@ -14,6 +14,7 @@ from mitt.cameras.synchrony import Synchrony, synchrony
 from mitt.cameras.video_writer import VideoWriter
 from mitt.clock import Progress
 from mitt.errors import InputError
+from mitt.eyes.groups import MOST_GROUPS
 from mitt.eyes.segmentation import Segmenter
 from mitt.eyes.triangulation import Triangulator, TriangulatorConfig
 from mitt.files.rig import CalibratedRig
@@ -26,6 +27,8 @@ WATCHED = 30.0
 _AGREE = 0.5
 #: What an unknown offset may move the ball by, one sigma, before it is said [m].
 _UNKNOWN = 5e-3
+#: Share of the frames with more bright things than are looked at, above which it is said.
+_CROWDED = 0.1
 #: Brightest pixel below which a camera sees nothing.
 _DARK = 50
 #: Colours (red, green, blue): both cameras agree, one sees something alone, text, ground.
@@ -119,6 +122,7 @@ class SeenSoFar:
         points: Time and position of each sighting, shape (4,).
         targets: Frames of each camera with a target in them.
         brightest: Largest value of a pixel of each camera.
+        crowded: Frames of each camera with more bright things than are looked at.
         both: Instants at which both cameras had one.
         agreed: Instants at which they agreed on a ball.
         exchanged: Time and position of the sightings with left and right exchanged.
@@ -136,6 +140,7 @@ class SeenSoFar:
     points: list[Array] = field(default_factory=list)
     targets: list[int] = field(default_factory=lambda: [0, 0])
     brightest: list[int] = field(default_factory=lambda: [0, 0])
+    crowded: list[int] = field(default_factory=lambda: [0, 0])
     both: int = 0
     agreed: int = 0
     exchanged: list[Array] = field(default_factory=list)
@@ -175,6 +180,7 @@ class Watcher:
         for frame in frames:
             largest = int(frame.pixels.max(initial=0))
             seen.brightest[frame.camera] = max(seen.brightest[frame.camera], largest)
+            seen.crowded[frame.camera] += self._segmenters[frame.camera].left_out > 0
         straight = tuple(self._straight(m) for m in moments)
         sighting = self._triangulator.step(straight)
         if len(straight) == 2 and all(m.found and not (m.clipped or m.merged) for m in straight):
@@ -298,6 +304,12 @@ def complaints(seen: SeenSoFar, names: tuple[str, ...]) -> tuple[str, ...]:
         if count == 0:
             why = "is it dark or covered?" if most < _DARK else "is something else as bright?"
             said.append(f"camera {name} saw no ball (brightest pixel {most} of 255): {why}")
+    for name, crowded, frames in zip(names, seen.crowded, counts.frames, strict=True):
+        if crowded > _CROWDED * frames:
+            said.append(
+                f"camera {name} shows more than {MOST_GROUPS} bright things in {crowded} of"
+                f" {frames} frames: only those most like a ball are looked at"
+            )
     if exchanged:
         said.append(
             f"left and right seem exchanged: {len(seen.exchanged)} sightings the other way "

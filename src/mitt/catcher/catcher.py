@@ -237,8 +237,18 @@ class Catcher:
         """
         if self.stopped_by is not None and self.stopped_by.hint:
             return self.stopped_by.hint
-        watched = self._sightings.hint if self._planner.phase == WATCH else None
+        watched = self._hint_of_watch() if self._planner.phase == WATCH else None
         return watched or self._sightings.scatter or self._hint_of_catch()
+
+    def _hint_of_watch(self) -> str | None:
+        """Return why no ball may ever be seen; None where nothing is known to be wrong."""
+        said, more = self._sightings.hint, self._eyes.left_out
+        if said is None or more == 0:
+            return said
+        return (
+            f"{said} Its images show {more} bright things beyond those that are followed: let"
+            " learn_background see them before the throw, or cover them"
+        )
 
     def _hint_of_catch(self) -> str | None:
         """Return what the catch says of a mistake, once the arm rests."""

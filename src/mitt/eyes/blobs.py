@@ -1,10 +1,9 @@
-"""Bright pixels that hang together: as runs of a mask, as boxes, and their moments.
+"""Bright pixels that hang together: as runs of a mask, and their moments.
 
 | here          | meaning                                                     | unit | shape  |
 |---------------|-------------------------------------------------------------|------|--------|
 | ``runs``      | first and last column of each row; first > last: empty row  | px   | (2, k) |
 | ``top, rows`` | row of the image in which runs begin, and how many they are | px   |        |
-| ``box``       | record of ``BOX``, about a group                            |      |        |
 | ``threshold`` | level that bright pixels exceed                             | grey |        |
 | ``moments``   | record of ``MOMENTS``                                       |      |        |
 
@@ -16,21 +15,16 @@ from math import pi, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt.kernels import Fields, Record, kernel
+from mitt.kernels import Fields, kernel
 from mitt.signals import Image
 
 Ints = NDArray[np.int64]
 
 ROWS = 256
 """Rows of the tallest target [px]."""
-MAX_BLOBS = 16
-"""Groups looked at in one image; more is noise, not a ball."""
 
 MOMENTS = np.dtype([(name, float) for name in ("mass", "u", "v", "uu", "uv", "vv", "area")])
 """Mass [grey levels], centroid [px], central second moments [px^2] and area [px^2] of a target."""
-
-BOX = np.dtype([(name, np.int64) for name in ("left", "top", "right", "bottom")])
-"""First and last columns and rows of a group of pixels [px]."""
 
 STRETCH = 2.2
 SPREAD = 1.35
@@ -230,60 +224,3 @@ def is_merged(moments: Fields) -> bool:
     gap = sqrt((0.5 * (moments.uu - moments.vv)) ** 2 + moments.uv**2)
     stretched = half + gap > STRETCH * max(half - gap, 1e-9)
     return bool(stretched or 4.0 * pi * half > SPREAD * moments.area)
-
-
-@kernel
-def _row_has(pixels: Image, row: int, u0: int, u1: int, threshold: int) -> bool:
-    """Return whether a pixel of columns u0..u1 of ``row`` lies above the threshold."""
-    line = pixels[row, u0 : u1 + 1]  # a slice, so that the loop below becomes vector code
-    top = np.uint8(0)
-    for k in range(line.shape[0]):
-        top = max(top, line[k])
-    return bool(top > threshold)
-
-
-@kernel
-def _grow(pixels: Image, threshold: int, box: Fields) -> None:
-    """Widen ``box`` until no pixel around it lies above the threshold."""
-    height, width = pixels.shape
-    grown = True
-    while grown:
-        grown = False
-        u0, u1 = max(box.left - 1, 0), min(box.right + 1, width - 1)
-        v0, v1 = max(box.top - 1, 0), min(box.bottom + 1, height - 1)
-        if v0 < box.top and _row_has(pixels, v0, u0, u1, threshold):
-            box.top, grown = v0, True
-        if v1 > box.bottom and _row_has(pixels, v1, u0, u1, threshold):
-            box.bottom, grown = v1, True
-        for v in range(v0, v1 + 1):
-            if u0 < box.left and pixels[v, u0] > threshold:
-                box.left, grown = u0, True
-            if u1 > box.right and pixels[v, u1] > threshold:
-                box.right, grown = u1, True
-
-
-@kernel
-def find_boxes(pixels: Image, threshold: int, boxes: Record) -> int:
-    """Write all groups of bright pixels into ``boxes``, shape (MAX_BLOBS,).
-
-    Returns:
-        Their number.
-    """
-    count, (height, width) = 0, pixels.shape
-    for v in range(height):
-        if count == MAX_BLOBS or not _row_has(pixels, v, 0, width - 1, threshold):
-            continue
-        u = 0
-        while u < width and count < MAX_BLOBS:
-            inside = False
-            for k in range(count):
-                box = boxes[k]
-                if box.top <= v <= box.bottom and box.left <= u <= box.right:
-                    inside, u = True, box.right
-            if not inside and pixels[v, u] > threshold:
-                box = boxes[count]
-                box.left, box.top, box.right, box.bottom = u, v, u, v
-                _grow(pixels, threshold, box)
-                count, u = count + 1, box.right
-            u += 1
-    return count

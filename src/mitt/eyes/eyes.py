@@ -78,7 +78,8 @@ class Eyes:
     Attributes:
         heads: Number of heads; 0 where the cameras stand still.
         memory: What the eyes know and remember, which the compiled tick shares.
-        backgrounds: As of :func:`mitt.eyes.localization.localize`; empty until they are learned.
+        backgrounds: As of :func:`mitt.eyes.localization.localize`; what was seen of late until they
+            are learned.
     """
 
     backgrounds: tuple[Image, ...]
@@ -116,7 +117,9 @@ class Eyes:
     def reset(self) -> None:
         """Forget the last ball and the background, as before a new throw."""
         forget(self.memory.targets)
-        self.backgrounds = (*self._none, self._none[0])
+        rows, columns = np.max(self._shapes, axis=0)
+        seen = self._none if self.heads else [np.zeros(x, np.uint8) for x in self._shapes]
+        self.backgrounds = (*seen, np.zeros((rows, columns), np.uint8))
         self.memory.rig[...] = np.zeros((), localization.RIG)
         self.memory.gaze[...] = head.fresh_gaze(1)
         self._numbers = [-1] * len(self._none)
@@ -147,8 +150,16 @@ class Eyes:
             if not seen:
                 raise InputError("views", f"a frame of camera {n}", "none")
             means.append(np.rint(np.mean(seen, axis=0)).astype(np.uint8))
-        rows, columns = np.max(self._shapes, axis=0)
-        self.backgrounds = (*means, np.zeros((rows, columns), np.uint8))
+        self.backgrounds = (*means, self.backgrounds[-1])
+        self.memory.targets["learned"] = 1
+
+    @property
+    def left_out(self) -> int:
+        """Bright things beyond those that were looked at in the last search, of the worst camera.
+
+        Those that are least like a ball are left out.
+        """
+        return int(self.memory.targets["left_out"].max())
 
     @property
     def status(self) -> EyesStatus:

@@ -12,8 +12,9 @@ from typing import Any, NamedTuple, final
 
 import numpy as np
 
-from mitt.eyes.blobs import BOX, ROWS, find_boxes, is_merged
+from mitt.eyes.blobs import ROWS, is_merged
 from mitt.eyes.camera import in_camera, sphere_centroid
+from mitt.eyes.groups import GROUP
 from mitt.eyes.segmentation import (
     GOOD,
     LOST,
@@ -21,6 +22,7 @@ from mitt.eyes.segmentation import (
     detect,
     follow_target,
     measure_if_due,
+    most_like_ball,
     outline,
     searched_difference,
 )
@@ -35,7 +37,7 @@ LACKING = -2.0
 LARGE = 2.0
 """Mass over the one that the ball should have above which a target is something else."""
 MOST = 6
-"""Targets of a camera, and candidates, that are followed."""
+"""Targets of a camera, and candidates, that are followed: those most like a thrown ball."""
 
 TRACK = np.dtype(
     [
@@ -48,8 +50,8 @@ TRACK = np.dtype(
     ]
 )
 """A candidate for the ball."""
-SEEN = np.dtype([("u", float), ("v", float), ("area", float), ("box", BOX)])
-"""A target that may be the ball: centroid [px], area [px^2], box."""
+SEEN = np.dtype([("u", float), ("v", float), ("area", float), ("group", GROUP)])
+"""A target that may be the ball: centroid [px], area [px^2], its pixels."""
 RIG = np.dtype(
     [
         ("status", np.int64),  # BLIND, ONE, BOTH or AT_ODDS
@@ -539,24 +541,28 @@ def _show_whole(
 def _list_targets(
     images: tuple[Image, ...], backgrounds: tuple[Image, ...], n: int, eyes: EyesMemory
 ) -> int:
-    """Write the whole, round targets of a camera; return their number."""
+    """Write the whole, round targets of a camera most like the ball; return their number."""
     shown, own = _show_whole(images, backgrounds, n, eyes), eyes.targets[n]
     work, settings, seen = eyes.segment_work[0], eyes.segmenter[0], eyes.match_work[0].seen
     count = 0
     measure_if_due(shown, own, settings, work.counts)
     height, width = shown.shape
-    for k in range(find_boxes(shown, int(own.threshold), work.boxes)):
-        box = work.boxes[k]
-        inside = box.left > 0 and box.top > 0 and box.right < width - 1 and box.bottom < height - 1
-        if count == MOST or not inside or box.bottom - box.top >= ROWS:
+    for k in range(most_like_ball(shown, backgrounds[n], own, settings, work)):
+        group = work.groups[k]
+        inside = group.left > 0 and group.right < width - 1
+        inside &= group.top > 0 and group.bottom < height - 1
+        if not inside or group.bottom - group.top >= ROWS:
             continue
-        if outline(shown, own, box, work.runs, own.moments) == 0:
+        if outline(shown, own, group, work.runs, own.moments) == 0:
             continue
         if own.moments.area < settings.min_area or is_merged(own.moments):
             continue
+        if count == MOST:
+            own.left_out += 1
+            continue
         one = seen[n, count]
         one.u, one.v, one.area = own.moments.u, own.moments.v, own.moments.area
-        one.box = box
+        one.group = group
         count += 1
     return count
 
@@ -568,11 +574,15 @@ def _take_both(
     """Let both cameras follow a target each from now on, number i and j of those listed."""
     work, seen = eyes.segment_work[0], eyes.match_work[0].seen
     for n, k in enumerate((i, j)):
-        shown, own, box = _show_whole(images, backgrounds, n, eyes), eyes.targets[n], seen[n, k].box
-        rows = outline(shown, own, box, work.runs, own.moments)
+        shown, own, group = (
+            _show_whole(images, backgrounds, n, eyes),
+            eyes.targets[n],
+            seen[n, k].group,
+        )
+        rows = outline(shown, own, group, work.runs, own.moments)
         if rows > 0:
             own.du, own.dv = 0.0, 0.0
-            follow_target(own, box.top, rows, work.runs)
+            follow_target(own, group.top, rows, work.runs)
 
 
 @kernel
@@ -632,18 +642,22 @@ def _match(work: Fields) -> None:
 
 @kernel
 def _follow(tracks: Record, count: int, frame: int, r: Array, pair: tuple[int, int]) -> int:
-    """Take a position into the track that it goes on with, or a new one; return their number."""
-    near, best = LIMITS.leap, count
+    """Take a position into the track that it goes on with, or a new one; return their number.
+
+    Where there is no room, it takes the place of the one least like a thrown ball.
+    """
+    near, best = LIMITS.leap, -1
     for k in range(count):
         gap, away = frame - tracks[k].last, 0.0
         for i in range(3):
             away += (tracks[k].r[i] - r[i]) ** 2
         if gap > 0 and sqrt(away) < near * gap:
             best, near = k, sqrt(away) / gap
-    if best == len(tracks):
-        return count
+    begins = best < 0
+    if begins:
+        best = count if count < len(tracks) else _slowest(tracks, frame)
     track = tracks[best]
-    if best == count:
+    if begins:
         track.first, track.seen = frame, 0
         for i in range(3):
             track.start[i] = r[i]
@@ -655,16 +669,34 @@ def _follow(tracks: Record, count: int, frame: int, r: Array, pair: tuple[int, i
 
 
 @kernel
+def _speed(track: Fields) -> float:
+    """Return how far a track moved in a frame [m]."""
+    moved = 0.0
+    for i in range(3):
+        moved += (track.r[i] - track.start[i]) ** 2
+    return float(sqrt(moved) / max(track.last - track.first, 1))
+
+
+@kernel
+def _slowest(tracks: Record, frame: int) -> int:
+    """Return the track least like a thrown ball: lost for some frames, or else the slowest."""
+    worst, least = 0, np.inf
+    for k in range(len(tracks)):
+        speed = _speed(tracks[k]) if tracks[k].last >= frame - 3 else -1.0
+        if speed < least:
+            worst, least = k, speed
+    return worst
+
+
+@kernel
 def _fastest(tracks: Record, count: int, slow: bool) -> int:
     """Return the track that moved fastest, or -1; one that may be a rolling ball if ``slow``."""
     best, speed = -1, -1.0
     for k in range(count):
-        track, moved = tracks[k], 0.0
-        for i in range(3):
-            moved += (track.r[i] - track.start[i]) ** 2
-        moved, frames = sqrt(moved), max(track.last - track.first, 1)
-        if not slow and moved < LIMITS.blur + LIMITS.slow * frames:
+        track = tracks[k]
+        one, frames = _speed(track), max(track.last - track.first, 1)
+        if not slow and one * frames < LIMITS.blur + LIMITS.slow * frames:
             continue
-        if track.seen >= LIMITS.seen and moved / frames > speed:
-            best, speed = k, moved / frames
+        if track.seen >= LIMITS.seen and one > speed:
+            best, speed = k, one
     return best

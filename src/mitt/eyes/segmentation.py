@@ -14,18 +14,21 @@
    it without touching the target, which the chip would include, is left out.
 4. **Moments**, which show what touches the target: then it is merged, and the mask of the ball that
    went into it moves on, so that the ball is found where the two part.
-5. **Everywhere**, where the target is lost: the best of all groups of bright pixels.
+5. **Everywhere**, where the target is lost: the group of bright pixels that is most like a ball
+   (:mod:`mitt.eyes.groups`). Where no background was learned, what a camera that stands still has
+   shown of late takes its place there: what has not moved since is less like a ball.
 
 | here           | meaning                                                        | unit | shape  |
 |----------------|----------------------------------------------------------------|------|--------|
 | ``target``     | record of ``TARGET``: what is remembered of a camera's target  |      |        |
 | ``window``     | part of an image: first and last row, first and last column    | px   | (4,)   |
-| ``background`` | mean image without the ball; empty where none was learned      | grey | (h, w) |
+| ``background`` | mean image without the ball; where none was learned, what was  | grey | (h, w) |
+|                | seen of late, or empty                                         |      |        |
 | ``difference`` | scratch as large as the image, if there is a background        | grey | (h, w) |
 | ``settings``   | record of :func:`pack_segmenter`                               |      |        |
 | ``work``       | record of ``WORK``: scratch                                    |      |        |
 
-Runs, boxes and moments: :mod:`mitt.eyes.blobs`.
+Runs and moments: :mod:`mitt.eyes.blobs`.
 """
 
 from dataclasses import asdict, dataclass
@@ -35,20 +38,18 @@ from typing import Annotated
 import numpy as np
 
 from mitt.eyes.blobs import (
-    BOX,
     EMPTY,
-    MAX_BLOBS,
     MOMENTS,
     ROWS,
     Ints,
     connect,
     dilate,
-    find_boxes,
     is_merged,
     touches_border,
     trim,
     weigh,
 )
+from mitt.eyes.groups import GROUP, LOOK, MOST_GROUPS, SCAN, find_groups, remember
 from mitt.fields import Range, Settings
 from mitt.kernels import Fields, Record, kernel, record_of, view
 from mitt.signals import Frame, Image, Moments
@@ -85,13 +86,18 @@ TARGET = np.dtype(
         ("at_v", float),  # where the ball should be [px]
         ("near", float),  # how far from there it may be; 0 if unknown [px]
         ("offset", float, (2,)),  # centroid less that of the ball where all cameras see it [px]
+        ("learned", np.int64),  # whether its background was learned, without the ball
+        ("looks", np.int64),  # whole images searched, where it was not
+        ("left_out", np.int64),  # groups that found no place among the best of the last of them
     ]
 )
 """What is remembered of the target in the images of one camera."""
 
 WORK = np.dtype(
     [
-        ("boxes", BOX, (MAX_BLOBS,)),
+        ("groups", GROUP, (MOST_GROUPS,)),
+        ("look", LOOK),
+        ("scan", SCAN),
         ("window", np.int64, (4,)),
         ("counts", np.int64, (256,)),
         ("runs", np.int64, (2, ROWS)),
@@ -260,6 +266,13 @@ def subtract(
 
 
 @kernel
+def is_learned(pixels: Image, background: Image, difference: Image, target: Fields) -> bool:
+    """Return whether there is a background to subtract, and room for the difference."""
+    fits = background.size == pixels.size and difference.size >= pixels.size
+    return bool(fits and target.learned > 0)
+
+
+@kernel
 def searched_difference(
     pixels: Image, background: Image, difference: Image, target: Fields, window: Ints, whole: bool
 ) -> Image:
@@ -267,7 +280,7 @@ def searched_difference(
 
     The image itself where no background was learned. Light and mean go into ``target``.
     """
-    if background.size != pixels.size or difference.size < pixels.size:
+    if not is_learned(pixels, background, difference, target):
         return pixels
     shown = view(difference, 0, pixels.shape)
     if whole:
@@ -320,38 +333,36 @@ def measure_if_due(shown: Image, target: Fields, settings: Fields, counts: Ints)
 
 
 @kernel
-def _best_box(pixels: Image, target: Fields, min_area: int, boxes: Record) -> int:
-    """Write the boxes of all groups of bright pixels; return which is the best, -1 if none.
+def most_like_ball(
+    shown: Image, background: Image, target: Fields, settings: Fields, work: Fields
+) -> int:
+    """Write the groups of an image that are most like the ball; return their number.
 
-    The nearest to the area that the ball should have; if that is not known the largest, the round
-    ones before the long. It has to be where the ball should be.
+    ``shown`` is the whole image, or its difference from a learned background. They go into
+    ``work.groups``, the most like first, and how many more there were into ``target``.
     """
-    best, threshold, expected, found = -np.inf, int(target.threshold), target.expected, -1
-    for k in range(find_boxes(pixels, threshold, boxes)):
-        box, area = boxes[k], 0
-        for v in range(box.top, box.bottom + 1):
-            for u in range(box.left, box.right + 1):
-                area += pixels[v, u] > threshold
-        sides = box.right - box.left + 1, box.bottom - box.top + 1
-        score = area * min(sides) / max(sides)
-        if expected > 0.0:
-            score = min(score / expected, expected / score)
-        du = 0.5 * (box.left + box.right) - target.at_u
-        dv = 0.5 * (box.top + box.bottom) - target.at_v
-        far = target.near > 0.0 and max(abs(du), abs(dv)) > target.near
-        if area >= min_area and score > best and not far:
-            best, found = score, k
-    return found
+    look, unlearned = work.look, target.learned == 0
+    look.level, look.threshold, look.area = target.level, target.threshold, target.expected
+    look.mass = target.gain * target.expected if target.weighed > 0.0 else 0.0
+    look.u, look.v, look.near = target.at_u, target.at_v, target.near
+    look.least = settings.min_area
+    before = background if unlearned and target.looks > 0 else background[:0]
+    count = find_groups(shown, before, look, work.scan, work.groups)
+    target.left_out = work.scan.left_out
+    if unlearned:
+        remember(shown, background, target.looks)
+        target.looks += 1
+    return int(count)
 
 
 @kernel
-def outline(pixels: Image, target: Fields, box: Fields, runs: Ints, moments: Fields) -> int:
-    """Write runs and moments of the target in a box; return its rows, 0 if there is none."""
-    rows, threshold = min(box.bottom - box.top + 1, ROWS), int(target.threshold)
-    runs[0, :rows], runs[1, :rows] = box.left, box.right
-    if connect(pixels, threshold, box.top, rows, runs, (box.left + box.right) // 2) == 0:
+def outline(pixels: Image, target: Fields, group: Fields, runs: Ints, moments: Fields) -> int:
+    """Write runs and moments of the target in a group; return its rows, 0 if there is none."""
+    rows, threshold = min(group.bottom - group.top + 1, ROWS), int(target.threshold)
+    runs[0, :rows], runs[1, :rows] = group.left, group.right
+    if connect(pixels, threshold, group.top, rows, runs, (group.left + group.right) // 2) == 0:
         return 0
-    if not weigh(pixels, box.top, rows, runs, threshold, target.level, moments):
+    if not weigh(pixels, group.top, rows, runs, threshold, target.level, moments):
         return 0
     return int(rows)
 
@@ -386,6 +397,22 @@ def _find_again(
 
 
 @kernel
+def _find_anew(
+    shown: Image, background: Image, target: Fields, settings: Fields, work: Fields
+) -> tuple[int, int]:
+    """Find what is most like the ball in the whole image; return its first row and its rows."""
+    moments = target.moments
+    for k in range(most_like_ball(shown, background, target, settings, work)):
+        group = work.groups[k]
+        rows = outline(shown, target, group, work.runs, moments)
+        if rows == 0:
+            continue
+        if touches_border(shown.shape, group.top, rows, work.runs) or not is_merged(moments):
+            return group.top, rows
+    return 0, 0
+
+
+@kernel
 def suffices(
     pixels: Image,
     background: Image,
@@ -402,7 +429,7 @@ def suffices(
     the window of :func:`region_of_interest`.
     """
     shown = pixels
-    if background.size == pixels.size and difference.size >= pixels.size:
+    if is_learned(pixels, background, difference, target):
         shown = view(difference, 0, pixels.shape)
         subtract(pixels, background, window, False, target, shown)
     return bool(_find_again(shown, target, settings, work.runs, work.moments)[1] > 0)
@@ -457,10 +484,7 @@ def _segment(
     if not again:
         if part:
             shown = searched_difference(pixels, background, difference, target, window, True)
-        found = _best_box(shown, target, settings.min_area, work.boxes)
-        if found >= 0:
-            top = work.boxes[found].top
-            rows = outline(shown, target, work.boxes[found], new, moments)
+        top, rows = _find_anew(shown, background, target, settings, work)
     if rows == 0:
         _lose(target)
         return 0, False
@@ -533,16 +557,26 @@ class Segmenter:
         """Start without a target and without an idea of the background."""
         self._settings = pack_segmenter(config or SegmenterConfig())
         self._target, self._work = np.zeros(1, TARGET), np.zeros(1, WORK)
+        self._before = _NONE
         self.reset()
 
     def reset(self) -> None:
         """Forget the target and the background."""
         forget(self._target)
 
+    @property
+    def left_out(self) -> int:
+        """Bright things beyond those that are looked at, in the last whole image searched."""
+        return int(self._target["left_out"][0])
+
     def step(self, frame: Frame) -> Moments:
         """Return the moments of the target in ``frame``."""
         target, pixels = self._target[0], np.ascontiguousarray(frame.pixels)
-        area, clipped = detect(pixels, _NONE, _NONE, target, self._settings[0], self._work[0])
+        if self._before.shape != pixels.shape and pixels.ndim == 2:
+            self._before, target["looks"] = np.zeros(pixels.shape, np.uint8), 0
+        area, clipped = detect(
+            pixels, self._before, _NONE, target, self._settings[0], self._work[0]
+        )
         if area == 0:
             return Moments(t=frame.t, camera=frame.camera, found=False)
         return Moments(
