@@ -30,11 +30,11 @@ from mitt.files.arm_file import ArmSpec, ThrowSettings
 from mitt.map.learn import Learned
 from mitt.map.neighbourhood import learn, neighbourhood_of_ball
 from mitt.rivals.clairvoyant import make_clairvoyant
+from mitt.trials.catch_study import CatchCondition, read_catch_study
 from mitt.trials.registry import make_generator
 from mitt.trials.runner import TrialRunner
 from mitt.trials.score import Trial
 from mitt.trials.source import source_of, widened
-from mitt.trials.study_file import Condition, read_study
 from mitt.world.scene import read_scene
 
 #: Share of the throws that the map catches which are given to the clairvoyant as well.
@@ -43,13 +43,14 @@ LIMITS = ("paper", "wam-80v", "wam-48v")
 STUDY = "show-throws"
 
 
-def of_arm_file(path: str, scene: str) -> Condition:
+def of_arm_file(path: str, scene: str) -> CatchCondition:
     """Return the throws that an arm file asks for, at its arm and map."""
     arm = ArmSpec(arm=path)
     throws = arm.read().throws or ThrowSettings()
-    return Condition(
+    return CatchCondition(
         name=path,
         disturbance="default",
+        counts={},
         arm=arm,
         scene=read_scene(scene),
         vision="pixels",
@@ -57,15 +58,20 @@ def of_arm_file(path: str, scene: str) -> Condition:
     )
 
 
-def conditions(limits: str, names: str, scene: str) -> Iterator[Condition]:
+def conditions(limits: str, names: str, scene: str) -> Iterator[CatchCondition]:
     """Return the conditions of a limit set that are wanted; names of the study without the set."""
     wanted = names.split(",")
     if "default" in wanted:
         arm = ArmSpec.model_validate({"limits": limits})
-        yield Condition(
-            name="default", disturbance="default", arm=arm, scene=read_scene(scene), vision="pixels"
+        yield CatchCondition(
+            name="default",
+            disturbance="default",
+            counts={},
+            arm=arm,
+            scene=read_scene(scene),
+            vision="pixels",
         )
-    for condition in read_study(Path(STUDY), generators=("direct",)).conditions:
+    for condition in read_catch_study(Path(STUDY), generators=("direct",)).conditions:
         name = " ".join(condition.name.replace(limits, "").split())
         if condition.arm.limits == limits and (names == "all" or name in wanted):
             yield condition.model_copy(update={"name": name})
@@ -78,7 +84,7 @@ def learned(settings: ArmSpec, drag: float) -> Learned:
     return learn(chosen.arm, design=chosen.design, around=neighbourhood_of_ball(drag))
 
 
-def part(options: argparse.Namespace, condition: Condition, number: int) -> list[Row]:
+def part(options: argparse.Namespace, condition: CatchCondition, number: int) -> list[Row]:
     """Run one worker's share of the throws of a condition."""
     scene, pixels = condition.scene, options.vision == "pixels"
     f = learned(condition.arm, scene.ball.drag).map
@@ -102,7 +108,7 @@ def part(options: argparse.Namespace, condition: Condition, number: int) -> list
     return rows
 
 
-def run(options: argparse.Namespace, condition: Condition) -> list[Row]:
+def run(options: argparse.Namespace, condition: CatchCondition) -> list[Row]:
     """Run all throws of a condition."""
     return parallel(partial(part, options, condition), options.workers)
 

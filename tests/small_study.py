@@ -7,9 +7,9 @@ from pathlib import Path
 
 from mitt.files.maps import save_map
 from mitt.map.learn import Learned
-from mitt.trials.study_file import Study, read_study
+from mitt.trials.catch_study import CatchStudy, read_catch_study
+from mitt.trials.study import Chunk
 from mitt.trials.study_folder import Folder
-from mitt.trials.study_run import Job
 
 TEXT = """
 name = "small"
@@ -65,7 +65,7 @@ class Here:
     def submit(self, work: Callable[..., bytes], *given: object) -> "Future[bytes]":
         """Do the work."""
         future: Future[bytes] = Future()
-        number = given[0].number if isinstance(given[0], Job) else -1
+        number = given[0].number if isinstance(given[0], Chunk) else -1
         attempt = self._tries[number] = self._tries.get(number, 0) + 1
         if self._deadly(number, attempt):
             future.set_exception(WorkerDiedError())
@@ -92,14 +92,14 @@ def quiet(name: str, done: int, of: int) -> None:
     """Take in progress and say nothing."""
 
 
-def write_study(folder: Path, text: str, *, generators: tuple[str, ...] = GENERATORS) -> Study:
+def write_study(folder: Path, text: str, *, generators: tuple[str, ...] = GENERATORS) -> CatchStudy:
     """Write a study file and read it."""
     path = folder / "study.toml"
     path.write_text(text)
-    return read_study(path, generators=generators)
+    return read_catch_study(path, generators=generators)
 
 
-def ready(path: Path, study: Study, learned: Learned) -> Folder:
+def ready(path: Path, study: CatchStudy, learned: Learned) -> Folder:
     """Return a claimed folder with a map in it, so that nothing has to be learned."""
     folder = Folder(path)
     folder.claim(study, resume=True, overwrite=False)
@@ -108,7 +108,7 @@ def ready(path: Path, study: Study, learned: Learned) -> Folder:
     return folder
 
 
-def thrown_again(whole: Path, place: Path) -> tuple[Study, Folder]:
+def thrown_again(whole: Path, place: Path) -> tuple[CatchStudy, Folder]:
     """Return the small study and a copy of its folder after it was thrown."""
     study = write_study(place, TEXT)
     return study, Folder(Path(shutil.copytree(whole, place / "out")))

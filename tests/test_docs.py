@@ -14,9 +14,9 @@ import pytest
 from mitt.clock import Stopwatch
 from mitt.files.maps import save_map
 from mitt.map.learn import Learned
+from mitt.trials.catch_study import read_catch_study
 from mitt.trials.result import STATUSES, result
 from mitt.trials.score import Trial
-from mitt.trials.study_file import read_study
 from mitt.world.scene import read_scene
 
 ROOT = Path(__file__).parents[1]
@@ -183,7 +183,7 @@ def test_the_study_in_the_document_can_be_read(tmp_path: Path) -> None:
     page = (ROOT / "docs" / "studies.md").read_text(encoding="utf-8")
     path = tmp_path / "study.toml"
     path.write_text(re.findall(r"```toml\n(.*?)```", page, re.DOTALL)[0], encoding="utf-8")
-    study = read_study(path, generators=("direct", "unoptimised"))
+    study = read_catch_study(path, generators=("direct", "unoptimised"))
     assert len(study.conditions) == 6
     assert study.counts == {"direct": 300, "unoptimised": 100}
 

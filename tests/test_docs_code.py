@@ -175,7 +175,7 @@ def test_the_planner_of_the_tutorial_catches(
     save_map(tmp_path / "map.json", learned, version="0")
     words = ["--throws", "3", "--seed", "300", "--vision", "points", "--out", str(run)]
     words = ["--map", str(tmp_path / "map.json"), "--record", "none", *words]
-    monkeypatch.setattr("mitt.trials.study_run.learn", lambda *_, **__: learned)
+    monkeypatch.setattr("mitt.trials.catch_study.learn", lambda *_, **__: learned)
     assert main(["catch", "--generator", "cubic", *words]) == 0
     assert json.loads((run / "result.json").read_text())["summary"]["caught"] == 3
     assert main(["catch", "--generator", "careful", *words[:-1], str(tmp_path / "careful")]) == 0

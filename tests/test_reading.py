@@ -19,7 +19,7 @@ from mitt.files.maps import read_map
 from mitt.files.rig import read_rig
 from mitt.map.mapping import DirectMap
 from mitt.reading import MAX_JSON_BYTES, MAX_TOML_BYTES, read_bytes, read_json, read_toml
-from mitt.trials.study_file import read_study
+from mitt.trials.catch_study import read_catch_study
 from mitt.world.flights import read_flights
 from mitt.world.scene import read_scene
 from mitt.world.throws import read_throws
@@ -30,7 +30,7 @@ MOST_MEMORY = 250_000_000
 
 READERS: dict[str, Callable[[Path, Arm], object]] = {
     ".toml scene": lambda path, _: read_scene(path),
-    ".toml study": lambda path, _: read_study(path, generators=("direct",)),
+    ".toml study": lambda path, _: read_catch_study(path, generators=("direct",)),
     ".toml rig": lambda path, _: read_rig(path),
     ".csv throws": lambda path, _: read_throws(path),
     ".csv flights": lambda path, _: read_flights(path),

@@ -91,7 +91,7 @@ def quick(monkeypatch: pytest.MonkeyPatch, learned: Learned, a_map: Path) -> Qui
     monkeypatch.setattr(
         "mitt.report.recording_page.write_replay_page", lambda path, *_, **__: path.write_text(page)
     )
-    monkeypatch.setattr("mitt.trials.study_run.learn", lambda *_, **__: learned)
+    monkeypatch.setattr("mitt.trials.catch_study.learn", lambda *_, **__: learned)
     monkeypatch.setattr("mitt.cli.measuring.engine_of", lambda *_: Here())
 
     def run(*words: object) -> int:

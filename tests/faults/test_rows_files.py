@@ -30,8 +30,9 @@ from mitt.files.maps import read_map, save_map
 from mitt.files.writing import write_text
 from mitt.map.learn import Learned
 from mitt.report.replay_3d import served
+from mitt.trials.catch_study import CATCH
 from mitt.trials.runner import TrialRunner
-from mitt.trials.study_results import read_part
+from mitt.trials.study_results import columns_of, read_part
 from mitt.trials.study_run import run_study
 from mitt.world.scene import Scene, read_scene
 
@@ -130,7 +131,7 @@ def test_row_26_truncated_log(tmp_path: Path, thrown_study: Path) -> None:
         data = part.read_bytes()
         part.write_bytes(data[: int(share * len(data))])
         with pytest.raises(MittError):
-            read_part(part)
+            read_part(part, columns_of(CATCH.trial, CATCH.extra))
         engine = Here()
         assert run_study(study, folder, engine, progress=quiet).status == 0
         assert folder.trials.read_bytes() == whole

@@ -71,7 +71,7 @@ SYSTEM = {
     "report/__init__.py": "a new temporary folder",
     "trials/log.py keep_recording": "a folder in the claimed one",
     "trials/result.py Journal.__init__": "a file that must be new",
-    "trials/study_run.py record_throw": "a new temporary folder",
+    "trials/study_run.py record_trial": "a new temporary folder",
     "trials/study_run.py _is_done": "a part of this study, in its own folder, that is not whole",
 }
 #: Who writes by the functions of ``files/writing.py``, and who has asked before.
@@ -91,12 +91,10 @@ WRITERS = {
     "report/recording_page.py": "cli: check_ours",
     "report/run_page.py": "claim_folder",
     "report/study_page.py": "cli: check_own; replays in the folder of the study",
-    "report/task_study_page.py": "cli: check_own",
     "trials/result.py": "claim_folder",
     "trials/study_folder.py": "claim_folder",
     "trials/study_run.py": "Folder.claim",
     "trials/task_folder.py": "run_folder",
-    "trials/task_run.py": "Folder.claim",
 }
 
 

@@ -11,8 +11,8 @@ from mitt.cli.main import main
 from mitt.errors import FileError
 from mitt.files.writing import write_json
 from mitt.map.learn import Learned
-from mitt.report.study_page import break_even, paired_tests, sweeps_of, write_study_report
-from mitt.trials.study_file import Study
+from mitt.report.study_page import break_even, paired_tests, sweeps_of, write_study_page
+from mitt.trials.catch_study import CATCH, CatchStudy
 from mitt.trials.study_folder import Folder
 from mitt.trials.study_results import read_result
 from mitt.trials.study_run import run_study
@@ -26,7 +26,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory, learned: Learned) -> Folder
     study = write_study(place, text)
     out = ready(place / "out", study, learned)
     run_study(study, out, Here(), progress=quiet)
-    write_study_report(read_result(out), replays=1, progress=quiet)
+    write_study_page(read_result(out), replays=1, progress=quiet)
     return out
 
 
@@ -66,7 +66,7 @@ def test_a_replay_of_a_bad_throw_is_one_click_away(folder: Folder) -> None:
 
 def test_the_page_is_the_same_when_it_is_made_again(folder: Folder) -> None:
     before = (folder.path / "report.html").read_bytes()
-    write_study_report(read_result(folder), replays=1, progress=quiet)
+    write_study_page(read_result(folder), replays=1, progress=quiet)
     assert (folder.path / "report.html").read_bytes() == before
 
 
@@ -89,7 +89,7 @@ def test_break_even_is_where_the_line_between_two_values_crosses() -> None:
         _row("ik", 0.0, 0.8),
         _row("ik", 10.0, 0.2),
     ]
-    table = break_even(rows)
+    table = break_even(CATCH, rows)
     assert str(table).count("'5 ms'") == 3  # half of each, and level with each other
     level = [
         _row("direct", 0.0, 1.0),
@@ -97,11 +97,11 @@ def test_break_even_is_where_the_line_between_two_values_crosses() -> None:
         _row("ik", 0.0, 0.8),
         _row("ik", 10.0, 0.7),
     ]
-    assert "never: direct ahead" in str(break_even(level))
+    assert "never: direct ahead" in str(break_even(CATCH, level))
     assert list(sweeps_of(rows)) == ["x"]
 
 
-def test_paired_tests_name_the_sure_differences(study: Study) -> None:
+def test_paired_tests_name_the_sure_differences() -> None:
     pair = {
         "pairs": 100,
         "only_direct": 30,
@@ -112,10 +112,10 @@ def test_paired_tests_name_the_sure_differences(study: Study) -> None:
         "difference_ci95": [-0.38, -0.17],
     }
     rows = [{"condition": "clean", "generator": "unoptimised", "against_direct": pair}]
-    assert "-28 (-38 to -17), 30 : 2, p 0.0001" in str(paired_tests(study, rows))
+    assert "-28 (-38 to -17), 30 : 2, p 0.0001" in str(paired_tests(rows))
 
 
-def test_a_study_that_is_not_over_has_no_page(tmp_path: Path, study: Study) -> None:
+def test_a_study_that_is_not_over_has_no_page(tmp_path: Path, study: CatchStudy) -> None:
     out = Folder(tmp_path / "out")
     out.claim(study, resume=False, overwrite=False)
     with pytest.raises(FileError, match="--resume"):

@@ -6,12 +6,12 @@ import pytest
 from one_throw import direct, scene, throw, unoptimised
 from small_study import TEXT, write_study
 
-from mitt.trials.study_file import Study
+from mitt.trials.catch_study import CatchStudy
 
 __all__ = ["direct", "scene", "study", "throw", "unoptimised"]
 
 
 @pytest.fixture
-def study(tmp_path: Path) -> Study:
+def study(tmp_path: Path) -> CatchStudy:
     """A study of twelve throws, each a chunk."""
     return write_study(tmp_path, TEXT)

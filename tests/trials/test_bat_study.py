@@ -9,10 +9,11 @@ import pytest
 from small_study import Here, quiet, written
 
 from mitt.errors import InputError, UnknownNameError
-from mitt.report.task_study_page import write_task_study_page
-from mitt.trials.bat_study import AXES, BatStudy, read_bat_study
+from mitt.report.study_page import write_study_page
+from mitt.trials.bat_study import AXES, read_bat_study
 from mitt.trials.study_folder import Folder, task_of_folder
-from mitt.trials.task_run import read_task_result, run_task_study, task_jobs
+from mitt.trials.study_results import read_result
+from mitt.trials.study_run import all_chunks, run_study
 
 TEXT = """
 task = "bat"
@@ -37,7 +38,7 @@ def test_a_study_writes_its_table_summary_and_page(tmp_path: Path) -> None:
     folder, engine = Folder(tmp_path / "out"), Here()
     study = read_bat_study(written(tmp_path, TEXT))
     folder.claim(study, resume=False, overwrite=False)
-    done = run_task_study(study, folder, engine, progress=quiet)
+    done = run_study(study, folder, engine, progress=quiet)
     assert done.status == 0
     assert task_of_folder(folder.path) == "bat"
     table = pq.read_table(folder.trials).to_pylist()
@@ -45,9 +46,9 @@ def test_a_study_writes_its_table_summary_and_page(tmp_path: Path) -> None:
     summary = json.loads(folder.summary.read_text())
     assert [row["trials"] for row in summary["rows"]] == [1, 1]
     assert summary["answer"][0].startswith("usual, balls hit: the map (")
-    assert run_task_study(study, folder, engine, progress=quiet).rows == summary["rows"]
+    assert run_study(study, folder, engine, progress=quiet).rows == summary["rows"]
     assert len(engine.done) == len(table)
-    write_task_study_page(*read_task_result(folder, BatStudy), folder, progress=quiet)
+    write_study_page(read_result(folder), replays=1, progress=quiet)
     assert summary["answer"][0] in (folder.path / "report.html").read_text()
 
 
@@ -56,7 +57,8 @@ def test_a_map_moves_the_target_along_each_axis_for_each_speed(tmp_path: Path) -
     study = read_bat_study(written(tmp_path, TEXT + MAP))
     cells = [c for c in study.conditions if c.moved is not None]
     assert len(cells) == 2 * (1 + 2 * len(AXES))
-    assert {job.place[0] for job in task_jobs(study)} == {"direct", "ik"}
+    chunks = all_chunks(study, Folder(tmp_path), quiet)
+    assert {chunk.place[0] for chunk in chunks} == {"direct", "ik"}
     measured = {"median": 3.25, "p90": 9.0}
     rows = [
         {
@@ -72,7 +74,7 @@ def test_a_map_moves_the_target_along_each_axis_for_each_speed(tmp_path: Path) -
         for k, c in enumerate(cells)
     ]
     assert [c for c, _ in study.cells(rows)] == cells
-    said = study.answer_more(rows)
+    said = study.answer_of_map(rows)
     assert said[0].startswith("Map: in 7 of 14 cells")
     assert "by domain" in said[1]
 

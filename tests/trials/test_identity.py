@@ -14,9 +14,10 @@ from mitt.errors import FileError, InputError
 from mitt.map.learn import Learned
 from mitt.reading import changed_file, noted, read_bytes
 from mitt.trials import registry
-from mitt.trials.study_file import Study
+from mitt.trials.catch_study import CatchStudy, throw_again
+from mitt.trials.study import Chunk, Material, Player
 from mitt.trials.study_folder import Folder
-from mitt.trials.study_run import ChunkError, Job, all_jobs, throw_again, throw_chunk
+from mitt.trials.study_run import ChunkError, all_chunks, run_chunk
 
 ARM = """schema = "mitt.arm/1"
 [arm]
@@ -54,30 +55,30 @@ FILES: Mapping[str, tuple[bytes, bytes]] = {
 
 
 @pytest.fixture
-def study(tmp_path: Path) -> Study:
+def study(tmp_path: Path) -> CatchStudy:
     """A study of an arm of its own."""
     for name, (content, _) in FILES.items():
         (tmp_path / name).write_bytes(content)
     return _study(tmp_path)
 
 
-def _study(folder: Path) -> Study:
+def _study(folder: Path) -> CatchStudy:
     """Read the study."""
     arm = f'arm = {{ arm = "{folder / "arm.toml"}" }}\n'
     return write_study(folder, TEXT.replace('vision = "points"\n', 'vision = "points"\n' + arm))
 
 
-def test_all_that_an_arm_is_read_from_is_known(study: Study) -> None:
+def test_all_that_an_arm_is_read_from_is_known(study: CatchStudy) -> None:
     """Arm file, description, mesh and limits, by their digests, in the study and its manifest."""
     for condition in study.conditions:
         assert {Path(name).name for name in condition.arm_files} == set(FILES)
-    again = Study.model_validate(json.loads(study.model_dump_json()))
+    again = CatchStudy.model_validate(json.loads(study.model_dump_json()))
     assert again.digest == study.digest
 
 
 @pytest.mark.parametrize("name", FILES)
 def test_a_study_does_not_go_on_with_another_content_of_a_file(
-    study: Study, tmp_path: Path, name: str
+    study: CatchStudy, tmp_path: Path, name: str
 ) -> None:
     """Whichever it is: refused, and named."""
     folder = Folder(tmp_path / "out")
@@ -88,59 +89,60 @@ def test_a_study_does_not_go_on_with_another_content_of_a_file(
         folder.check(_study(tmp_path), resume=True)
 
 
-def _job(study: Study) -> Job:
+def _chunk(study: CatchStudy) -> Chunk:
     """Return a chunk of a study, whose map is not looked at before its arm."""
-    return Job(
+    return Chunk(
         number=0,
-        generator="direct",
+        study=study,
+        player=Player("direct"),
         condition=study.conditions[0],
-        seed=1,
         start=0,
         stop=1,
-        map="{}",
-        recordings=(),
+        material=Material(map="{}"),
         notes=(),
     )
 
 
 @pytest.mark.parametrize("name", FILES)
 def test_a_worker_refuses_another_content_of_a_file(
-    study: Study, tmp_path: Path, name: str
+    study: CatchStudy, tmp_path: Path, name: str
 ) -> None:
     """For a chunk, and for a throw that is made once more; also one that is not there any more."""
-    job = _job(study)
+    chunk = _chunk(study)
     with pytest.raises(ChunkError, match="map of the study"):
-        throw_chunk(job)
+        run_chunk(chunk)
     (tmp_path / name).write_bytes(FILES[name][1])
     with pytest.raises(ChunkError, match=name.replace(".", r"\.")):
-        throw_chunk(replace(job, map="{ }"))
+        run_chunk(replace(chunk, material=Material(map="{ }")))
     with pytest.raises(FileError, match=name.replace(".", r"\.")):
-        throw_again(replace(job, map="{ }"), 0)
+        throw_again(replace(chunk, material=Material(map="{ }")), 0)
 
 
 def test_a_worker_refuses_another_source_of_a_plug_in(
-    study: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    study: CatchStudy, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It is held to what the study was begun with, wherever it runs."""
     (tmp_path / "a_planner.py").write_text("from mitt.rivals.planned import make_quintic as f\n")
     monkeypatch.syspath_prepend(tmp_path)
     point = EntryPoint("theirs", "a_planner:f", registry.GROUP)
     monkeypatch.setattr(registry, "entry_points", lambda **_: (point,))
-    monkeypatch.setattr("mitt.trials.study_run._learned", lambda _: (None, None))
-    job = replace(_job(study), generator="theirs", origin="theirs 1.0, sources 0123")
+    monkeypatch.setattr("mitt.trials.catch_study._learned", lambda _: (None, None))
+    plugins = {"theirs": "theirs 1.0, sources 0123"}
+    made = study.model_copy(update={"plugins": plugins})
+    chunk = replace(_chunk(made), player=Player("theirs"))
     with pytest.raises(ChunkError, match=r"sources 0123, got sources "):
-        throw_chunk(job)
+        run_chunk(chunk)
 
 
 def test_a_part_of_another_map_is_not_taken_for_done(tmp_path: Path, learned: Learned) -> None:
     """What a chunk was thrown with is part of what it is."""
     study = write_study(tmp_path, TEXT)
     folder = ready(tmp_path / "out", study, learned)
-    one = next(all_jobs(study, folder, lambda *_: None))
+    one = next(all_chunks(study, folder, lambda *_: None))
     path = folder.map(study.conditions[0].arm)
     path.write_text(path.read_text().replace("\n", " "))
-    two = next(all_jobs(study, folder, lambda *_: None))
-    assert one.map_digest != two.map_digest
+    two = next(all_chunks(study, folder, lambda *_: None))
+    assert one.material.digest != two.material.digest
 
 
 def test_files_are_told_apart_by_what_they_hold(tmp_path: Path) -> None:

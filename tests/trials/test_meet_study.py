@@ -9,11 +9,12 @@ import pytest
 from small_study import Here, quiet, written
 
 from mitt.errors import InputError, UnknownNameError
-from mitt.report.task_study_page import write_task_study_page
-from mitt.trials.meet_study import MeetStudy, read_meet_study
+from mitt.report.study_page import write_study_page
+from mitt.trials.meet_study import read_meet_study
+from mitt.trials.studies import read_study
 from mitt.trials.study_folder import Folder, task_of_folder
-from mitt.trials.task_run import answer, read_task_result, run_task_study, task_jobs
-from mitt.trials.task_study import task_of_file
+from mitt.trials.study_results import read_result
+from mitt.trials.study_run import all_chunks, run_study
 
 TEXT = """
 task = "meet"
@@ -37,7 +38,7 @@ def test_a_study_writes_its_table_summary_and_page(tmp_path: Path) -> None:
     study = read_meet_study(written(tmp_path, TEXT))
     folder, engine = Folder(tmp_path / "out"), Here()
     folder.claim(study, resume=False, overwrite=False)
-    assert run_task_study(study, folder, engine, progress=quiet).status == 0
+    assert run_study(study, folder, engine, progress=quiet).status == 0
     assert task_of_folder(folder.path) == "meet"
     table = pq.read_table(folder.trials).to_pylist()
     assert [row["generator"] for row in table] == ["direct", "line"]
@@ -47,22 +48,50 @@ def test_a_study_writes_its_table_summary_and_page(tmp_path: Path) -> None:
     summary = json.loads(folder.summary.read_text())
     assert [row["met"] for row in summary["rows"]] == [1, 1]
     assert summary["answer"][0].startswith("belt, targets met: the map (1 of 1) is not told apart")
-    again = run_task_study(study, folder, engine, progress=quiet)
+    again = run_study(study, folder, engine, progress=quiet)
     assert again.rows == summary["rows"]
     assert len(engine.done) == len(table)
-    write_task_study_page(*read_task_result(folder, MeetStudy), folder, progress=quiet)
+    write_study_page(read_result(folder), replays=1, progress=quiet)
     page = (folder.path / "report.html").read_text()
     assert summary["answer"][0] in page
 
 
-def test_planners_have_their_rates_and_encoders_their_belts() -> None:
+def test_planners_have_their_rates_and_encoders_their_belts(tmp_path: Path) -> None:
     """In the study that ships."""
-    assert task_of_file(Path("meet")) == "meet"
-    assert task_of_file(Path("smoke")) is None
-    cells = {job.place for job in task_jobs(read_meet_study(Path("meet")))}
+    assert read_study(Path("meet")).kind.name == "meet"
+    assert read_study(Path("smoke")).kind.name == "catch"
+    chunks = all_chunks(read_meet_study(Path("meet")), Folder(tmp_path), quiet)
+    cells = {chunk.place for chunk in chunks}
     assert ("mpc 1000 Hz", "hand") in cells
     assert ("line-compensated", "belt 1 m/s") in cells
     assert ("line", "hand") not in cells
+
+
+SWEEP = """
+[[sweeps]]
+name = "latency"
+unit = "ms"
+set = "scene.sensing.latency"
+values = [0, 20]
+target = "belt"
+speed = 0.3
+"""
+
+
+def test_a_sweep_is_a_condition_a_value_as_in_studies_of_throws(tmp_path: Path) -> None:
+    """Under the settings of the study; the key of another task is refused, and so is no place."""
+    study = read_study(written(tmp_path, TEXT + SWEEP))
+    swept = [c for c in study.conditions if c.value is not None]
+    assert [(c.name, c.disturbance, c.value) for c in swept] == [
+        ("latency 0 ms", "latency", 0.0),
+        ("latency 20 ms", "latency", 20.0),
+    ]
+    assert [c.scene.sensing.latency for c in swept] == [0, 20]
+    assert {c.scene.sensing.frame_rate for c in study.conditions} == {100.0}
+    assert {tuple(c.counts.items()) for c in study.conditions} == {(("direct", 1), ("line", 1))}
+    for wrong in ('vision = "points"', "scene = 3", 'generators = ["ik"]'):
+        with pytest.raises(InputError, match="latency"):
+            read_study(written(tmp_path, TEXT + SWEEP + wrong))
 
 
 def test_what_a_file_cannot_say_is_refused(tmp_path: Path) -> None:
@@ -81,19 +110,24 @@ def test_what_a_file_cannot_say_is_refused(tmp_path: Path) -> None:
 
 def test_the_answer_says_who_is_better_and_of_whom_that_is_not_known() -> None:
     """By the pairs alone."""
-    sure, level = {"direct": 20, "this": 0, "p_holm": 1e-4}, {"direct": 3, "this": 2, "p_holm": 1.0}
-    behind = {"direct": 0, "this": 20, "p_holm": 1e-4}
-    names = ("met", "error_mm", "velocity_m_s", "acceleration", "force_n", "in_sync_s")
-    pairs: list[tuple[str, Any]] = [
+    names = ("error_mm", "velocity_m_s", "acceleration", "force_n", "in_sync_s")
+
+    def pair(direct: int, this: int, p: float) -> dict[str, Any]:
+        measured = {x: {"direct": direct, "this": this, "p_holm": p} for x in names}
+        return {"only_direct": direct, "only_this": this, "p_holm": p} | measured
+
+    pairs = [
         ("direct", None),
-        *((x, dict.fromkeys(names, of)) for x, of in (("a", sure), ("b", behind), ("c", level))),
+        ("a", pair(20, 0, 1e-4)),
+        ("b", pair(0, 20, 1e-4)),
+        ("c", pair(3, 2, 1.0)),
     ]
     rows = [
         {"condition": "belt", "generator": name, "met": 20, "trials": 20, "against_direct": of}
-        | {x: {"median": 1.0} for x in names[1:]}
+        | {x: {"median": 1.0} for x in names}
         for name, of in pairs
     ]
-    said = answer(read_meet_study(Path("meet")), rows)
+    said = read_meet_study(Path("meet")).answer(rows)
     assert said[0] == (
         "belt, targets met: the map (20 of 20) is better than a (20 of 20); worse than b (20 of "
         "20); not told apart from c (20 of 20)."

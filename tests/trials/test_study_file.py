@@ -1,6 +1,5 @@
 """Study files: what they spell out, and what is refused in one line."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -9,19 +8,18 @@ from small_study import GENERATORS, TEXT, write_study
 from mitt.errors import InputError, MittError, UnknownNameError
 from mitt.files.schema import merged
 from mitt.reading import shipped
-from mitt.trials.bat_study import read_bat_study
-from mitt.trials.meet_study import read_meet_study
+from mitt.trials.catch_study import CatchStudy, read_catch_study
 from mitt.trials.registry import BUILT_IN
-from mitt.trials.study_file import Study, extent, read_study
+from mitt.trials.studies import read_study
+from mitt.trials.study import extent, planned
 from mitt.trials.study_folder import Folder
-from mitt.trials.task_study import TaskStudy, task_of_file
 from mitt.world.disturbances import Kick
 
 #: Names that a registry with all rivals has.
 EVERY = tuple(BUILT_IN)
 
 
-def test_a_sweep_is_a_condition_a_value(study: Study) -> None:
+def test_a_sweep_is_a_condition_a_value(study: CatchStudy) -> None:
     names = [(c.name, c.disturbance, c.value, c.unit) for c in study.conditions]
     assert names == [
         ("clean", "clean", None, ""),
@@ -65,7 +63,7 @@ def test_a_folder_of_the_same_name_is_not_taken_for_the_study(
     """``mitt study smoke --out smoke --resume``: the folder is the output, the study ships."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "smoke").mkdir()
-    assert read_study(Path("smoke"), generators=EVERY).name == "smoke"
+    assert read_catch_study(Path("smoke"), generators=EVERY).name == "smoke"
 
 
 def test_two_names_never_share_a_recording(tmp_path: Path) -> None:
@@ -78,31 +76,28 @@ def test_two_names_never_share_a_recording(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", shipped("studies"))
 def test_studies_that_ship_can_be_read_by_name(name: str) -> None:
-    def read(path: Path) -> Study | TaskStudy:
-        readers: dict[str, Callable[[Path], TaskStudy]]
-        readers = {"meet": read_meet_study, "bat": read_bat_study}
-        of_task = readers.get(str(task_of_file(path)))
-        return of_task(path) if of_task else read_study(path, generators=EVERY)
-
-    study = read(Path(name))
+    study = read_study(Path(name))
     assert study.name == name
-    assert study == read(Path("studies") / f"{name}.toml")
+    assert study == read_study(Path("studies") / f"{name}.toml")
 
 
 def test_the_studies_that_ship_are_those_that_are_promised() -> None:
     assert set(shipped("studies")) >= {"smoke", "evidence", "paper"}
-    smoke, evidence = (read_study(Path(n), generators=EVERY) for n in ("smoke", "evidence"))
+    smoke, evidence = (read_catch_study(Path(n), generators=EVERY) for n in ("smoke", "evidence"))
     assert (smoke.generators, len(smoke.conditions)) == (EVERY, 3)
     assert len(evidence.conditions) >= 20
-    rivals = [n for name, n in evidence.counts.items() if name != "clairvoyant"]
+    counts = evidence.conditions[0].counts
+    rivals = [n for name, n in counts.items() if name != "clairvoyant"]
     assert min(rivals) >= 300
 
 
 def test_a_study_says_how_large_it_is() -> None:
-    smoke = read_study(Path("smoke"), generators=EVERY)
+    smoke = read_catch_study(Path("smoke"), generators=EVERY)
+    assert planned(smoke) == 8 * 3 * len(EVERY)
     assert extent(smoke, 1216) == f"{len(EVERY)} generators, 3 conditions, 1,216 throws"
-    alone = smoke.model_copy(update={"counts": {"direct": 1}})
-    assert extent(alone, 1) == "1 generator, 3 conditions, 1 throw"
+    one = smoke.conditions[0].model_copy(update={"counts": {"direct": 1}})
+    alone = smoke.model_copy(update={"conditions": (one,)})
+    assert extent(alone, 1) == "1 generator, 1 condition, 1 throw"
 
 
 @pytest.mark.parametrize(
@@ -144,4 +139,4 @@ def test_an_unknown_rival_is_named_beside_those_that_there_are(tmp_path: Path) -
 
 def test_a_study_that_is_no_file_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="readable TOML"):
-        read_study(tmp_path / "none.toml", generators=GENERATORS)
+        read_catch_study(tmp_path / "none.toml", generators=GENERATORS)

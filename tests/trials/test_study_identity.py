@@ -5,8 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from mitt.trials.meet_study import read_meet_study
-from mitt.trials.study_file import read_study
+from mitt.trials.studies import read_study
 from mitt.trials.study_folder import throw_name
 
 ROOT = Path(__file__).parents[2]
@@ -35,12 +34,7 @@ def _digests(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, file: s
             monkeypatch.chdir(tmp_path / cwd)
             study = tmp_path / "study.toml"
             study.write_text(text.format(name))
-            kept = (
-                read_meet_study(study)
-                if "task" in text
-                else read_study(study, generators=("direct",))
-            )
-            found.add(kept.digest)
+            found.add(read_study(study).digest)
     return found
 
 

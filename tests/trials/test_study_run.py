@@ -14,10 +14,10 @@ from mitt.errors import FileError, InputError
 from mitt.files.writing import locked, write_json
 from mitt.map.learn import Learned
 from mitt.trials import registry
-from mitt.trials.study_file import Study
+from mitt.trials.catch_study import CATCH, CatchStudy
 from mitt.trials.study_folder import Folder
-from mitt.trials.study_results import read_part
-from mitt.trials.study_run import FinishedStudy, all_jobs, run_study
+from mitt.trials.study_results import columns_of, read_part
+from mitt.trials.study_run import FinishedStudy, all_chunks, run_study
 
 #: What a finished study's folder is compared by.
 COMPARED = ("summary.json", "trials.parquet")
@@ -29,7 +29,7 @@ def whole(thrown_study: Path) -> Folder:
     return Folder(thrown_study)
 
 
-def _run(study: Study, folder: Folder, engine: Here | None = None) -> FinishedStudy:
+def _run(study: CatchStudy, folder: Folder, engine: Here | None = None) -> FinishedStudy:
     """Run a study here."""
     return run_study(study, folder, engine or Here(), progress=quiet)
 
@@ -39,7 +39,7 @@ def _same(first: Folder, second: Folder) -> bool:
     return all((first.path / n).read_bytes() == (second.path / n).read_bytes() for n in COMPARED)
 
 
-def test_every_throw_is_there_once_and_in_order(whole: Folder, study: Study) -> None:
+def test_every_throw_is_there_once_and_in_order(whole: Folder, study: CatchStudy) -> None:
     table = pq.read_table(whole.trials)
     wanted = [(c.name, g, k) for c in study.conditions for g in study.generators for k in range(2)]
     names = ("condition", "generator", "index")
@@ -67,7 +67,7 @@ def test_failures_are_recorded_and_no_more_than_asked_for(whole: Folder) -> None
 
 
 def test_a_run_that_was_broken_off_is_finished_with_what_is_missing_and_comes_to_the_same(
-    tmp_path: Path, whole: Folder, study: Study
+    tmp_path: Path, whole: Folder, study: CatchStudy
 ) -> None:
     """A missing part, a part cut short and one of another study are thrown again, the rest not."""
     folder = Folder(tmp_path / "out")
@@ -108,8 +108,8 @@ def test_a_chunk_that_kills_its_worker_twice_is_left_out_and_the_others_go_on(
     assert sum(p.exists() for p in map(folder.part, range(12))) == 11
 
 
-def test_a_part_says_where_it_comes_from(whole: Folder, study: Study) -> None:
-    rows, notes = read_part(whole.part(0))
+def test_a_part_says_where_it_comes_from(whole: Folder, study: CatchStudy) -> None:
+    rows, notes = read_part(whole.part(0), columns_of(CATCH.trial, CATCH.extra))
     assert [row["index"] for row in rows] == [0]
     assert notes["digest"] == study.digest
     assert notes["version"] == study.version
@@ -123,7 +123,7 @@ def test_a_folder_of_another_study_is_refused(tmp_path: Path, whole: Folder) -> 
 
 
 def test_a_folder_of_another_version_is_refused(
-    tmp_path: Path, whole: Folder, study: Study
+    tmp_path: Path, whole: Folder, study: CatchStudy
 ) -> None:
     folder = Folder(tmp_path / "out")
     shutil.copytree(whole.path, folder.path)
@@ -162,7 +162,7 @@ def test_two_runs_do_not_share_a_folder(tmp_path: Path) -> None:
         pass
 
 
-def test_leavings_of_a_killed_run_are_swept_away(tmp_path: Path, study: Study) -> None:
+def test_leavings_of_a_killed_run_are_swept_away(tmp_path: Path, study: CatchStudy) -> None:
     folder = Folder(tmp_path / "out")
     folder.claim(study, resume=True, overwrite=False)
     left = folder.path / "parts" / ".part-000001.parquet.a1b2c3d4"
@@ -200,14 +200,14 @@ def test_a_study_is_known_by_what_its_flights_hold_not_by_where_they_lie(
     (second / "mine.csv").write_text(FLIGHT.replace("0.50000", "0.51000"))
     assert write_study(second, BY_FLIGHTS).digest != study.digest
     folder = ready(tmp_path / "out", study, learned)
-    jobs = list(all_jobs(study, folder, quiet))
+    jobs = list(all_chunks(study, folder, quiet))
     (first / "mine.csv").unlink()
     folder.check(moved, resume=True)
     for again in (study, moved):
-        assert [len(job.recordings) for job in all_jobs(again, folder, quiet)] == [1]
-    (job,) = all_jobs(moved, folder, quiet)
-    assert np.array_equal(jobs[0].recordings[0].r, job.recordings[0].r)
+        assert [len(job.material.recordings) for job in all_chunks(again, folder, quiet)] == [1]
+    (job,) = all_chunks(moved, folder, quiet)
+    assert np.array_equal(jobs[0].material.recordings[0].r, job.material.recordings[0].r)
     kept = next((folder.path / "flights").iterdir())
     kept.write_text(FLIGHT + " ")
     with pytest.raises(FileError, match="the flights that the study was made with"):
-        list(all_jobs(study, folder, quiet))
+        list(all_chunks(study, folder, quiet))

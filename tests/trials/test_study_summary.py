@@ -1,8 +1,9 @@
 """What a study comes to: every throw counts, and stops are told by their reason."""
 
 import io
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -11,20 +12,24 @@ import pytest
 from mitt.cli.measuring import _rate
 from mitt.clock import Stopwatch
 from mitt.control.health import Reason, State, StoppedBy
+from mitt.trials.catch_study import CATCH, CatchCondition, CatchStudy
 from mitt.trials.result import force_words, summary
 from mitt.trials.score import Trial, reason_of, stop_as_json
 from mitt.trials.statistics import wilson
-from mitt.trials.study_file import Study
+from mitt.trials.study import Player
 from mitt.trials.study_results import (
-    Row,
+    CellResult,
     against,
+    cell_result,
+    columns_of,
     compared,
     read_part,
     row_of,
-    throws_in_cell,
     write_rows,
 )
 
+#: Columns of a table of throws.
+COLUMNS = columns_of(CATCH.trial, CATCH.extra)
 STOP = StoppedBy(
     state=State.ABORT,
     reason=Reason.STUCK,
@@ -59,7 +64,7 @@ def trial(index: int, status: str, stop: StoppedBy | None = None) -> Trial:
     )
 
 
-def test_forces_stand_beside_the_rate(tmp_path: Path, study: Study) -> None:
+def test_forces_stand_beside_the_rate(tmp_path: Path, study: CatchStudy) -> None:
     """Median and 95th percentile of those that touched; how many were more than is taken."""
     forces = [10.0, 20.0, 30.0, 400.0, None]
     trials = [
@@ -70,33 +75,34 @@ def test_forces_stand_beside_the_rate(tmp_path: Path, study: Study) -> None:
         )
         for k, x in enumerate(forces)
     ]
-    path = tmp_path / "part.parquet"
-    path.write_bytes(write_rows(rows_of("direct", trials), {}))
-    row, _, _ = throws_in_cell("direct", study.conditions[0], 5, read_part(path)[0])
+    row = cell("direct", study.conditions[0], 5, trials, tmp_path).row
     assert (row["catch_rate"], row["over_force"]) == (0.8, 1)
     assert row["force_n"] == {"median": 25.0, "p95": pytest.approx(344.5)}
-    assert _rate(row) == "80.0, 25!"
+    assert _rate(CATCH, row) == "80.0, 25!"
     mine = summary(trials, Stopwatch())
     assert (mine["force_n"], mine["over_force"]) == (row["force_n"], 1)
     assert force_words(mine["force_n"], 1) == (
         "contact force 25 N median, 95 % 344 N, 1 beyond what hand or arm take"
     )
-    none, _, _ = throws_in_cell(
-        "direct",
-        study.conditions[0],
-        1,
-        [
-            row_of("direct", "clean", trial(0, "missed"), 0.0, np.zeros(6), np.zeros(6))
-            | {"stopped_by_reason": None, "stopped_by_joint": None}
-        ],
-    )
-    assert (none["force_n"], _rate(none)) == (None, "0.0, -")
+    none = cell("direct", study.conditions[0], 1, [trial(0, "missed")], tmp_path).row
+    assert (none["force_n"], _rate(CATCH, none)) == (None, "0.0, -")
     assert force_words(None, 0) == "no ball touched the hand"
 
 
-def rows_of(generator: str, trials: list[Trial]) -> list[Row]:
+def rows_of(generator: str, trials: list[Trial]) -> list[dict[str, Any]]:
     """Return throws as rows of the table."""
-    return [row_of(generator, "clean", x, 1.0, np.zeros(6), np.zeros(6)) for x in trials]
+    more = dict.fromkeys(CATCH.extra, 1.0)
+    return [row_of((generator, "clean"), asdict(x) | more, COLUMNS) for x in trials]
+
+
+def cell(
+    generator: str, condition: CatchCondition, wanted: int, trials: list[Trial], folder: Path
+) -> CellResult:
+    """Return the throws of a cell, of which there should be ``wanted``."""
+    path = folder / f"{generator}.parquet"
+    path.write_bytes(write_rows(rows_of(generator, trials), {}, COLUMNS))
+    condition = condition.model_copy(update={"counts": {generator: wanted}})
+    return cell_result(CATCH, Player(generator), condition, read_part(path, COLUMNS)[0])
 
 
 def test_a_stop_is_json_with_null_for_what_an_encoder_did_not_say() -> None:
@@ -115,15 +121,15 @@ def test_a_stop_comes_back_from_the_table(tmp_path: Path) -> None:
     """Each part of it is a column; throws that did not stop have none."""
     trials = [trial(0, "stopped", STOP), trial(1, "caught")]
     path = tmp_path / "part.parquet"
-    path.write_bytes(write_rows(rows_of("direct", trials), {"digest": "x"}))
-    stopped, caught = read_part(path)[0]
+    path.write_bytes(write_rows(rows_of("direct", trials), {"digest": "x"}, COLUMNS))
+    stopped, caught = read_part(path, COLUMNS)[0]
     wanted = stop_as_json(STOP)
     assert wanted is not None
     assert {name: stopped[f"stopped_by_{name}"] for name in wanted} == wanted
     assert all(caught[f"stopped_by_{name}"] is None for name in wanted)
 
 
-def test_every_throw_counts_in_rates_and_pairs(tmp_path: Path, study: Study) -> None:
+def test_every_throw_counts_in_rates_and_pairs(tmp_path: Path, study: CatchStudy) -> None:
     """A throw that was stopped or diverged is not caught, for one generator and beside another."""
     statuses = {
         "direct": ["caught", "stopped", "aborted", "missed"],
@@ -132,10 +138,8 @@ def test_every_throw_counts_in_rates_and_pairs(tmp_path: Path, study: Study) -> 
     cells = []
     for generator, names in statuses.items():
         trials = [trial(k, x, STOP if x == "stopped" else None) for k, x in enumerate(names)]
-        path = tmp_path / f"{generator}.parquet"
-        path.write_bytes(write_rows(rows_of(generator, trials), {}))
-        cells += [throws_in_cell(generator, c, 4, read_part(path)[0]) for c in study.conditions]
-    first, *_, last = compared(cells)
+        cells += [cell(generator, c, 4, trials, tmp_path) for c in study.conditions]
+    first, *_, last = compared(CATCH, cells)
     assert (first["throws"], first["caught"], first["catch_rate"]) == (4, 1, 0.25)
     assert first["ci95"] == list(wilson(1, 4))
     assert (first["stopped"], first["aborted"]) == (1, 1)
@@ -147,12 +151,12 @@ def test_every_throw_counts_in_rates_and_pairs(tmp_path: Path, study: Study) -> 
 
 def test_a_part_of_another_version_is_told_by_its_columns() -> None:
     """The table says what a throw was stopped by, so a part without that is an old one."""
-    part = write_rows(rows_of("direct", [trial(0, "caught")]), {})
+    part = write_rows(rows_of("direct", [trial(0, "caught")]), {}, COLUMNS)
     assert "stopped_by_reason" in pq.read_schema(io.BytesIO(part)).names
 
 
 def test_what_a_generator_takes_is_compared_on_the_balls_that_both_caught(
-    tmp_path: Path, study: Study
+    tmp_path: Path, study: CatchStudy
 ) -> None:
     """As a ratio of geometric means: balls that one of them missed say nothing of it."""
     cells = []
@@ -164,10 +168,8 @@ def test_what_a_generator_takes_is_compared_on_the_balls_that_both_caught(
             )
             for k in range(4)
         ]
-        path = tmp_path / f"{generator}.parquet"
-        path.write_bytes(write_rows(rows_of(generator, trials), {}))
-        cells += [throws_in_cell(generator, c, 4, read_part(path)[0]) for c in study.conditions[:1]]
-    _, last = compared(cells)
+        cells += [cell(generator, c, 4, trials, tmp_path) for c in study.conditions[:1]]
+    _, last = compared(CATCH, cells)
     assert last["against_direct"]["ratio"]["effort_s"] == pytest.approx([2.0, 2.0, 2.0])
     assert "position_error_mm" not in last["against_direct"]["ratio"]
 

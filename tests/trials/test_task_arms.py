@@ -24,6 +24,8 @@ from mitt.trials.bat_station import arm_with_paddle
 from mitt.trials.bat_study import read_bat_study
 from mitt.trials.meet_study import read_meet_study
 from mitt.trials.station import arm_with_tool
+from mitt.trials.study_folder import Folder
+from mitt.trials.study_run import all_chunks
 
 JOINTS = (
     "shoulder_pan_joint",
@@ -87,8 +89,10 @@ def by_study(file: Path, kind: str) -> None:
     text = STUDY.format(task="meet", arm=file, more=more) + 'target = "belt"\nspeed = 0.3\n'
     path.write_text(text)
     study = read_meet_study(path)
-    assert str(file) in study.arm_files
-    trials, _ = study.played(study.players(study.conditions[0])[0], study.conditions[0], range(0))
+    (condition,) = study.conditions
+    assert str(file) in condition.arm_files
+    chunk = next(all_chunks(study, Folder(file.parent / "out"), lambda *_: None))
+    trials, _ = study.played(replace(chunk, stop=0))
     assert trials == []
 
 
@@ -150,7 +154,7 @@ def test_an_arm_bats_by_its_name_or_by_a_file_that_names_it(files: dict[str, Pat
     assert main(["bat", "--arm", str(files["ur5e"]), "--check"]) == 0
     path = files["ur5e"].parent / "study.toml"
     path.write_text(STUDY.format(task="bat", arm=files["ur5e"], more=""))
-    assert str(files["ur5e"]) in read_bat_study(path).arm_files
+    assert str(files["ur5e"]) in read_bat_study(path).conditions[0].arm_files
     assert mitt.gym.BatEnv(arm=files["ur5e"]).arm.n == len(stance.joints)
     for other in ("ur10e", "urdf", "own"):
         with pytest.raises(ModelError, match=r"stance for batting is known: wam.*choose one"):

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from mitt.bench.measure import QUICK, BenchSettings, measure_all
 from mitt.cli.catching import prepared_again
@@ -22,77 +22,35 @@ from mitt.clock import Stopwatch
 from mitt.errors import FileError, InputError
 from mitt.files.writing import check_folder, check_own, locked, write_json
 from mitt.interrupts import tell, words_of
-from mitt.map.map_design import warnings_of
 from mitt.reading import read_json
-from mitt.trials.bat_study import BatStudy, read_bat_study
-from mitt.trials.meet_study import MeetStudy, read_meet_study
-from mitt.trials.registry import available, check_generator
 from mitt.trials.result import MAX_BYTES, NAME, PAGE, RESULT, died, read_kept
 from mitt.trials.runs import FinishedRun
-from mitt.trials.study_file import Study, extent, read_study
-from mitt.trials.study_folder import MANIFEST, AnyStudy, Folder, task_of_folder
-from mitt.trials.task_study import Task, TaskStudy, task_of_file
+from mitt.trials.scored_task import ScoredTask
+from mitt.trials.studies import read_study
+from mitt.trials.study import Study, extent, planned
+from mitt.trials.study_folder import MANIFEST, Folder
 from mitt.trials.workers import check_engine, engine_of
 
 if TYPE_CHECKING:
     from mitt.trials.study_run import FinishedStudy
 
 
-class _TaskStudies(NamedTuple):
-    """How studies of a task are read: a file, and what a folder says of its own."""
-
-    read: Callable[[Path], TaskStudy]
-    kind: type[TaskStudy]
-
-
-_TASKS: Final = {
-    "meet": _TaskStudies(read_meet_study, MeetStudy),
-    "bat": _TaskStudies(read_bat_study, BatStudy),
-}
-
-
-def _task(name: object) -> _TaskStudies | None:
-    """Return the studies of a task, by what a file says that it is of; None of throws."""
-    return _TASKS.get(name) if isinstance(name, str) else None
-
-
 def study_command(options: StudyOptions) -> int:
     """Run ``mitt study``; return its exit status."""
     from mitt.trials.study_run import run_study  # noqa: PLC0415 (needs pyarrow, as nothing else here)
 
-    if (task := _task(task_of_file(options.study))) is not None:
-        return _study_of_task(options, task.read(options.study))
-    study = read_study(options.study, generators=available())
+    study = read_study(options.study)
     folder = _folder(options, study)
-    for name in study.counts:
-        check_generator(name)
-    for spec in dict.fromkeys(c.arm for c in study.conditions):
-        chosen = spec.read()
-        warn(warnings_of(chosen.arm, chosen.design), json=options.json)
+    warn(study.check(), json=options.json)
     if options.check:
-        total = len(study.conditions) * sum(study.counts.values())
-        return checked(f"{extent(study, total)}, output to {folder.path}")
+        return checked(f"{extent(study, planned(study))}, output to {folder.path}")
     finished = _run(options, study, folder, partial(run_study, study, folder))
     if not options.json:
         _show_study(study, folder, finished)
     return _ended(folder, finished)
 
 
-def _study_of_task(options: StudyOptions, study: TaskStudy) -> int:
-    """Run a study of a task; return the exit status."""
-    from mitt.trials.task_run import run_task_study, task_jobs  # noqa: PLC0415 (needs pyarrow)
-
-    folder = _folder(options, study)
-    if options.check:
-        trials = sum(len(job.trials) for job in task_jobs(study))
-        return checked(f"{trials:,} trials, output to {folder.path}")
-    finished = _run(options, study, folder, partial(run_task_study, study, folder))
-    if not options.json:
-        _show_task(study, folder, finished)
-    return _ended(folder, finished)
-
-
-def _folder(options: StudyOptions, study: AnyStudy) -> Folder:
+def _folder(options: StudyOptions, study: Study) -> Folder:
     """Return the folder of a study, after a look at whether it may be written."""
     check_engine(options.engine, options.workers)
     if options.resume and options.overwrite:
@@ -104,7 +62,7 @@ def _folder(options: StudyOptions, study: AnyStudy) -> Folder:
 
 
 def _run(
-    options: StudyOptions, study: AnyStudy, folder: Folder, run: Callable[..., "FinishedStudy"]
+    options: StudyOptions, study: Study, folder: Folder, run: Callable[..., "FinishedStudy"]
 ) -> "FinishedStudy":
     """Run what is not there yet; print the summary where it is asked for as JSON."""
     with locked(folder.path):
@@ -125,69 +83,44 @@ def _ended(folder: Folder, finished: "FinishedStudy") -> int:
         say(f"{finished.lost[0]}{more}; the rest is kept, --resume tries again")
     if finished.interrupt is not None:
         say(
-            f"{words_of(finished.interrupt)}; {finished.thrown} of {finished.total} trials are "
+            f"{words_of(finished.interrupt)}; {finished.trials} of {finished.total} trials are "
             f"kept in {folder.path}, --resume goes on"
         )
     return finished.status
 
 
-def _show_task(study: TaskStudy, folder: Folder, finished: "FinishedStudy") -> None:
-    """Print a table for each condition with rivals: a row a generator, medians of what is measured.
-
-    Conditions with one generator share a table.
-    """
-    task = study.task_of
-    head = (task.success, *(x.words.partition(" [")[2].rstrip("]") for x in task.measures.values()))
-    groups: dict[str, list[Mapping[str, Any]]] = {}
-    for condition in study.conditions:
-        several = len(study.players(condition)) > 1
-        groups.setdefault(condition.name if several else "", []).extend(
-            row for row in finished.rows if row["condition"] == condition.name
-        )
-    for name, rows in groups.items():
-        first = "generator" if name else "condition"
-        shown = table(f"{study.name}: {name or 'conditions'}", (first, *head), left=(first,))
-        for row in rows:
-            done = f"{row[task.success]} of {row['trials']}" + ("" if row["complete"] else " *")
-            shown.add_row(str(row[first]), done, *_medians(task, row))
-        show(shown)
-    show(f"written: {folder.summary} and {folder.trials.name}; mitt report {folder.path} says more")
-
-
-def _medians(task: Task, row: Mapping[str, Any]) -> list[str]:
-    """Return the medians of a row as a table has them."""
-    known = [(row[name], x.digits) for name, x in task.measures.items()]
-    return ["" if of is None else f"{of['median']:.{digits}f}" for of, digits in known]
-
-
 def _show_study(study: Study, folder: Folder, finished: "FinishedStudy") -> None:
-    """Print catch rates with contact forces: a row a condition, four generators beside another."""
+    """Print rates with the first measure: a row a condition, four generators beside another."""
+    task = study.kind
     rows = {(row["condition"], row["generator"]): row for row in finished.rows}
-    for first in range(0, len(study.generators), 4):
-        generators = study.generators[first : first + 4]
+    generators = list(dict.fromkeys(str(row["generator"]) for row in finished.rows))
+    measure = next(iter(task.measures.values()))
+    for first in range(0, len(generators), 4):
+        shown = generators[first : first + 4]
         rates = table(
-            f"{study.name}: caught [%], contact force [N] (median)",
-            ("condition", *generators),
+            f"{study.name}: {task.success} [%], {measure.words} (median)",
+            ("condition", *shown),
             left=("condition",),
         )
         for condition in study.conditions:
-            cells = [_rate(rows[condition.name, generator]) for generator in generators]
+            cells = [_rate(task, rows.get((condition.name, x))) for x in shown]
             rates.add_row(condition.name, *cells)
         show(rates)
-    show(f"written: {folder.summary} and {folder.trials.name}")
+    show(f"written: {folder.summary} and {folder.trials.name}; mitt report {folder.path} says more")
 
 
-def _rate(row: dict[str, object]) -> str:
-    """Return a catch rate and force for the table, with a star where throws are missing.
+def _rate(task: ScoredTask, row: Mapping[str, Any] | None) -> str:
+    """Return a rate and the first measure for the table, with a star where trials are missing.
 
     An exclamation mark where some pressed harder than hand and arm take.
     """
-    if not row["throws"]:
+    if row is None or not row[task.trials]:
         return ""
-    force = row["force_n"]
-    pressed = f"{force['median']:.0f}" if isinstance(force, dict) else "-"
+    name, measure = next(iter(task.measures.items()))
+    of = row[name]
+    median = "-" if of is None else f"{of['median']:.{measure.digits}f}"
     marks = ("!" if row["over_force"] else "") + ("" if row["complete"] else " *")
-    return f"{100 * float(str(row['catch_rate'])):.1f}, {pressed}{marks}"
+    return f"{100 * row[task.rate]:.1f}, {median}{marks}"
 
 
 def report_command(options: ReportOptions) -> int:
@@ -199,42 +132,18 @@ def report_command(options: ReportOptions) -> int:
 
 def _page_of_study(options: ReportOptions) -> int:
     """Write the page of a study; tables and plots are loaded only now."""
+    from mitt.report.study_page import write_study_page  # noqa: PLC0415
+    from mitt.trials.study_results import read_result  # noqa: PLC0415
+
     folder = Folder(options.folder)
-    task = _task(task_of_folder(folder.path))
-    write, said = (
-        _page_of_throws(folder, options.replays)
-        if task is None
-        else _page_of_task(folder, task.kind)
-    )
+    result = read_result(folder)
     page = folder.path / PAGE
     check_own("page of the study", page)
     if options.check:
-        return checked(said)
+        return checked(f"study {result.study.name!r}, {len(result.rows)} rows")
     with locked(folder.path), progress() as report:
-        write(progress=report)
+        write_study_page(result, replays=options.replays, progress=report)
     return _written(options, page, "")
-
-
-def _page_of_throws(folder: Folder, replays: int) -> tuple[Callable[..., None], str]:
-    """Return what writes the page of a study of throws, and what the study holds."""
-    from mitt.report.study_page import write_study_report  # noqa: PLC0415
-    from mitt.trials.study_results import read_result  # noqa: PLC0415
-
-    result = read_result(folder)
-    return partial(write_study_report, result, replays=replays), (
-        f"study {result.study.name!r}, {len(result.rows)} rows"
-    )
-
-
-def _page_of_task(folder: Folder, kind: type[TaskStudy]) -> tuple[Callable[..., None], str]:
-    """Return what writes the page of a study of a task, and what the study holds."""
-    from mitt.report.task_study_page import write_task_study_page  # noqa: PLC0415
-    from mitt.trials.task_run import read_task_result  # noqa: PLC0415
-
-    study, rows = read_task_result(folder, kind)
-    return partial(write_task_study_page, study, rows, folder), (
-        f"study {study.name!r}, {len(rows)} rows"
-    )
 
 
 def _page_of_run(options: ReportOptions) -> int:

@@ -1,14 +1,16 @@
-"""Studies of batting: generators side by side, and a map of the miss by target and ball speed.
+"""Studies of batting: what their files may say, and how their trials are run.
 
+Besides generators side by side a file may ask for a map of the miss by target and ball speed.
 Trials of a chunk follow one another, and what a hit tells of the restitution is known in the next;
 each chunk begins with what the catcher is told.
 """
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from functools import lru_cache
 from pathlib import Path
 from threading import get_ident
-from typing import Annotated, ClassVar, Final, Literal
+from typing import Annotated, Any, ClassVar, Final, Literal
 
 import numpy as np
 from pydantic import Field, field_validator
@@ -17,6 +19,7 @@ from mitt.arm.tools import Paddle
 from mitt.clock import Stopwatch
 from mitt.errors import InputError
 from mitt.files.arm_file import Coordinate
+from mitt.files.recordings import Recording
 from mitt.files.schema import FileSettings
 from mitt.reading import noted
 from mitt.rivals.batting import BATTERS
@@ -29,41 +32,36 @@ from mitt.trials.bat_station import (
     throw_ranges,
 )
 from mitt.trials.batting import STATUSES, BatRunner, BatTrial
+from mitt.trials.scored_task import Measure, Row, ScoredTask
 from mitt.trials.source import source_of
-from mitt.trials.study_file import REFERENCE
-from mitt.trials.task_study import (
-    Measure,
-    Player,
-    Row,
-    Task,
-    TaskCondition,
-    TaskStudy,
-    TaskStudySettings,
-    check_files,
-    check_generators,
+from mitt.trials.study import REFERENCE, Chunk, Condition, Study, check_files
+from mitt.trials.study_file import (
+    ConditionSettings,
+    Count,
+    Names,
+    Spelled,
+    StudySettings,
+    head_of,
     read_settings,
-    study_of,
+    spelled,
+    spelled_as,
 )
 
-BAT: Final = Task(
+BAT: Final = ScoredTask(
+    name="bat",
     schema="mitt.bat-study/1",
     trial=BatTrial,
+    trials="trials",
     statuses=STATUSES,
-    success="hit",
     rate="hit_rate",
     counted="balls hit",
     measures={
-        "miss_cm": Measure("miss at the target [cm]", lambda row: _times(100.0, row["miss_m"]), 1),
-        "off_middle_mm": Measure(
-            "off the paddle's middle [mm]", lambda row: row["off_middle_mm"], 1
-        ),
-        "acceleration": Measure(
-            "peak acceleration [rad/s^2]",
-            lambda row: max(row["peak_acceleration"], default=None),
-            0,
-        ),
-        "force_n": Measure("force on the ball [N]", lambda row: row["peak_contact_force_n"], 0),
+        "miss_cm": Measure("miss at the target [cm]", "miss_m", 1, factor=100.0),
+        "off_middle_mm": Measure("off the paddle's middle [mm]", "off_middle_mm", 1),
+        "acceleration": Measure("peak acceleration [rad/s^2]", "peak_acceleration", 0),
+        "force_n": Measure("force on the ball [N]", "peak_contact_force_n", 0),
     },
+    medians={},
 )
 """The task."""
 
@@ -71,40 +69,26 @@ AXES: Final = ("away", "to the left", "up")
 """Directions in which the target is moved: x, y, z."""
 
 #: Share of hits from which a cell of the map counts as good.
-_GOOD = 0.9
+_GOOD: Final = 0.9
 
-Speed = Annotated[float, Field(ge=1.0, le=20.0)]
+BallSpeed = Annotated[float, Field(ge=1.0, le=20.0)]
 """Speed of a ball at release [m/s]."""
 
 Offset = Annotated[float, Field(ge=-2.0, le=2.0)]
 """How far a target is moved [m]."""
 
 
-def _times(factor: float, value: float | None) -> float | None:
-    """Return a product; None of None."""
-    return None if value is None else factor * value
-
-
-class BatCondition(TaskCondition):
+class BatConditionSettings(ConditionSettings):
     """What comes by, and where it is sent.
 
     Attributes:
         target: Where balls are sent [m].
         speed: Least and largest speed of the balls at release [m/s]; those of default throws
             where None.
-        trials: Trials of each generator; as of the study where None.
-        generators: Names of the generators; as of the study where None.
-        moved: The axis along which a map has moved the target, 0 to 2, and how far [m]; -1 and 0
-            where it is the usual one; None where it is no cell of a map.
     """
 
     target: Annotated[tuple[Coordinate, Coordinate, Coordinate], Field(strict=False)] = TARGET
-    speed: Annotated[tuple[Speed, Speed], Field(strict=False)] | None = None
-    trials: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
-    generators: Annotated[tuple[str, ...], Field(strict=False, min_length=1)] | None = None
-    moved: (
-        Annotated[tuple[Annotated[int, Field(ge=-1, le=2)], Offset], Field(strict=False)] | None
-    ) = None
+    speed: Annotated[tuple[BallSpeed, BallSpeed], Field(strict=False)] | None = None
 
     @field_validator("speed")
     @classmethod
@@ -113,6 +97,21 @@ class BatCondition(TaskCondition):
         if value is not None and value[0] > value[1]:
             raise ValueError("the least speed and then the largest")
         return value
+
+
+class BatCondition(Condition):
+    """What comes by, with everything in its place.
+
+    Attributes:
+        target: As in the file, and ``speed``.
+        speed: See ``target``.
+        moved: The axis along which a map has moved the target, 0 to 2, and how far [m]; -1 and 0
+            where it is the usual one; None where it is no cell of a map.
+    """
+
+    target: Annotated[tuple[float, float, float], Field(strict=False)]
+    speed: Annotated[tuple[float, float], Field(strict=False)] | None = None
+    moved: Annotated[tuple[int, float], Field(strict=False)] | None = None
 
 
 class MapSettings(FileSettings):
@@ -125,8 +124,8 @@ class MapSettings(FileSettings):
     """
 
     offsets: Annotated[tuple[Offset, ...], Field(strict=False, min_length=1)]
-    speeds: Annotated[tuple[Speed, ...], Field(strict=False, min_length=2)]
-    trials: Annotated[int, Field(ge=1, le=1_000_000)] = 20
+    speeds: Annotated[tuple[BallSpeed, ...], Field(strict=False, min_length=2)]
+    trials: Count = 20
 
     @field_validator("speeds")
     @classmethod
@@ -137,68 +136,87 @@ class MapSettings(FileSettings):
         return value
 
 
-class BatStudySettings(TaskStudySettings):
+class BatChoice(FileSettings):
+    """What moves and what it sees: keys of the file of a study of batting.
+
+    Attributes:
+        arm: The arm, one with a stance, or an arm file of one.
+        limits: Limit set; that of the arm if left out.
+        vision: What the catcher sees.
+    """
+
+    arm: str = "wam"
+    limits: str | None = None
+    vision: Literal["pixels", "points"] = "points"
+
+
+class BatStudySettings(BatChoice, StudySettings):
     """The file of a study of batting.
 
     Attributes:
         task: Says that it is one.
         generators: Names of the generators.
-        arm: The arm, one with a stance, or an arm file of one.
-        vision: What the catcher sees.
         chunk: Trials that follow one another.
-        conditions: What comes by.
+        conditions: Conditions one by one.
         map: A map of the miss besides; none if left out.
     """
 
     task: Literal["bat"]
-    generators: Annotated[tuple[str, ...], Field(strict=False, min_length=1)] = BATTERS
-    arm: str = "wam"
-    vision: Literal["pixels", "points"] = "points"
+    generators: Names = BATTERS
     chunk: Annotated[int, Field(ge=1, le=1000)] = 100
-    conditions: Annotated[tuple[BatCondition, ...], Field(strict=False)] = ()
+    conditions: Annotated[tuple[BatConditionSettings, ...], Field(strict=False)] = ()
     map: MapSettings | None = None
 
 
-class BatStudy(BatStudySettings, TaskStudy):
+class BatStudy(BatChoice, Study):
     """A study of batting that can run; cells of its map are among its conditions."""
 
-    task_of: ClassVar[Task] = BAT
+    kind: ClassVar[ScoredTask] = BAT
+
+    conditions: Annotated[tuple[BatCondition, ...], Field(strict=False)]
 
     @property
     def setting(self) -> str:
-        """What its page says of arm and limits, in words."""
+        """What its page says of arm, limits and vision, in words."""
         return f"{self.arm}, {self.limits or 'its own limits'}, {self.vision}"
 
-    def players(self, condition: BatCondition) -> tuple[Player, ...]:
-        """Return the generators that are tried in a condition."""
-        return tuple(Player(name=x) for x in condition.generators or self.generators)
+    def played(self, chunk: Chunk) -> tuple[list[dict[str, Any]], Stopwatch]:
+        """Run the trials of a chunk; return them by their fields, and the times of the ticks."""
+        runner = self._runner(chunk)
+        return [asdict(runner.trial(k)) for k in chunk.trials], runner.stopwatch
 
-    def count(self, condition: BatCondition) -> int:
-        """Return the number of trials of each generator in a condition."""
-        return condition.trials or self.trials
+    def recorded(self, chunk: Chunk, index: int) -> Recording:
+        """Run the trials of a chunk up to one once more, and return its recording."""
+        runner = self._runner(chunk, keeps=True)
+        trial = [runner.trial(k) for k in range(chunk.start, index + 1)][-1]
+        return runner.recording(trial)
 
-    def played(
-        self, player: Player, condition: BatCondition, trials: range
-    ) -> tuple[list[BatTrial], Stopwatch]:
-        """Run trials of a generator in a condition; return them, and the times of the ticks."""
-        at = _station_of(self.model_dump_json(), condition, get_ident())
+    def _runner(self, chunk: Chunk, *, keeps: bool = False) -> BatRunner:
+        """Return a fresh runner for a chunk, which has learned nothing yet."""
+        choice = self.model_dump_json(include=set(BatChoice.model_fields))
+        of = chunk.condition
+        at = _station_of(choice, of.model_dump_json(), get_ident())
         source = source_of(
             at.arm,
             seed=self.seed,
             drag=at.scene.ball.drag,
-            count=trials.stop,
-            ranges=throw_ranges(condition.speed, at),
+            count=chunk.stop,
+            ranges=throw_ranges(of.speed, at),
         )
-        runner = BatRunner(at, source, pixels=self.vision == "pixels", generator=player.name)
-        return [runner.trial(k) for k in trials], runner.stopwatch
+        name, pixels = chunk.player.name, self.vision == "pixels"
+        return BatRunner(at, source, pixels=pixels, generator=name, keeps=keeps)
 
     def cells(self, rows: Sequence[Row]) -> list[tuple[BatCondition, Row]]:
         """Return the cells of the map with what the summary says of them."""
         found = {r["condition"]: r for r in rows if r["generator"] == REFERENCE}
         return [(c, found[c.name]) for c in self.conditions if c.moved and c.name in found]
 
-    def answer_more(self, rows: Sequence[Row]) -> list[str]:
-        """Return what the map says: where balls are hit, how near, and what refuses the others."""
+    def answer(self, rows: Sequence[Row]) -> list[str]:
+        """Return what the rows of the summary say, those of the map last."""
+        return super().answer(rows) + self.answer_of_map(rows)
+
+    def answer_of_map(self, rows: Sequence[Row]) -> list[str]:
+        """Return where balls are hit, how near, and what refuses the others."""
         cells = [(c, row) for c, row in self.cells(rows) if row["trials"]]
         if not cells:
             return []
@@ -226,56 +244,60 @@ class BatStudy(BatStudySettings, TaskStudy):
 
 
 @lru_cache(maxsize=4)
-def _station_of(text: str, condition: BatCondition, thread: int) -> BatStation:  # noqa: ARG001
+def _station_of(text: str, condition: str, thread: int) -> BatStation:  # noqa: ARG001
     """Return the arm, its map learned for a condition; kept for a thread."""
-    study = BatStudy.model_validate_json(text)
+    of, at = BatChoice.model_validate_json(text), BatCondition.model_validate_json(condition)
     with noted() as files:
-        at = bat_station(
-            study.arm,
-            scene=study.world,
-            target=np.array(condition.target),
-            limits=study.limits,
-            around=coming(condition.speed),
+        found = bat_station(
+            of.arm,
+            scene=at.scene,
+            target=np.array(at.target),
+            limits=of.limits,
+            around=coming(at.speed),
         )
-    check_files(study, files)
-    return at
+    check_files(at, files)
+    return found
 
 
-def _mapped(of: MapSettings) -> list[BatCondition]:
-    """Return the cells of a map as conditions: for each speed the usual target, then the others."""
-    out = list[BatCondition]()
+def _mapped(of: MapSettings) -> list[tuple[BatConditionSettings, tuple[int, float]]]:
+    """Return the cells of a map as conditions, and the axis and offset that have moved the target.
+
+    For each speed the usual target, then the others.
+    """
+    out = list[tuple[BatConditionSettings, tuple[int, float]]]()
     moved = [(k, x) for k in range(3) for x in sorted({*of.offsets} - {0.0})]
     for low, high in zip(of.speeds[:-1], of.speeds[1:], strict=True):
         for axis, off in [(-1, 0.0), *moved]:
             target = np.array(TARGET) + off * np.eye(3)[axis]
             place = "usual target" if axis < 0 else f"target {off:+g} m {AXES[axis]}"
-            out.append(
-                BatCondition(
-                    name=f"{place} {low:g} to {high:g} m/s",
-                    target=tuple(target.tolist()),
-                    speed=(low, high),
-                    trials=of.trials,
-                    generators=(REFERENCE,),
-                    moved=(axis, off),
-                )
+            given = BatConditionSettings(
+                name=f"{place} {low:g} to {high:g} m/s",
+                target=tuple(target.tolist()),
+                speed=(low, high),
+                trials=of.trials,
+                generators=(REFERENCE,),
             )
+            out.append((given, (axis, off)))
     return out
 
 
 def read_bat_study(path: Path) -> BatStudy:
     """Read the file of a study of batting; errors as of :func:`read_settings`."""
     path, settings = read_settings(path, BatStudySettings, BATTERS)
-    for k, condition in enumerate(settings.conditions):
-        check_generators(
-            f"{path} key conditions.{k}.generators", condition.generators or (), BATTERS
-        )
-    conditions = [*settings.conditions, *(_mapped(settings.map) if settings.map else ())]
-    if not conditions:
-        raise InputError(f"{path} key conditions", "a condition, or a map", "neither")
-    return study_of(
-        BatStudy,
-        path,
-        settings,
-        conditions,
-        lambda: arm_with_paddle(settings.arm, Paddle(), limits=settings.limits),
-    )
+    given = spelled(settings, BatConditionSettings, path)
+    cells = [] if settings.map is None else _mapped(settings.map)
+    if not given and not cells:
+        raise InputError(f"{path} key conditions", "a condition, a sweep, or a map", "none")
+    with noted() as files:
+        arm_with_paddle(settings.arm, Paddle(), limits=settings.limits)
+
+    def whole(x: Spelled[BatConditionSettings], moved: tuple[int, float] | None) -> BatCondition:
+        of = x.given.model_dump(include={"target", "speed"})
+        return BatCondition(**x.common, **of, moved=moved, scene=x.world(), arm_files=files)
+
+    conditions = [whole(x, None) for x in given]
+    conditions += [
+        whole(spelled_as(settings, x, path, disturbance=x.name), moved) for x, moved in cells
+    ]
+    choice = settings.model_dump(include=set(BatChoice.model_fields))
+    return BatStudy(**head_of(settings, path, conditions), **choice)

@@ -1,14 +1,14 @@
-"""Studies of meetings: what their files may say, and the study that follows from it.
+"""Studies of meetings: what their files may say, and how their trials are run.
 
 A generator that plans is tried at each rate; one that follows a belt's encoder only where there is
 a belt.
 """
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import lru_cache
 from pathlib import Path
 from threading import get_ident
-from typing import Annotated, ClassVar, Final, Literal
+from typing import Annotated, Any, ClassVar, Final, Literal
 
 import numpy as np
 from pydantic import Field
@@ -16,46 +16,50 @@ from pydantic import Field
 from mitt.arm.tools import TOOLS, Jaw, Suction
 from mitt.clock import Stopwatch
 from mitt.files.arm_file import joint_names
+from mitt.files.recordings import Recording
+from mitt.files.schema import FileSettings
 from mitt.reading import noted
 from mitt.rivals.meeting import LINES, MEETERS, PLANNERS
 from mitt.trials.meeting import STATUSES, MeetRunner, MeetTrial
+from mitt.trials.scored_task import Measure, ScoredTask
 from mitt.trials.station import Station, arm_with_tool, station
-from mitt.trials.task_study import (
-    Measure,
-    Player,
-    Task,
-    TaskCondition,
-    TaskStudy,
-    TaskStudySettings,
-    check_files,
+from mitt.trials.study import Chunk, Condition, Player, Study, check_files
+from mitt.trials.study_file import (
+    ConditionSettings,
+    Names,
+    StudySettings,
+    head_of,
     once,
     read_settings,
-    study_of,
+    spelled,
 )
 
-MEET: Final = Task(
+MEET: Final = ScoredTask(
+    name="meet",
     schema="mitt.meet-study/1",
     trial=MeetTrial,
+    trials="trials",
     statuses=STATUSES,
-    success="met",
     rate="meet_rate",
     counted="targets met",
     measures={
-        "error_mm": Measure("error at the grasp [mm]", lambda row: row["position_error_mm"], 1),
-        "velocity_m_s": Measure("relative speed [m/s]", lambda row: row["velocity_error_m_s"], 3),
-        "acceleration": Measure(
-            "peak acceleration [rad/s^2]",
-            lambda row: max(row["peak_acceleration"], default=None),
-            0,
-        ),
-        "force_n": Measure("force on the part [N]", lambda row: row["peak_contact_force_n"], 0),
-        "in_sync_s": Measure("in step [s]", lambda row: row["in_sync_s"], 3, more=True),
+        "error_mm": Measure("error at the grasp [mm]", "position_error_mm", 1),
+        "velocity_m_s": Measure("relative speed [m/s]", "velocity_error_m_s", 3),
+        "acceleration": Measure("peak acceleration [rad/s^2]", "peak_acceleration", 0),
+        "force_n": Measure("force on the part [N]", "peak_contact_force_n", 0),
+        "in_sync_s": Measure("in step [s]", "in_sync_s", 3, more=True),
     },
+    medians={},
 )
 """The task."""
 
+Speed = Annotated[float, Field(ge=0.01, le=5.0)]
+"""Mean speed of a belt, or largest of a hand [m/s]."""
+ToolSpeed = Annotated[float, Field(ge=0.01, le=20.0)]
+"""Largest speed of a tool [m/s]."""
 
-class MeetCondition(TaskCondition):
+
+class MeetConditionSettings(ConditionSettings):
     """What comes by.
 
     Attributes:
@@ -65,47 +69,67 @@ class MeetCondition(TaskCondition):
     """
 
     target: Literal["belt", "hand"]
-    speed: Annotated[float, Field(ge=0.01, le=5.0)]
-    tool_speed: Annotated[float, Field(ge=0.01, le=20.0)] | None = None
+    speed: Speed
+    tool_speed: ToolSpeed | None = None
 
 
-class MeetStudySettings(TaskStudySettings):
-    """The file of a study of meetings.
+class MeetCondition(Condition):
+    """What comes by, with everything in its place; the fields are those of the file."""
+
+    target: Literal["belt", "hand"]
+    speed: Speed
+    tool_speed: ToolSpeed | None = None
+
+
+class MeetChoice(FileSettings):
+    """What moves, and with what it takes parts: keys of the file of a study of meetings.
 
     Attributes:
-        task: Says that it is one.
-        generators: Names of the generators.
         rates: Plans a second, of those that plan [Hz].
         arm: The arm: a name, an arm file, or a URDF or MJCF file.
         tip: Frame of the file at which the tool is mounted.
         joints: Joints of the file that move, as A,B,C.
+        limits: Limit set; that of the arm if left out.
         tool: What it takes parts with.
         gripper_delay: Time from the command until the tool acts [s].
-        conditions: What comes by.
     """
 
-    task: Literal["meet"]
-    generators: Annotated[tuple[str, ...], Field(strict=False, min_length=1)] = MEETERS
     rates: Annotated[
         tuple[Annotated[float, Field(ge=1.0, le=1000.0)], ...], Field(strict=False, min_length=1)
     ] = (100.0,)
     arm: str = "ur5e"
     tip: str | None = None
     joints: str | None = None
+    limits: str | None = None
     tool: Literal["suction", "jaw"] = "suction"
     gripper_delay: Annotated[float, Field(ge=0.0, le=2.0)] = 0.05
-    conditions: Annotated[tuple[MeetCondition, ...], Field(strict=False, min_length=1)]
-
-
-class MeetStudy(MeetStudySettings, TaskStudy):
-    """A study of meetings that can run."""
-
-    task_of: ClassVar[Task] = MEET
 
     @property
     def gripper(self) -> Suction | Jaw:
         """The tool."""
         return replace(TOOLS[self.tool], delay=self.gripper_delay)
+
+
+class MeetStudySettings(MeetChoice, StudySettings):
+    """The file of a study of meetings.
+
+    Attributes:
+        task: Says that it is one.
+        generators: Names of the generators.
+        conditions: Conditions one by one.
+    """
+
+    task: Literal["meet"]
+    generators: Names = MEETERS
+    conditions: Annotated[tuple[MeetConditionSettings, ...], Field(strict=False)] = ()
+
+
+class MeetStudy(MeetChoice, Study):
+    """A study of meetings that can run."""
+
+    kind: ClassVar[ScoredTask] = MEET
+
+    conditions: Annotated[tuple[MeetCondition, ...], Field(strict=False)]
 
     @property
     def setting(self) -> str:
@@ -115,41 +139,53 @@ class MeetStudy(MeetStudySettings, TaskStudy):
     def players(self, condition: MeetCondition) -> tuple[Player, ...]:
         """Return the generators that meet what comes by."""
         out: list[Player] = []
-        for name in self.generators:
+        for name in condition.counts:
             if name in PLANNERS:
-                out += [Player(name=name, rate=rate) for rate in self.rates]
+                out += [Player(name, rate) for rate in self.rates]
             elif name not in LINES or condition.target == "belt":
-                out.append(Player(name=name))
+                out.append(Player(name))
         return tuple(out)
 
-    def played(
-        self, player: Player, condition: MeetCondition, trials: range
-    ) -> tuple[list[MeetTrial], Stopwatch]:
-        """Run trials of a generator in a condition; return them, and the times of the ticks."""
-        at = _station_of(self.model_dump_json(), condition, get_ident())
-        generator = at.generator(player.name, rate=player.rate or 1.0)
-        runner = MeetRunner(at, seed=self.seed, speed=condition.speed, generator=generator)
-        return [runner.trial(k) for k in trials], runner.stopwatch
+    def played(self, chunk: Chunk) -> tuple[list[dict[str, Any]], Stopwatch]:
+        """Run the trials of a chunk; return them by their fields, and the times of the ticks."""
+        runner = self._runner(chunk)
+        return [asdict(runner.trial(k)) for k in chunk.trials], runner.stopwatch
+
+    def recorded(self, chunk: Chunk, index: int) -> Recording:
+        """Run a trial of a chunk once more and return its recording."""
+        runner = self._runner(chunk)
+        return runner.recording(runner.trial(index))
+
+    def _runner(self, chunk: Chunk) -> MeetRunner:
+        """Return a fresh runner for a chunk."""
+        of = chunk.condition
+        at = _station_of(
+            self.model_dump_json(include=set(MeetChoice.model_fields)),
+            of.model_dump_json(),
+            get_ident(),
+        )
+        generator = at.generator(chunk.player.name, rate=chunk.player.rate or 1.0)
+        return MeetRunner(at, seed=self.seed, speed=of.speed, generator=generator)
 
 
 @lru_cache(maxsize=8)
-def _station_of(text: str, condition: MeetCondition, thread: int) -> Station:  # noqa: ARG001
+def _station_of(text: str, condition: str, thread: int) -> Station:  # noqa: ARG001
     """Return the arm where it meets what comes by; kept for a thread."""
-    study = MeetStudy.model_validate_json(text)
-    speed = np.inf if condition.tool_speed is None else condition.tool_speed
+    of, at = MeetChoice.model_validate_json(text), MeetCondition.model_validate_json(condition)
+    speed = np.inf if at.tool_speed is None else at.tool_speed
     with noted() as files:
-        at = station(
-            study.arm,
-            study.gripper,
-            condition.target,
-            study.world,
-            tip=study.tip,
-            joints=joint_names(study.joints),
-            limits=study.limits,
+        found = station(
+            of.arm,
+            of.gripper,
+            at.target,
+            at.scene,
+            tip=of.tip,
+            joints=joint_names(of.joints),
+            limits=of.limits,
             speed=speed,
         )
-    check_files(study, files)
-    return at
+    check_files(at, files)
+    return found
 
 
 def read_meet_study(path: Path) -> MeetStudy:
@@ -161,17 +197,23 @@ def read_meet_study(path: Path) -> MeetStudy:
     """
     path, settings = read_settings(path, MeetStudySettings, MEETERS)
     once(f"{path} key rates", settings.rates)
-    tool = TOOLS[settings.tool]
-    return study_of(
-        MeetStudy,
-        path,
-        settings,
-        settings.conditions,
-        lambda: arm_with_tool(
+    given = spelled(settings, MeetConditionSettings, path)
+    with noted() as files:
+        arm_with_tool(
             settings.arm,
-            tool,
+            TOOLS[settings.tool],
             tip=settings.tip,
             joints=joint_names(settings.joints),
             limits=settings.limits,
-        ),
-    )
+        )
+    conditions = [
+        MeetCondition(
+            **x.common,
+            **x.given.model_dump(include={"target", "speed", "tool_speed"}),
+            scene=x.world(),
+            arm_files=files,
+        )
+        for x in given
+    ]
+    choice = settings.model_dump(include=set(MeetChoice.model_fields))
+    return MeetStudy(**head_of(settings, path, conditions), **choice)

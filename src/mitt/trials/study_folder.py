@@ -13,7 +13,7 @@ timing.json      wall-clock figures, which no comparison reads
 import hashlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Protocol, TypeVar, final
+from typing import TypeVar, final
 
 from mitt import checks
 from mitt.errors import FileError, InputError
@@ -30,7 +30,7 @@ from mitt.files.writing import (
     write_json,
 )
 from mitt.reading import changed_file, read_bytes, read_json
-from mitt.trials.study_file import SCHEMA, Study
+from mitt.trials.study import Study
 
 MANIFEST = "study.json"
 """File that says which study a folder belongs to."""
@@ -54,24 +54,6 @@ LEAVES = Leaves(
     ),
 )
 """All that a study leaves in its folder."""
-
-
-class AnyStudy(Protocol):
-    """What a folder asks of a study, of whatever task."""
-
-    name: str
-    seed: int
-    version: str
-    flights: dict[str, str]
-
-    @property
-    def digest(self) -> str:
-        """SHA-256 of all that decides the results."""
-        ...
-
-    def model_dump(self, *, mode: str) -> dict[str, Any]:
-        """Return all that it says."""
-        ...
 
 
 @final
@@ -130,7 +112,7 @@ class Folder:
         """Return where the recording of a throw is kept."""
         return self.path / "recordings" / f"{throw_name(generator, condition)}-{index}.mcap"
 
-    def claim(self, study: AnyStudy, *, resume: bool, overwrite: bool) -> None:
+    def claim(self, study: Study, *, resume: bool, overwrite: bool) -> None:
         """Make the folder ready for a study.
 
         Raises:
@@ -154,13 +136,12 @@ class Folder:
         """Return what says whether the study of this folder made a file: its throws have names."""
         raw = read_json(self.path / MANIFEST) if LEAVES.owns(self.path) else {}
         told = raw.get("study")
-        told = told if isinstance(told, dict) else {}
-        counts, conditions = told.get("counts"), told.get("conditions")
+        conditions = told.get("conditions") if isinstance(told, dict) else None
         names = {
             throw_name(str(generator), str(condition.get("name")))
-            for generator in (counts if isinstance(counts, dict) else ())
             for condition in (conditions if isinstance(conditions, list) else ())
-            if isinstance(condition, dict)
+            if isinstance(condition, dict) and isinstance(condition.get("counts"), dict)
+            for generator in condition["counts"]
         }
 
         def made(name: str) -> bool:
@@ -169,12 +150,12 @@ class Folder:
 
         return made
 
-    def check(self, study: AnyStudy, *, resume: bool) -> None:
+    def check(self, study: Study, *, resume: bool) -> None:
         """Refuse a folder that a study cannot go on in; for resuming only."""
         if resume:
             self._is_ours(study)
 
-    def _is_ours(self, study: AnyStudy) -> bool:
+    def _is_ours(self, study: Study) -> bool:
         """Say whether the folder holds the beginning of this study; False where it is empty."""
         files = [p for p in self.path.glob("*") if not p.name.startswith(".")]
         if not files:
@@ -199,16 +180,14 @@ def throw_name(generator: str, condition: str) -> str:
     return f"{file_name(generator)}+{file_name(condition)}"  # no name of a file has a plus
 
 
-def _other(given: object, study: AnyStudy) -> str:
+def _other(given: object, study: Study) -> str:
     """Return in words what made a folder that is not of this study."""
     if not isinstance(given, dict):
         return "another study"
     if given.get("version") != study.version:
         return f"a study of mitt {given.get('version')}"
-    if not isinstance(study, Study):
-        return "another study"
     try:
-        was = validated(Study, given.get("study"), place=MANIFEST)
+        was = validated(type(study), given.get("study"), place=MANIFEST)
     except InputError:
         return "another study"
     for name, origin in study.plugins.items():
@@ -220,12 +199,12 @@ def _other(given: object, study: AnyStudy) -> str:
             return f"another content of {name}"
     for old, new in zip(was.conditions, study.conditions, strict=False):
         name = changed_file(old.arm_files, new.arm_files)
-        if name and old.arm == new.arm:
+        if name and old == new.model_copy(update={"arm_files": old.arm_files}):
             return f"another content of {name}"
     return "another study"
 
 
-def _manifest(study: AnyStudy) -> dict[str, object]:
+def _manifest(study: Study) -> dict[str, object]:
     """Return what ``study.json`` says."""
     return {
         "schema": _MANIFEST_SCHEMA,
@@ -235,11 +214,11 @@ def _manifest(study: AnyStudy) -> dict[str, object]:
     }
 
 
-def task_of_folder(path: Path) -> object:
-    """Return the task of the study that a folder holds; None of throws."""
+def task_of_folder(path: Path) -> str:
+    """Return the task of the study that a folder holds; of catching where it says none."""
     raw = read_json(path / MANIFEST) if (path / MANIFEST).is_file() else None
     study = raw.get("study") if isinstance(raw, dict) else None
-    return study.get("task") if isinstance(study, dict) else None
+    return str(study.get("task", "catch")) if isinstance(study, dict) else "catch"
 
 
 _Kind = TypeVar("_Kind", bound=FileSettings)
@@ -271,10 +250,10 @@ def read_manifest(path: Path, kind: type[_Kind]) -> _Kind:
     return validated(kind, raw.get("study"), place=str(path / MANIFEST))
 
 
-def notes_of(study: AnyStudy) -> dict[str, str]:
+def notes_of(study: Study) -> dict[str, str]:
     """Return what the metadata of a table say of its study."""
     return {
-        "schema": SCHEMA,
+        "schema": study.kind.schema,
         "study": study.name,
         "digest": study.digest,
         "seed": str(study.seed),

@@ -1,4 +1,4 @@
-"""The throws of a study as tables, and what they come to: rates, medians, pairs.
+"""The trials of a study as tables, and what they come to: rates, medians, pairs.
 
 Pages of the tables carry checksums, and the metadata say which study, seed and version a part
 belongs to.
@@ -8,20 +8,23 @@ import io
 import json
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, fields
+from functools import cache
 from pathlib import Path
-from typing import Any
+from types import UnionType
+from typing import Any, Final, Union, final, get_args, get_origin
 
 import numpy as np
 
 from mitt import checks
 from mitt.errors import FileError, MissingPackageError
-from mitt.signals import Array
-from mitt.trials.result import STATUSES, spread_of
-from mitt.trials.score import Trial, reason_of
+from mitt.trials.result import spread_of
+from mitt.trials.score import reason_of
+from mitt.trials.scored_task import Row, ScoredTask
 from mitt.trials.statistics import holm, mcnemar, paired_difference, ratio_of_means, wilson
-from mitt.trials.study_file import REFERENCE, Condition, Study
-from mitt.trials.study_folder import Folder, read_manifest
+from mitt.trials.studies import study_of_folder
+from mitt.trials.study import REFERENCE, Condition, Player, Study
+from mitt.trials.study_folder import Folder
 
 try:
     import pyarrow as pa
@@ -29,21 +32,7 @@ try:
 except ImportError as error:
     raise MissingPackageError("mitt study", "pyarrow", "study") from error
 
-Row = dict[str, Any]
-"""A throw, by columns of the table."""
-
-_AXES = ("x", "y", "z", "vx", "vy", "vz")
-_FLOATS = (
-    "t_catch_s",
-    "position_error_mm",
-    "velocity_error_m_s",
-    "demand_cost",
-    "peak_contact_force_n",
-    "range_excess_rad",
-    "effort_s",
-    "jerk_rad_s3",
-)
-#: Fields of ``stopped_by``, each a column of its own.
+#: Fields of ``stopped_by``, each a column of its own, by type.
 _STOP_WORDS = ("state", "reason", "joint", "hint")
 _STOP_ROWS = (
     "q",
@@ -55,58 +44,51 @@ _STOP_ROWS = (
     "command_ddq",
     "command_tau",
 )
-
-COLUMNS = pa.schema(
-    [
-        pa.field("generator", pa.string()),
-        pa.field("condition", pa.string()),
-        pa.field("index", pa.int64()),
-        pa.field("status", pa.string()),
-        *(pa.field(name, pa.float64()) for name in _FLOATS),
-        pa.field("peak_torque_ratio", pa.list_(pa.float64())),
-        pa.field("peak_speed_ratio", pa.list_(pa.float64())),
-        pa.field("limit_violations", pa.int64()),
-        pa.field("over_force", pa.bool_()),
-        pa.field("saturated_ticks", pa.int64()),
-        pa.field("binding_limit", pa.string()),
-        *(pa.field(f"stopped_by_{name}", pa.string()) for name in _STOP_WORDS),
-        pa.field("stopped_by_t_s", pa.float64()),
-        pa.field("stopped_by_brakes", pa.bool_()),
-        *(pa.field(f"stopped_by_{name}", pa.list_(pa.float64())) for name in _STOP_ROWS),
-        pa.field("energy_j", pa.float64()),
-        *(pa.field(f"release_{axis}", pa.float64()) for axis in _AXES),
-        *(pa.field(f"passing_{axis}", pa.float64()) for axis in _AXES),
-    ]
-)
+#: Types of columns, by those of fields.
+_TYPES: Final = {
+    str: pa.string(),
+    int: pa.int64(),
+    float: pa.float64(),
+    bool: pa.bool_(),
+    list[float]: pa.list_(pa.float64()),
+}
 
 
-def row_of(
-    generator: str, condition: str, trial: Trial, energy_j: float, release: Array, passing: Array
-) -> Row:
-    """Return a throw by columns.
+@cache
+def columns_of(trial: type, extra: tuple[str, ...] = ()) -> Any:  # noqa: ANN401 (pyarrow has no types)
+    """Return the columns of a table of trials: names of the cell, and all that has a type.
 
     Args:
-        generator: Name of the generator.
-        condition: Name of the condition.
-        trial: Its score.
-        energy_j: Mechanical work of the joints, counted positive both ways [J].
-        release: Position and velocity at release [m, m/s], shape (6,).
-        passing: The same where the undisturbed ball is nearest to the waiting hand, shape (6,).
+        trial: The class of the trials, a dataclass.
+        extra: Numbers that a study adds to its fields.
     """
-    known = set(COLUMNS.names)
-    row: Row = {key: value for key, value in asdict(trial).items() if key in known}
-    row |= {f"stopped_by_{name}": x for name, x in (trial.stopped_by or {}).items()}
-    row |= {"generator": generator, "condition": condition, "energy_j": energy_j}
-    for name, state in (("release", release), ("passing", passing)):
-        row |= {f"{name}_{axis}": float(x) for axis, x in zip(_AXES, state, strict=True)}
-    return row
+    out = [pa.field("generator", pa.string()), pa.field("condition", pa.string())]
+    for field in fields(trial):
+        kinds = get_args(field.type) if get_origin(field.type) in (Union, UnionType) else ()
+        kind = next((x for x in kinds if x is not type(None)), field.type)
+        if kind in _TYPES:
+            out.append(pa.field(field.name, _TYPES[kind]))
+    out += [pa.field(f"stopped_by_{name}", pa.string()) for name in _STOP_WORDS]
+    out += [pa.field("stopped_by_t_s", pa.float64()), pa.field("stopped_by_brakes", pa.bool_())]
+    out += [pa.field(f"stopped_by_{name}", pa.list_(pa.float64())) for name in _STOP_ROWS]
+    return pa.schema([*out, *(pa.field(name, pa.float64()) for name in extra)])
 
 
-def write_rows(
-    rows: Sequence[Row],
-    notes: dict[str, str],
-    columns: Any = COLUMNS,  # noqa: ANN401
-) -> bytes:
+def row_of(place: tuple[str, str], trial: Mapping[str, Any], columns: Any) -> dict[str, Any]:  # noqa: ANN401
+    """Return a trial by columns.
+
+    Args:
+        place: Names of the generator and of the condition.
+        trial: The trial by its fields, with what its study adds.
+        columns: The columns, as of :func:`columns_of`.
+    """
+    known = set(columns.names)
+    row = {key: value for key, value in trial.items() if key in known}
+    row |= {f"stopped_by_{name}": x for name, x in (trial["stopped_by"] or {}).items()}
+    return row | {"generator": place[0], "condition": place[1]}
+
+
+def write_rows(rows: Sequence[Row], notes: dict[str, str], columns: Any) -> bytes:  # noqa: ANN401
     """Return a part as the bytes of a Parquet file."""
     out, schema = io.BytesIO(), _schema(notes, columns)
     with pq.ParquetWriter(out, schema, write_page_checksum=True) as writer:
@@ -119,10 +101,7 @@ def _schema(notes: dict[str, str], columns: Any) -> Any:  # noqa: ANN401 (pyarro
     return columns.with_metadata(dict(sorted(notes.items())))
 
 
-def read_part(
-    path: Path,
-    columns: Any = COLUMNS,  # noqa: ANN401
-) -> tuple[list[dict[str, Any]], dict[str, str]]:
+def read_part(path: Path, columns: Any) -> tuple[list[dict[str, Any]], dict[str, str]]:  # noqa: ANN401
     """Return rows and metadata of a part, or of a whole table.
 
     Raises:
@@ -136,17 +115,20 @@ def read_part(
     return table.to_pylist(), notes
 
 
-def read_columns(
-    path: Path, columns: Sequence[str], filters: Sequence[tuple[str, str, str]]
+def read_trials(
+    path: Path,
+    columns: Any,  # noqa: ANN401
+    names: Sequence[str],
+    filters: Sequence[tuple[str, str, str]],
 ) -> Any:  # noqa: ANN401
-    """Return columns of the whole table, of the rows that pass all filters.
+    """Return some columns of the whole table, of the rows that pass all filters.
 
     Raises:
         FileError: The file is missing, cut short or altered.
     """
     path = checks.path("table", path)
-    table = _table(path, "table", columns=list(columns), filters=list(filters))
-    if any(table.schema.field(name).type != COLUMNS.field(name).type for name in columns):
+    table = _table(path, "table", columns=list(names), filters=list(filters))
+    if any(table.schema.field(name).type != columns.field(name).type for name in names):
         raise FileError(str(path), "the columns of this version", "others")
     return table
 
@@ -160,12 +142,7 @@ def _table(path: Path, what: str, **of: Any) -> Any:  # noqa: ANN401
         raise FileError(str(path), f"a whole {what} of a study", said) from None
 
 
-def merge(
-    parts: Sequence[Path],
-    out: Path,
-    notes: dict[str, str],
-    columns: Any = COLUMNS,  # noqa: ANN401
-) -> None:
+def merge(parts: Sequence[Path], out: Path, notes: dict[str, str], columns: Any) -> None:  # noqa: ANN401
     """Write all parts as one table, in their order, a few thousand rows in memory at a time."""
     schema = _schema(notes, columns)
     with pq.ParquetWriter(out, schema, write_page_checksum=True) as writer:
@@ -197,34 +174,28 @@ def timing_of(path: Path) -> dict[str, float]:
 Place = tuple[str, str]
 """Generator and condition."""
 Pair = dict[str, Any]
-"""How two generators differ on the same throws."""
-Efforts = Mapping[str, float]
-"""What a throw took, by the name of the column; without what is not known."""
-Cell = tuple[dict[str, Any], Mapping[int, bool], Mapping[int, Efforts]]
-"""A row of the summary; whether each of its throws was caught, and what it took, by its index."""
+"""How two generators differ on the same trials."""
 
-#: Columns of which the rows give the median.
-_MEDIANS = (
-    "position_error_mm",
-    "velocity_error_m_s",
-    "peak_contact_force_n",
-    "energy_j",
-    "demand_cost",
-    "peak_torque_ratio",
-    "peak_speed_ratio",
-    "effort_s",
-    "jerk_rad_s3",
-)
-#: Columns that a summary needs.
-_SUMMED = (
-    "index",
-    "status",
-    "limit_violations",
-    "over_force",
-    "stopped_by_reason",
-    "stopped_by_joint",
-    *_MEDIANS,
-)
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CellResult:
+    """The trials of one generator in one condition, as far as they are done.
+
+    Attributes:
+        row: Their row of the summary, without how the generator compares.
+        good: Whether each succeeded, by its index.
+        values: What is known of what was measured in each, by its index and the measure's name.
+    """
+
+    row: dict[str, Any]
+    good: Mapping[int, bool]
+    values: Mapping[int, Mapping[str, float]]
+
+    @property
+    def place(self) -> Place:
+        """Names of the generator and of the condition."""
+        return self.row["generator"], self.row["condition"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -246,9 +217,9 @@ def read_result(folder: Folder) -> StudyResult:
     """Read the folder of a study.
 
     Raises:
-        FileError: It holds no study, one without a table of throws, or one that was altered.
+        FileError: It holds no study, one without a table of trials, or one that was altered.
     """
-    study = read_manifest(folder.path, Study)
+    study = study_of_folder(folder.path)
     if not folder.summary.exists() or not folder.trials.exists():
         raise FileError(
             str(folder.path),
@@ -256,129 +227,166 @@ def read_result(folder: Folder) -> StudyResult:
             "one that is not over",
             do="finish it with mitt study --resume",
         )
-    return StudyResult(study=study, folder=folder, rows=summary(study, folder))
+    return StudyResult(study=study, folder=folder, rows=study_summary(study, folder))
 
 
-def summary(study: Study, folder: Folder) -> list[dict[str, Any]]:
-    """Return the rows of a study's summary, from its table of throws.
+def study_summary(study: Study, folder: Folder) -> list[dict[str, Any]]:
+    """Return the rows of a study's summary, from its table of trials.
 
     Raises:
         FileError: The table is missing, cut short or altered.
     """
-    cells = []
+    task, cells = study.kind, []
+    columns = columns_of(task.trial, task.extra)
+    names = _needed(task, columns.names)
     for condition in study.conditions:
-        for generator, wanted in study.counts.items():
-            cell = [("generator", "=", generator), ("condition", "=", condition.name)]
-            throws = read_columns(folder.trials, _SUMMED, cell).to_pylist()
-            cells.append(throws_in_cell(generator, condition, wanted, throws))
-    return compared(cells)
+        for player in study.players(condition):
+            cell = [("generator", "=", player.label), ("condition", "=", condition.name)]
+            trials = read_trials(folder.trials, columns, names, cell).to_pylist()
+            cells.append(cell_result(task, player, condition, trials))
+    return compared(task, cells)
 
 
-def throws_in_cell(
-    generator: str, condition: Condition, wanted: int, trials: Iterable[dict[str, Any]]
-) -> Cell:
-    """Return the throws of one generator in one condition, as far as they are done.
+def _needed(task: ScoredTask, known: Sequence[str]) -> list[str]:
+    """Return the columns that a summary needs."""
+    used = ["index", "status", "binding_limit", "limit_violations", "over_force"]
+    used += ["stopped_by_reason", "stopped_by_joint", *(x.column for x in task.figures.values())]
+    return [name for name in dict.fromkeys(used) if name in known]
 
-    ``trials`` are rows of the table; ``wanted`` is how many throws there should be.
+
+def cell_result(
+    task: ScoredTask, player: Player, condition: Condition, trials: Sequence[Row]
+) -> CellResult:
+    """Return the trials of one generator in one condition, as far as they are done.
+
+    Args:
+        task: Their task.
+        player: The generator.
+        condition: The condition.
+        trials: Rows of the table.
     """
-    counts = dict.fromkeys(STATUSES, 0)
-    values: dict[str, list[float]] = {name: [] for name in _MEDIANS}
-    caught: dict[int, bool] = {}
-    took: dict[int, Efforts] = {}
-    violating, over, reasons = 0, 0, Counter[str]()
-    for trial in trials:
-        counts[trial["status"]] += 1
-        violating += trial["limit_violations"] > 0
-        over += trial["over_force"] is True
-        if trial["stopped_by_reason"] is not None:
-            named = {"reason": trial["stopped_by_reason"], "joint": trial["stopped_by_joint"]}
-            reasons[reason_of(named)] += 1
-        caught[trial["index"]] = trial["status"] == "caught"
-        known = {name: _largest(trial[name]) for name in _MEDIANS if trial[name] is not None}
-        took[trial["index"]] = known
-        for name, value in known.items():
-            values[name].append(value)
-    throws = sum(counts.values())
+    counts = {status: sum(t["status"] == status for t in trials) for status in task.statuses}
+    good = counts[task.success]
+    stops, refused = Counter[str](), Counter[str]()
+    values: dict[int, dict[str, float]] = {}
+    for t in trials:
+        found = {name: x.of(t) for name, x in task.figures.items()}
+        values[t["index"]] = {name: x for name, x in found.items() if x is not None}
+        if t["stopped_by_reason"] is not None:
+            named = {"reason": t["stopped_by_reason"], "joint": t["stopped_by_joint"]}
+            stops[reason_of(named)] += 1
+        if t["status"] == "unreachable":
+            refused[t["binding_limit"]] += 1
+    known = {name: [x[name] for x in values.values() if name in x] for name in task.figures}
     row = {
-        "generator": generator,
+        "generator": player.label,
+        "rate_hz": player.rate,
         "condition": condition.name,
-        "throws": throws,
-        "caught": counts["caught"],
-        "catch_rate": counts["caught"] / throws if throws else 0.0,
-        "ci95": list(wilson(counts["caught"], throws)),
-        "force_n": spread_of(values["peak_contact_force_n"]),
-        "over_force": over,
-        **{status: counts[status] for status in STATUSES[1:]},
-        "stopped_by": dict(sorted(reasons.items())),
-        "complete": throws == wanted,
+        task.trials: len(trials),
+        task.success: good,
+        task.rate: good / len(trials) if trials else 0.0,
+        "ci95": list(wilson(good, len(trials))),
+        **{name: spread_of(known[name], x.percent) for name, x in task.measures.items()},
+        "over_force": sum(t.get("over_force") is True for t in trials),
+        **{status: counts[status] for status in task.statuses[1:]},
+        "stopped_by": dict(sorted(stops.items())),
+        "refused_by": refused.most_common(1)[0][0] if refused else None,
+        "complete": len(trials) == condition.counts[player.name],
         "disturbance": condition.disturbance,
         "value": condition.value,
         "unit": condition.unit,
-        "violating_throws": violating,
-        "median": {name: float(np.median(x)) if x else None for name, x in values.items()},
+        f"violating_{task.trials}": sum(t["limit_violations"] > 0 for t in trials),
+        "median": {
+            name: float(np.median(x)) if (x := known[name]) else None for name in task.medians
+        },
     }
-    return row, caught, took
+    hits = {t["index"]: t["status"] == task.success for t in trials}
+    return CellResult(row=row, good=hits, values=values)
 
 
-def _largest(value: float | list[float]) -> float:
-    """Return a value, or the largest of those of the joints."""
-    return max(value, default=0.0) if isinstance(value, list) else value
+def compared(task: ScoredTask, cells: Sequence[CellResult]) -> list[dict[str, Any]]:
+    """Return the rows; each rival is compared with the map on the same trials.
+
+    Who succeeded by McNemar's test; of the trials in which both did, what one took over what the
+    other took, and whose measure was better by the sign test. Each measure is corrected after Holm
+    over the whole table.
+    """
+    of = {cell.place: cell for cell in cells}
+    pairs = against({place: cell.good for place, cell in of.items()}, REFERENCE)
+    for place, pair in pairs.items():
+        mine, other = of[REFERENCE, place[1]], of[place]
+        both = [k for k, good in mine.good.items() if good and other.good.get(k)]
+        ours, theirs = [mine.values[k] for k in both], [other.values[k] for k in both]
+        pair["ratio"] = _ratios(task.medians, ours, theirs)
+        pair |= {name: _signs(name, x.more, ours, theirs) for name, x in task.measures.items()}
+    for name in task.measures:
+        _correct([pair[name] for pair in pairs.values()])
+    return [cell.row | {"against_direct": pairs.get(cell.place)} for cell in cells]
 
 
-def compared(cells: Sequence[Cell]) -> list[dict[str, Any]]:
-    """Return the rows; each rival is compared with the direct map on the same throws."""
-    places = [(row["generator"], row["condition"]) for row, _, _ in cells]
-    caught = {place: hits for place, (_, hits, _) in zip(places, cells, strict=True)}
-    took = {place: efforts for place, (_, _, efforts) in zip(places, cells, strict=True)}
-    pairs = against(caught, REFERENCE)
-    out = []
-    for place, (row, _, _) in zip(places, cells, strict=True):
-        pair: dict[str, Any] | None = pairs.get(place)
-        if pair is not None:
-            ours = REFERENCE, place[1]
-            both = [k for k, hit in caught[ours].items() if hit and caught[place].get(k)]
-            pair = pair | {
-                "ratio": _ratios([took[ours][k] for k in both], [took[place][k] for k in both])
-            }
-        out.append(row | {"against_direct": pair})
-    return out
+def _known(
+    name: str, ours: Sequence[Mapping[str, float]], theirs: Sequence[Mapping[str, float]]
+) -> list[tuple[float, float]]:
+    """Return the pairs of values that both have."""
+    return [
+        (a[name], b[name]) for a, b in zip(ours, theirs, strict=True) if name in a and name in b
+    ]
 
 
-def _ratios(ours: Sequence[Efforts], theirs: Sequence[Efforts]) -> dict[str, list[float]]:
-    """Return what a generator took over what the map took, on the balls that both caught.
+def _ratios(
+    names: Iterable[str],
+    ours: Sequence[Mapping[str, float]],
+    theirs: Sequence[Mapping[str, float]],
+) -> dict[str, list[float]]:
+    """Return what a generator took over what the map took, in the trials in which both succeeded.
 
-    The ratio of geometric means and its 95 % interval, by the name of the column.
+    The ratio of geometric means and its 95 % interval, by name.
     """
     out = {}
-    for name in _MEDIANS:
-        known = [
-            (a[name], b[name]) for a, b in zip(ours, theirs, strict=True) if name in a and name in b
-        ]
+    for name in names:
+        known = _known(name, ours, theirs)
         found = ratio_of_means([a for a, _ in known], [b for _, b in known])
         if found is not None:
             out[name] = list(found)
     return out
 
 
-def against(caught: Mapping[Place, Mapping[int, bool]], reference: str) -> dict[Place, Pair]:
-    """Return how others differ from a reference generator on the throws that both had.
+def _signs(
+    name: str,
+    more: bool,
+    ours: Sequence[Mapping[str, float]],
+    theirs: Sequence[Mapping[str, float]],
+) -> Pair:
+    """Return how often the map's value is the better of a pair, how often the other's, and p."""
+    sign = -1.0 if more else 1.0
+    known = [(sign * a, sign * b) for a, b in _known(name, ours, theirs)]
+    direct, this = sum(a < b for a, b in known), sum(b < a for a, b in known)
+    return {"direct": direct, "this": this, "p": mcnemar(direct, this)}
+
+
+def against(good: Mapping[Place, Mapping[int, bool]], reference: str) -> dict[Place, Pair]:
+    """Return how others differ from a reference generator on the trials that both had.
 
     McNemar's test, ``p``, and the same after Holm's correction over the whole table, ``p_holm``.
-    ``caught`` says of each generator in each condition whether each throw was caught, by its index.
+    ``good`` says of each generator in each condition whether each trial succeeded, by its index.
     """
     out = {
-        (generator, condition): _paired(caught[reference, condition], hits)
-        for (generator, condition), hits in caught.items()
-        if generator != reference and (reference, condition) in caught
+        (generator, condition): _paired(good[reference, condition], hits)
+        for (generator, condition), hits in good.items()
+        if generator != reference and (reference, condition) in good
     }
-    corrected = holm([pair["p"] for pair in out.values()])
-    for pair, p in zip(out.values(), corrected, strict=True):
-        pair["p_holm"] = p
+    _correct(list(out.values()))
     return out
 
 
+def _correct(pairs: Sequence[Pair]) -> None:
+    """Give tests of one family their ``p_holm``, corrected for their number after Holm."""
+    for pair, p in zip(pairs, holm([pair["p"] for pair in pairs]), strict=True):
+        pair["p_holm"] = p
+
+
 def _paired(first: Mapping[int, bool], second: Mapping[int, bool]) -> Pair:
-    """Return how two generators differ on the throws that both had."""
+    """Return how two generators differ on the trials that both had."""
     both = first.keys() & second.keys()
     only_direct = sum(first[k] and not second[k] for k in both)
     only_this = sum(second[k] and not first[k] for k in both)

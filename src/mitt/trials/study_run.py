@@ -1,261 +1,80 @@
-"""Running a study: split into chunks, throw wherever there is a worker, keep, sum up at the end.
+"""Running a study: split into chunks, run wherever there is a worker, keep, sum up at the end.
 
-A worker gets everything it needs in its job and gives back bytes, so that it need not see the
-folder of the study. A chunk is the same whoever throws it and whatever was thrown before.
+A worker gets everything it needs in its chunk and gives back bytes, so that it need not see the
+folder of the study. A chunk is the same whoever runs it and whatever was run before.
 """
 
-import hashlib
 import json
-import threading
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Protocol, TypeVar, final
+from typing import Any, final
 
-import numpy as np
-
-from mitt.arm.arm import Arm
-from mitt.catcher.generators import Generator
 from mitt.clock import Progress, Stopwatch
-from mitt.errors import FileError, InputError, MittError
-from mitt.files.arm_file import ArmSpec, ThrowSettings
-from mitt.files.maps import map_from, save_map
+from mitt.errors import FileError, MittError
 from mitt.files.recordings import write_recording
 from mitt.files.writing import write_atomically, write_bytes, write_json
 from mitt.interrupts import notice, status_of
-from mitt.map.learn import Learned
-from mitt.map.neighbourhood import learn
-from mitt.reading import read_json
-from mitt.trials.log import recording_of
-from mitt.trials.registry import make_generator, origin_of
-from mitt.trials.runner import LoggedTrial, TrialRunner
-from mitt.trials.source import Source, source_of, widened
-from mitt.trials.study_file import SCHEMA, Condition, Study
+from mitt.trials.study import Chunk, Study
 from mitt.trials.study_folder import Folder, notes_of
 from mitt.trials.study_results import (
-    COLUMNS,
-    Row,
+    columns_of,
     merge,
     read_part,
     row_of,
-    summary,
+    study_summary,
     timing_of,
     write_rows,
 )
 from mitt.trials.workers import Engine, run_tasks
-from mitt.world.disturbances import Undisturbed
-from mitt.world.flights import RecordedFlight, builtin_flights, read_flights
-from mitt.world.throws import Throw
-
-#: Arms with their maps, and generators, that a worker keeps.
-_KEPT = 16
-
-
-class Chunk(Protocol):
-    """Some trials of one generator in one condition, of whatever task; sent to a worker."""
-
-    @property
-    def number(self) -> int:
-        """Number of the chunk in the study."""
-        ...
-
-    @property
-    def place(self) -> tuple[str, str]:
-        """Names of the generator and of the condition."""
-        ...
-
-    @property
-    def trials(self) -> range:
-        """Its trials."""
-        ...
-
-    @property
-    def notes(self) -> tuple[tuple[str, str], ...]:
-        """What the metadata of a part say of the study."""
-        ...
-
-    @property
-    def map_digest(self) -> str:
-        """SHA-256 of the map."""
-        ...
-
-    @property
-    def columns(self) -> Any:  # noqa: ANN401 (pyarrow has no types)
-        """Columns of its part of the table."""
-        ...
-
-    def thrown(self) -> bytes:
-        """Run its trials and return its part of the table."""
-        ...
-
-
-_AnyChunk = TypeVar("_AnyChunk", bound=Chunk)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Job:
-    """A chunk of throws; a :class:`Chunk`.
-
-    Attributes:
-        number: Number of the chunk in the study.
-        generator: Name of the generator.
-        condition: The condition.
-        seed: Seed of the study.
-        start: First throw.
-        stop: Throw after the last.
-        map: The learned map as its file says it.
-        recordings: Recorded flights to throw; none for default throws.
-        notes: What the metadata of a part say of the study.
-        origin: Package and digest of the generator, where another package adds it.
-    """
-
-    number: int
-    generator: str
-    condition: Condition
-    seed: int
-    start: int
-    stop: int
-    map: str
-    recordings: tuple[RecordedFlight, ...]
-    notes: tuple[tuple[str, str], ...]
-    origin: str = ""
-
-    @property
-    def map_digest(self) -> str:
-        """SHA-256 of the map."""
-        return hashlib.sha256(self.map.encode()).hexdigest()
-
-    @property
-    def place(self) -> tuple[str, str]:
-        """Names of the generator and of the condition."""
-        return self.generator, self.condition.name
-
-    @property
-    def trials(self) -> range:
-        """Its throws."""
-        return range(self.start, self.stop)
-
-    @property
-    def columns(self) -> Any:  # noqa: ANN401 (pyarrow has no types)
-        """Columns of its part of the table."""
-        return COLUMNS
-
-    def thrown(self) -> bytes:
-        """Throw its balls and return its part of the table."""
-        return _thrown(self)
-
-
-_ArmOfJob = tuple[ArmSpec, tuple[tuple[str, str], ...], str, int]
-"""Settings of an arm, digests of its files, its map, and the thread that throws."""
-
-
-@lru_cache(maxsize=_KEPT)
-def _learned(of: _ArmOfJob) -> tuple[Learned, ThrowSettings | None]:
-    """Return arm and map, and where its balls come from; held to what the study was made with.
-
-    They are kept for the thread alone: an arm's scratch is not to be shared.
-    """
-    settings, files, text, _ = of
-    found = settings.read(was=dict(files))
-    return map_from(json.loads(text), found.arm, place="map of the study"), found.throws
-
-
-@lru_cache(maxsize=_KEPT)
-def _generator(name: str, origin: str, of: _ArmOfJob) -> Generator:
-    """Return a generator, kept as its map is: some learn or build much before they begin."""
-    if origin and (here := origin_of(name)) != origin:
-        raise InputError(f"generator {name!r}", f"that of the study, {origin}", here)
-    return make_generator(name, _learned(of)[0].map)
-
-
-def runner_of(job: Job) -> tuple[TrialRunner, Source, Learned]:
-    """Return a fresh runner for a job, so that no chunk depends on one before it.
-
-    A generator is a value and may be shared; what a throw teaches it stays with that throw.
-    """
-    files = tuple(job.condition.arm_files.items())
-    of = job.condition.arm, files, job.map, threading.get_ident()
-    (learned, own), generator = _learned(of), _generator(job.generator, job.origin, of)
-    pixels = job.condition.vision == "pixels"
-    runner = TrialRunner(learned.map.arm, generator, job.condition.scene, pixels=pixels)
-    source = source_of(
-        learned.map.arm,
-        seed=job.seed,
-        count=job.stop,
-        recordings=job.recordings,
-        drag=job.condition.scene.ball.drag,
-    )
-    throws = job.condition.throws
-    if throws == ThrowSettings():
-        throws = own or throws
-    return runner, widened(source, throws), learned
 
 
 class ChunkError(MittError):
-    """What a chunk cannot be thrown for; one text, so that it comes back from any worker."""
+    """What a chunk cannot be run for; one text, so that it comes back from any worker."""
 
 
-def throw_chunk(job: Chunk) -> bytes:
+def columns_of_chunk(chunk: Chunk) -> Any:  # noqa: ANN401 (pyarrow has no types)
+    """Return the columns of a chunk's part of the table."""
+    return columns_of(chunk.study.kind.trial, chunk.study.kind.extra)
+
+
+def run_chunk(chunk: Chunk) -> bytes:
     """Run the trials of a chunk and return its part of the table.
 
     Raises:
-        ChunkError: What the job asks for cannot be.
+        ChunkError: What the chunk asks for cannot be.
     """
     try:
-        return job.thrown()
+        return _part(chunk)
     except MittError as error:
         raise ChunkError(str(error)) from None
 
 
-def _thrown(job: Job) -> bytes:
-    """Throw the balls of a chunk and return its part of the table."""
-    watch = Stopwatch()
+def _part(chunk: Chunk) -> bytes:
+    """Run the trials of a chunk and return its part of the table."""
+    watch, columns = Stopwatch(), columns_of_chunk(chunk)
     with watch:
-        runner, source, learned = runner_of(job)
-        rows = [_row(job, runner, source, learned.map.arm, k) for k in range(job.start, job.stop)]
-    timing = runner.stopwatch.percentiles_us() | {"seconds": 1e-6 * watch.percentiles_us()["max"]}
-    timing["deadline_misses"] = float(runner.stopwatch.misses())
+        trials, ticks = chunk.study.played(chunk)
+    timing = ticks.percentiles_us() | {"seconds": 1e-6 * watch.percentiles_us()["max"]}
+    timing["deadline_misses"] = float(ticks.misses())
     notes = {
-        "condition": job.condition.model_dump_json(),
+        "condition": chunk.condition.model_dump_json(),
         "timing": json.dumps(timing),
-        "map": job.map_digest,
+        "map": chunk.material.digest,
     }
-    return write_rows(rows, dict(job.notes) | notes)
+    rows = [row_of(chunk.place, trial, columns) for trial in trials]
+    return write_rows(rows, dict(chunk.notes) | notes, columns)
 
 
-def throw_again(job: Job, index: int) -> tuple[LoggedTrial, Arm]:
-    """Throw one ball of a chunk once more, with a log; it gives the same trial."""
-    runner, source, learned = runner_of(job)
-    return runner.throw(source, index, log=True), learned.map.arm
-
-
-def record_throw(task: tuple[Job, int]) -> bytes:
-    """Return the recording of one throw of a chunk, by its index."""
-    job, index = task
-    runner, source, learned = runner_of(job)
-    outcome = runner.throw(source, index, log=True)
-    if outcome.log is None:
-        raise RuntimeError("a throw left no log")
-    about = runner.about(job.generator, learned.map)
-    notes = dict(job.notes) | {"condition": job.condition.model_dump_json(), "seed": job.seed}
+def record_trial(task: tuple[Chunk, int]) -> bytes:
+    """Return the recording of one trial of a chunk, by its index."""
+    chunk, index = task
+    recording = chunk.study.recorded(chunk, index)
     with TemporaryDirectory() as folder:
-        path = Path(folder) / "throw.mcap"
-        write_recording(path, recording_of(outcome.log, outcome.trial, about, notes))
+        path = Path(folder) / "trial.mcap"
+        write_recording(path, recording)
         return path.read_bytes()
-
-
-def _row(job: Job, runner: TrialRunner, source: Source, arm: Arm, index: int) -> Row:
-    """Throw one ball and return its row."""
-    ball, trial = source.ball(index), runner.throw(source, index).trial
-    truth = runner.world.trace()
-    power = np.abs(truth.tau * truth.dq).sum(axis=1)
-    energy_j = float(np.sum(0.5 * (power[1:] + power[:-1]) * np.diff(truth.t)))
-    release = np.concatenate((ball.r, ball.dr) if isinstance(ball, Throw) else ball.at(0.0))
-    flight = Undisturbed(ball=ball, drag=source.drag, hand=arm.position(arm.q_ready))
-    passing = np.concatenate(flight.at(flight.nearest()))
-    return row_of(job.generator, job.condition.name, trial, energy_j, release, passing)
 
 
 @final
@@ -265,17 +84,17 @@ class FinishedStudy:
 
     Attributes:
         rows: Rows of the summary.
-        lost: What became of chunks that could not be thrown, a line each.
+        lost: What became of chunks that could not be run, a line each.
         interrupt: Exit status after an interrupt.
-        thrown: Throws that are done.
-        total: Throws of the whole study.
+        trials: Trials that are done.
+        total: Trials of the whole study.
         refused: Whether a chunk asked for what cannot be: bad input, not a fault of ours.
     """
 
     rows: list[dict[str, object]] = field(default_factory=list)
     lost: list[str] = field(default_factory=list)
     interrupt: int | None = None
-    thrown: int = 0
+    trials: int = 0
     total: int = 0
     refused: bool = False
 
@@ -286,92 +105,77 @@ class FinishedStudy:
 
 
 def run_study(study: Study, folder: Folder, engine: Engine, *, progress: Progress) -> FinishedStudy:
-    """Throw what is not there yet, and write table and summary.
+    """Run the trials that are not there yet, and write table and summary.
 
     Args:
         study: The study.
         folder: Its folder, claimed and locked.
-        engine: Where to throw.
+        engine: Where to run.
         progress: Is told how far it is.
     """
-    jobs, done = list(all_jobs(study, folder, progress)), FinishedStudy()
+    chunks, done = list(all_chunks(study, folder, progress)), FinishedStudy()
     try:
-        throw_all(jobs, folder, engine, done, progress)
-        record_failures(by_cell(jobs), folder, engine, study.record, progress)
+        _run_all(chunks, folder, engine, done, progress)
+        _record_failures(by_cell(chunks), folder, engine, study.record, progress)
     except KeyboardInterrupt as stop:
         notice()
         done.interrupt = status_of(stop)
     finally:
         engine.close(at_once=done.interrupt is not None)
-    _sum_up(study, jobs, folder, done)
+    _join(chunks, folder, notes_of(study) | {"configuration": study.model_dump_json()})
+    done.rows = study_summary(study, folder)
+    said = study.answer(done.rows)
+    answer = {"answer": said} if said else {}
+    write_json(folder.summary, {"schema": study.kind.schema, **answer, "rows": done.rows})
     return done
 
 
-def all_jobs(study: Study, folder: Folder, progress: Progress) -> Iterator[Job]:
+def all_chunks(study: Study, folder: Folder, progress: Progress) -> Iterator[Chunk]:
     """Yield all chunks of a study, in an order that depends on nothing else.
 
     The first chunk of every cell comes before the second of any, so that a study that is broken
     off has something to say about all of them.
     """
-    notes, places = tuple(notes_of(study).items()), []
+    notes, cells = tuple(notes_of(study).items()), []
     for condition in study.conditions:
-        text = _map_text(condition, folder, study.version, progress)
-        recordings = _recordings(condition, study, folder)
-        places += [(condition, text, recordings, each) for each in study.counts.items()]
-    starts = range(0, max(study.counts.values(), default=0), study.chunk)
-    cells = ((start, *place) for start in starts for place in places if start < place[3][1])
-    for number, (start, condition, text, recordings, (generator, count)) in enumerate(cells):
-        yield Job(
+        material = study.material(condition, folder, progress)
+        alone = study.model_copy(update={"conditions": (condition,)})
+        cells += [
+            (alone, player, condition, material, condition.counts[player.name])
+            for player in study.players(condition)
+        ]
+    most = max((count for *_, count in cells), default=0)
+    starts = range(0, most, study.chunk)
+    places = ((start, *cell) for start in starts for cell in cells if start < cell[-1])
+    for number, (start, alone, player, condition, material, count) in enumerate(places):
+        yield Chunk(
             number=number,
-            generator=generator,
+            study=alone,
+            player=player,
             condition=condition,
-            seed=study.seed,
             start=start,
             stop=min(start + study.chunk, count),
-            map=text,
-            recordings=recordings,
-            origin=study.plugins.get(generator, ""),
+            material=material,
             notes=notes,
         )
 
 
-def _map_text(condition: Condition, folder: Folder, version: str, progress: Progress) -> str:
-    """Return the map of an arm as its file says it; learned once, and kept in the folder."""
-    path = folder.map(condition.arm)
-    if not path.exists():
-        progress("learning", 0, 1)
-        of = condition.arm.read(was=condition.arm_files)
-        save_map(path, learn(of.arm, design=of.design), version=version)
-        progress("learning", 1, 1)
-    read_json(path)  # refuses a file that was altered into no JSON
-    return path.read_text(encoding="utf-8")
-
-
-def _recordings(condition: Condition, study: Study, folder: Folder) -> tuple[RecordedFlight, ...]:
-    """Return the recorded flights of a condition, from the copy that the study's folder keeps."""
-    if condition.flights is None:
-        return ()
-    if condition.flights == "builtin":
-        return builtin_flights()
-    return read_flights(folder.flights(study, condition.flights))
-
-
-def throw_all(
-    jobs: Sequence[Chunk], folder: Folder, engine: Engine, done: FinishedStudy, progress: Progress
+def _run_all(
+    chunks: Sequence[Chunk], folder: Folder, engine: Engine, done: FinishedStudy, progress: Progress
 ) -> None:
-    """Throw the chunks that are not there yet."""
-    todo = [job for job in jobs if not _is_done(folder, job)]
-    done.total = sum(len(job.trials) for job in jobs)
-    done.thrown = done.total - sum(len(job.trials) for job in todo)
-    progress("throwing", done.thrown, done.total)
-    suspects = _throw(todo, folder, engine, done, progress, window=engine.workers + 1)
-    for job in suspects:  # once more, one at a time, so that each answers for itself
-        if _throw([job], folder, engine, done, progress, window=1):
-            done.lost.append(_line(job, "its worker died twice"))
+    """Run the chunks that are not there yet."""
+    todo = [chunk for chunk in chunks if not _is_done(folder, chunk)]
+    done.total = sum(len(chunk.trials) for chunk in chunks)
+    done.trials = done.total - sum(len(chunk.trials) for chunk in todo)
+    progress("trials", done.trials, done.total)
+    suspects = _try(todo, folder, engine, done, progress, window=engine.workers + 1)
+    for chunk in suspects:  # once more, one at a time, so that each answers for itself
+        if _try([chunk], folder, engine, done, progress, window=1):
+            done.lost.append(_line(chunk, "its worker died twice"))
 
 
-def _throw(
-    jobs: list[Chunk],
+def _try(
+    chunks: list[Chunk],
     folder: Folder,
     engine: Engine,
     done: FinishedStudy,
@@ -379,99 +183,97 @@ def _throw(
     *,
     window: int,
 ) -> list[Chunk]:
-    """Throw chunks and keep their parts; return those whose worker died."""
+    """Run chunks and keep their parts; return those whose worker died."""
     suspects = []
-    for job, outcome in run_tasks(engine, throw_chunk, jobs, window=window):
+    for chunk, outcome in run_tasks(engine, run_chunk, chunks, window=window):
         if isinstance(outcome, bytes):
-            write_bytes(folder.part(job.number), outcome)
-            done.thrown += len(job.trials)
-            progress("throwing", done.thrown, done.total)
+            write_bytes(folder.part(chunk.number), outcome)
+            done.trials += len(chunk.trials)
+            progress("trials", done.trials, done.total)
         elif engine.died(outcome):
-            suspects.append(job)
+            suspects.append(chunk)
         else:
             done.refused |= isinstance(outcome, ChunkError)
-            done.lost.append(_line(job, outcome))
+            done.lost.append(_line(chunk, outcome))
     return suspects
 
 
-def _is_done(folder: Folder, job: Chunk) -> bool:
+def _is_done(folder: Folder, chunk: Chunk) -> bool:
     """Say whether the part of a chunk is there, whole and its own; one that is not is dropped."""
-    path = folder.part(job.number)
+    path = folder.part(chunk.number)
     if not path.exists():
         return False
     try:
-        rows, notes = read_part(path, job.columns)
+        rows, notes = read_part(path, columns_of_chunk(chunk))
     except FileError:
         path.unlink()
         return False
     place = {(r["generator"], r["condition"]) for r in rows}
-    indices = [r["index"] for r in rows] == list(job.trials)
-    own = notes.get("digest") == dict(job.notes)["digest"] and notes.get("map") == job.map_digest
-    return own and indices and place == {job.place}
+    indices = [r["index"] for r in rows] == list(chunk.trials)
+    own = (
+        notes.get("digest") == dict(chunk.notes)["digest"]
+        and notes.get("map") == chunk.material.digest
+    )
+    return own and indices and place == {chunk.place}
 
 
-def _line(job: Chunk, error: object) -> str:
+def _line(chunk: Chunk, error: object) -> str:
     """Say in one line which chunk was lost, and why."""
     why = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
     why = str(error) if isinstance(error, ChunkError) else why
-    generator, condition = job.place
-    place = f"{generator}, {condition!r}, throws {job.trials[0]} to {job.trials[-1]}"
+    generator, condition = chunk.place
+    trials = f"{chunk.study.kind.trials} {chunk.start} to {chunk.stop - 1}"
+    place = f"{generator}, {condition!r}, {trials}"
     return " ".join(f"{place} lost: {why}".split())[:300]
 
 
-def by_cell(jobs: Sequence[_AnyChunk]) -> list[list[_AnyChunk]]:
+def by_cell(chunks: Sequence[Chunk]) -> list[list[Chunk]]:
     """Return the chunks of each generator in each condition."""
-    cells: dict[tuple[str, str], list[_AnyChunk]] = {}
-    for job in jobs:
-        cells.setdefault(job.place, []).append(job)
+    cells: dict[tuple[str, str], list[Chunk]] = {}
+    for chunk in chunks:
+        cells.setdefault(chunk.place, []).append(chunk)
     return list(cells.values())
 
 
-def record_failures(
-    cells: list[list[Job]], folder: Folder, engine: Engine, most: int, progress: Progress
+def _record_failures(
+    cells: list[list[Chunk]], folder: Folder, engine: Engine, most: int, progress: Progress
 ) -> None:
     """Record up to ``most`` failures of each cell that are not recorded yet.
 
-    Throws are made once more, which gives the same trials; one that cannot be is left out.
+    Trials are run once more, which gives the same; one that cannot be recorded is left out.
     """
     wanted = [task for group in cells for task in _failures(group, folder, most)]
     missing = [task for task in wanted if not _recording(folder, *task).exists()]
-    made = run_tasks(engine, record_throw, missing, window=engine.workers + 1)
+    made = run_tasks(engine, record_trial, missing, window=engine.workers + 1)
     for done, (task, outcome) in enumerate(made, start=1):
         if isinstance(outcome, bytes):
             write_bytes(_recording(folder, *task), outcome)
         progress("recording", done, len(missing))
 
 
-def _recording(folder: Folder, job: Job, index: int) -> Path:
-    """Return where the recording of a throw is kept."""
-    return folder.recording(job.generator, job.condition.name, index)
+def _recording(folder: Folder, chunk: Chunk, index: int) -> Path:
+    """Return where the recording of a trial is kept."""
+    return folder.recording(*chunk.place, index)
 
 
-def _failures(group: list[Job], folder: Folder, most: int) -> list[tuple[Job, int]]:
-    """Return the first throws of a cell that were not caught."""
-    out: list[tuple[Job, int]] = []
-    for job in group:
+def _failures(group: list[Chunk], folder: Folder, most: int) -> list[tuple[Chunk, int]]:
+    """Return the first trials of a cell that did not succeed."""
+    out: list[tuple[Chunk, int]] = []
+    for chunk in group:
         if len(out) >= most:
             break
-        if folder.part(job.number).exists():
-            rows, _ = read_part(folder.part(job.number))
-            out += [(job, row["index"]) for row in rows if row["status"] != "caught"]
+        if folder.part(chunk.number).exists():
+            rows, _ = read_part(folder.part(chunk.number), columns_of_chunk(chunk))
+            success = chunk.study.kind.success
+            out += [(chunk, row["index"]) for row in rows if row["status"] != success]
     return out[:most]
 
 
-def _sum_up(study: Study, jobs: list[Job], folder: Folder, done: FinishedStudy) -> None:
-    """Write the whole table, the summary and the wall-clock figures."""
-    join(jobs, folder, notes_of(study) | {"configuration": study.model_dump_json()})
-    done.rows = summary(study, folder)
-    write_json(folder.summary, {"schema": SCHEMA, "rows": done.rows})
-
-
-def join(jobs: Sequence[Chunk], folder: Folder, notes: dict[str, str]) -> None:
+def _join(chunks: Sequence[Chunk], folder: Folder, notes: dict[str, str]) -> None:
     """Write the whole table of the parts that are there, and the wall-clock figures."""
-    cells = by_cell(jobs)
-    parts = [p for group in cells for job in group if (p := folder.part(job.number)).exists()]
-    columns = jobs[0].columns
+    cells = by_cell(chunks)
+    parts = [p for group in cells for chunk in group if (p := folder.part(chunk.number)).exists()]
+    columns = columns_of_chunk(chunks[0])
     write_atomically(folder.trials, lambda temporary: merge(parts, temporary, notes, columns))
     timing = [_timing(group, folder) for group in cells]
     write_json(folder.path / "timing.json", {"schema": "mitt.timing/1", "rows": timing})
@@ -479,7 +281,7 @@ def join(jobs: Sequence[Chunk], folder: Folder, notes: dict[str, str]) -> None:
 
 def _timing(group: Sequence[Chunk], folder: Folder) -> dict[str, object]:
     """Return what a cell took."""
-    parts = [p for job in group if (p := folder.part(job.number)).exists()]
+    parts = [p for chunk in group if (p := folder.part(chunk.number)).exists()]
     figures = [timing_of(path) for path in parts]
     medians = sorted(f.get("p50", 0.0) for f in figures) or [0.0]
     return {

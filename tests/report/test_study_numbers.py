@@ -14,14 +14,13 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from small_study import written
 
-from mitt.report import task_study_page as pages
+from mitt.report import study_figures, study_page
 from mitt.report.style import BAND, Plot, plot
 from mitt.trials.bat_study import AXES, read_bat_study
 from mitt.trials.meet_study import read_meet_study
+from mitt.trials.study import Study
 from mitt.trials.study_folder import Folder
-from mitt.trials.study_results import write_rows
-from mitt.trials.task_run import columns_of, task_summary
-from mitt.trials.task_study import TaskStudy
+from mitt.trials.study_results import StudyResult, columns_of, study_summary, write_rows
 
 BAT = """
 task = "bat"
@@ -96,11 +95,9 @@ def _refused(why: str) -> dict[str, Any]:
     }
 
 
-def _summed(
-    study: TaskStudy, trials: Mapping[tuple[str, str], Trials], folder: Path
-) -> list[dict[str, Any]]:
-    """Return the summary of trials by condition and generator, from a table of them."""
-    out, columns = Folder(folder), columns_of(study.task_of.trial)
+def _result(study: Study, trials: Mapping[tuple[str, str], Trials], folder: Path) -> StudyResult:
+    """Return what a study of trials by condition and generator comes to, from a table of them."""
+    out, columns = Folder(folder), columns_of(study.kind.trial, study.kind.extra)
     rows = [
         dict.fromkeys(columns.names)
         | {"generator": generator, "condition": condition, "index": k}
@@ -109,7 +106,7 @@ def _summed(
         for k, trial in enumerate(of)
     ]
     out.trials.write_bytes(write_rows(rows, {}, columns))
-    return task_summary(study, out)
+    return StudyResult(study=study, folder=out, rows=study_summary(study, out))
 
 
 @pytest.fixture
@@ -124,20 +121,17 @@ def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
 
         return plot(name, size, kept)
 
-    monkeypatch.setattr(pages, "plot", drawing)
+    monkeypatch.setattr(study_figures, "plot", drawing)
     return out
 
 
-def _tables(page: str) -> dict[str, list[list[str]]]:
-    """Return the tables of a page by their headings: rows of cells."""
-    tables = re.findall(r"<h3>(.*?)</h3>\s*(.*?)</table>", page, re.DOTALL)
-    return {
-        name: [
-            re.findall(r"<td[^>]*>(.*?)</td>", row, re.DOTALL)
-            for row in re.findall(r"<tr>(.*?)</tr>", text, re.DOTALL)[1:]
-        ]
-        for name, text in tables
-    }
+def _table(page: str) -> list[list[str]]:
+    """Return the table of all numbers of a page: rows of cells."""
+    table = page[page.index("Show all") :]
+    return [
+        re.findall(r"<td[^>]*>(.*?)</td>", row, re.DOTALL)
+        for row in re.findall(r"<tr>(.*?)</tr>", table, re.DOTALL)[1:]
+    ]
 
 
 def test_a_table_counts_trials_and_gives_medians_of_those_that_have_a_figure(
@@ -146,26 +140,20 @@ def test_a_table_counts_trials_and_gives_medians_of_those_that_have_a_figure(
     """Hits, their interval, median and 90th percentile, refusals and why, trials beyond a limit."""
     study = read_bat_study(written(tmp_path, BAT))
     usual = [_hit(0.01), _hit(0.03, limit_violations=5), _hit(0.02), _refused("torque")]
-    rows = _summed(study, {("usual", "direct"): usual, ("usual", "ik"): [LOST] * 4}, tmp_path)
-    page = pages.task_study_page(study, rows)
-    assert _tables(page)["usual"] == [
-        [
-            "direct",
-            "3 of 4",
-            "30.1\u201395.4",
-            "2.0 (2.8)",
-            "4.0 (4.0)",
-            "20 (20)",
-            "30 (30)",
-            "1",
-            "torque",
-            "1",
-        ],
-        ["ik", "0 of 4", "0.0\u201349.0", *["\u2013"] * 2, "2 (2)", "\u2013", "0", "\u2013", "0"],
-    ]
-    assert "small: 8 trials" in page
+    result = _result(study, {("usual", "direct"): usual, ("usual", "ik"): [LOST] * 4}, tmp_path)
+    page = study_page.study_page(result)
+    first, second = _table(page)[:2]
+    assert first[:6] == ["usual", "direct", "", "torque", "4", "3"]
+    assert first[6:8] == ["75.0", "30.1\u201395.4"]
+    assert first[8:12] == ["2.0 (2.8)", "4.0 (4.0)", "20 (20)", "30 (30)"]
+    assert first[12:] == ["0", "0", "1", "0", "0", "1"]
+    assert second[:8] == ["usual", "ik", "", "", "4", "0", "0.0", "0.0\u201349.0"]
+    assert second[8:12] == [*["\u2013"] * 2, "2 (2)", "\u2013"]
+    assert "small: 2 generators, 15 conditions, 8 trials" in page
     assert "14 of 16 cells are not complete" in page
-    assert len(drawn) == 1
+    titles = [figure.axes[0].get_title("left") for figure in drawn]
+    assert len(titles) == 2  # the rates of the one condition, and the map
+    assert "Target away" in titles
 
 
 def test_a_map_shows_of_each_cell_what_became_of_its_balls(
@@ -191,15 +179,13 @@ def test_a_map_shows_of_each_cell_what_became_of_its_balls(
         assert c.speed is not None
         if (key := (*c.moved, c.speed[0])) in known:
             trials[c.name, "direct"] = known[key][0]
-    rows = _summed(study, trials, tmp_path)
-    page = pages.task_study_page(study, rows)
+    page = study_page.study_page(_result(study, trials, tmp_path))
     assert "Median miss [cm] by target and ball speed" in page
-    assert [row[:2] for row in _tables(page)["Map"]] == [
-        [c.name, f"{sum(x['status'] == 'hit' for x in of)} of {len(of)}"]
-        for c in cells
-        for of in [trials.get((c.name, "direct"), ())]
-    ]
-    (figure,) = drawn
+    counted = {row[0]: row[4:6] for row in _table(page)}
+    for c in cells:
+        of = trials.get((c.name, "direct"), ())
+        assert counted[c.name] == [str(len(of)), str(sum(x["status"] == "hit" for x in of))]
+    figure = next(x for x in drawn if "Target" in x.axes[0].get_title("left"))
     panels = figure.axes
     assert [axes.get_title("left") for axes in panels] == [f"Target {x}" for x in AXES]
     assert [x.get_text() for x in panels[0].get_yticklabels()] == ["5 to 6", "6 to 7"]
@@ -249,27 +235,21 @@ def test_errors_stand_at_the_rates_of_those_that_plan(tmp_path: Path, drawn: lis
         ("hand", "mpc 50 Hz"): [_refused("torque")] * 3 + [_refused("area")],
         ("hand", "mpc 200 Hz"): [_met(20.0)] * 4,
     }
-    rows = _summed(study, trials, tmp_path)
-    page = pages.task_study_page(study, rows)
+    page = study_page.study_page(_result(study, trials, tmp_path))
     assert "Error at the grasp against the rate of planning" in page
-    tables = _tables(page)
-    assert [row[0] for row in tables["belt"]] == ["direct", "mpc 50 Hz", "mpc 200 Hz", "line"]
-    assert [row[0] for row in tables["hand"]] == ["direct", "mpc 50 Hz", "mpc 200 Hz"]
-    assert tables["belt"][0][1:] == [
-        "3 of 4",
-        "30.1\u201395.4",
-        "2.0 (7.6)",
-        "0.012 (0.012)",
-        "8 (8)",
-        "7 (7)",
-        "0.200 (0.200)",
-        "1",
-        "area",
-        "0",
+    table = {(row[0], row[1]): row for row in _table(page)}
+    belt_map, hand_map = table["belt", "direct"], table["hand", "direct"]
+    assert [name for place, name in table if place == "belt"][1:3] == ["mpc 50 Hz", "mpc 200 Hz"]
+    assert [name for place, name in table if place == "hand"] == [
+        "direct",
+        "mpc 50 Hz",
+        "mpc 200 Hz",
     ]
-    assert tables["hand"][0][-4:] == ["0.100 (0.100)", "0", "\u2013", "4"]
-    assert tables["hand"][1][-3:] == ["4", "torque", "0"]
-    belt, hand, unused = drawn[0].axes
+    assert belt_map[3:8] == ["area", "4", "3", "75.0", "30.1\u201395.4"]
+    assert belt_map[8:13] == ["2.0 (7.6)", "0.012 (0.012)", "8 (8)", "7 (7)", "0.200 (0.200)"]
+    assert (hand_map[12], hand_map[-1]) == ("0.100 (0.100)", "4")
+    assert table["hand", "mpc 50 Hz"][3:6] == ["torque", "4", "0"]
+    belt, hand, unused = next(x for x in drawn if x.axes[0].get_xlabel() == "plans a second").axes
     assert [axes.get_title("left") for axes in (belt, hand)] == ["belt", "hand"]
     assert not unused.get_visible()
     assert _across(belt) == {"direct": 2.0}
