@@ -48,6 +48,23 @@ def test_positions_are_sharp_and_honest_along_the_flight(radius: float) -> None:
         assert HONEST[0] < np.mean(distances) < HONEST[1], x
 
 
+@pytest.mark.parametrize(("ground", "ball"), [(200.0, -140.0), (120.0, 60.0), (120.0, -60.0)])
+def test_with_a_background_a_ball_may_be_darker_or_brighter(ground: float, ball: float) -> None:
+    """It is seen from the first frame on, as exactly as its contrast lets, and no worse said."""
+    rig, rng = fixed_rig(), np.random.default_rng(9)
+    sensor = ImageSensor(background=ground, brightness=ball)
+    imager, eyes = Imager(rig, sensor, rng), Eyes(rig)
+    eyes.learn_background(imager.before(10, np.zeros((0, 8))))
+    r, dr, errors = np.array((3.2, 0.1, 0.3)), np.array((-6.0, 0.0, 1.5)), []
+    for k in range(250):
+        s = eyes.step(imager.render(1e-3 * k, r, 0.04, dr_o=dr))
+        if s.found:
+            errors.append(float(np.linalg.norm(s.r_o - r)))
+        advance(r, dr, 0.04, 1e-3)
+    assert len(errors) > 180
+    assert max(errors) < 0.05
+
+
 def test_eighty_milliseconds_of_images_tell_where_the_catch_will_be() -> None:
     """From 80 ms of images the position 0.4 s later is forecast to 20 mm rms over 12 throws."""
     rig, rng = fixed_rig(), np.random.default_rng(2)

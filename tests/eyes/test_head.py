@@ -10,10 +10,11 @@ from mitt.ball.flight import advance
 from mitt.errors import InputError, ShapeError
 from mitt.eyes.camera import Head, Rig, look_at
 from mitt.eyes.eyes import Eyes, EyesStatus
+from mitt.eyes.groups import PANORAMA
 from mitt.eyes.head import active_rig, aim_heads, bearing, lead, pack_heads, pose_of
 from mitt.eyes.localization import eyes_handle
 from mitt.eyes.segmentation import GOOD
-from mitt.signals import Array
+from mitt.signals import Array, Frame
 from mitt.world.imaging import Imager, ImageSensor
 
 ANGLE = st.floats(-1.2, 1.2)
@@ -154,3 +155,36 @@ def test_heads_that_cannot_turn_are_refused() -> None:
         Head(T_world_base=np.eye(4), max_speed=0.0)
     with pytest.raises(ShapeError):
         Head(T_world_base=np.eye(3))
+
+
+def test_heads_turn_to_what_moves_and_not_to_lamps() -> None:
+    """Lamps of half the ball's size on the wall: seen before the throw, they are never followed."""
+    rng, rig = np.random.default_rng(502), active_rig()
+    imager, eyes, f = Imager(rig, ImageSensor(), rng), Eyes(rig), BallFilter(THROWN_BALL)
+    v, u = np.mgrid[:PANORAMA, :PANORAMA]
+    wall = np.zeros((PANORAMA, PANORAMA))
+    for at_u, at_v in rng.uniform((-200, -200), (328, 328), (24, 2)):
+        off_u, off_v = (u - at_u + 512) % PANORAMA - 512, (v - at_v + 512) % PANORAMA - 512
+        wall = np.maximum(wall, 200.0 * np.clip(4.5 - np.hypot(off_u, off_v), 0.0, 1.0))
+
+    def lit(frames: tuple[Frame, ...]) -> tuple[Frame, ...]:
+        """Return frames with the lamps."""
+        for frame in frames:
+            f = rig.cameras[frame.camera].f_px
+            turn = round(f * frame.tilt), -round(f * frame.pan)
+            lamps = np.roll(wall, turn, (0, 1))[: frame.pixels.shape[0], : frame.pixels.shape[1]]
+            np.copyto(frame.pixels, np.maximum(frame.pixels, lamps.astype(np.uint8)))
+        return frames
+
+    eyes.learn_background([lit(view) for view in imager.before(9, np.zeros((0, 8)))])
+    r, seen = np.array((4.0, 0.1, 0.2)), 0
+    dr = (np.array((0.8, 0.0, 0.0)) - r) / 0.55 + np.array((-0.4, 0.0, 2.7))
+    for k in range(250):
+        sighting = eyes.step(lit(imager.render(1e-3 * k, r, 0.04, dr_o=dr)))
+        if sighting.found:
+            f.update(sighting)
+            seen += 1
+            assert np.linalg.norm(sighting.r_o - r) < 0.05
+        imager.turn(eyes.gaze(f.state(1e-3 * k), 1e-3 * (k + 1)), 1e-3)
+        advance(r, dr, 0.04, 1e-3)
+    assert seen > 120

@@ -15,9 +15,12 @@ from mitt.eyes.segmentation import (
     OFFSET,
     TARGET,
     WORK,
+    Segmenter,
     SegmenterConfig,
     detect,
+    faulty_pixels,
     forget,
+    mean_background,
     pack_segmenter,
     region_of_interest,
     subtract,
@@ -181,3 +184,58 @@ def test_the_rest_of_an_image_is_not_looked_at(
         else:
             detect(pixels, background, rest, memory[0], SETTINGS, work[0])
     assert enough > 0 or second
+
+
+def _ordinary(kind: str, k: int) -> tuple[Array, tuple[float, float]]:
+    """Return an image of an ordinary room without noise, and where its ball is."""
+    v, u = np.mgrid[:120, :160]
+    at, level = (20.0 + 5.0 * k, 90.0 - 6.0 * k + 0.25 * k * k), 184.0
+    room = np.full((120, 160), 24.0)
+    if kind == "window":
+        room[4:34, 90:140] = 250.0
+    elif kind == "gradient":
+        room, level = 60.0 + 0.9 * u, 240.0
+    elif kind == "darker ball":
+        room[:], level = 230.0, 160.0
+    elif kind == "larger ball at rest":
+        room += 160.0 * np.clip(9.5 - np.hypot(u - 130, v - 100), 0.0, 1.0)
+    elif kind == "lamps":
+        for j in range(40):
+            cover = np.clip(2.5 - np.hypot(u - 8 - j * 16 % 150, v - 5 - j // 9 * 7), 0.0, 1.0)
+            room = np.maximum(room, 220.0 * cover)
+    elif kind == "hot pixels":
+        room[np.random.default_rng(5).integers(0, 120, 60), np.arange(3, 123, 2)] = 200.0
+    share = np.clip(4.5 - np.hypot(u - at[0], v - at[1]), 0.0, 1.0)
+    return room + share * (level - room), at
+
+
+@pytest.mark.parametrize(
+    "kind",
+    ["window", "gradient", "darker ball", "larger ball at rest", "lamps", "hot pixels"],
+)
+def test_with_the_background_of_a_film_any_ball_is_found_in_an_ordinary_room(kind: str) -> None:
+    """In every image, to a third of a pixel: the ball need not be the brightest thing."""
+    rng, films = np.random.default_rng(0), []
+    for k in range(20):
+        image, at = _ordinary(kind, k)
+        noisy = np.clip(np.rint(image + rng.normal(0.0, 2.0, image.shape)), 0.0, 255.0)
+        films.append((noisy.astype(np.uint8), at))
+    segmenter = Segmenter()
+    segmenter.learn_background(mean_background([pixels for pixels, _ in films]))
+    for k, (pixels, (u, v)) in enumerate(films):
+        m = segmenter.step(Frame(t=0.01 * k, camera=0, number=k, pixels=pixels))
+        assert m.found, k
+        assert np.hypot(m.u - u, m.v - v) < 0.34, k
+
+
+def test_pixels_out_of_order_are_listed_and_corners_are_not() -> None:
+    """Single ones and pairs, hot or dead; none of a pattern of squares."""
+    background = patterned(3, 60)
+    assert faulty_pixels(background).shape == (2, 0)
+    background[10, 20], background[30, 40:42], background[50, 70] = 255, 250, 0
+    assert sorted(zip(*faulty_pixels(background).tolist(), strict=True)) == [
+        (10, 20),
+        (30, 40),
+        (30, 41),
+        (50, 70),
+    ]

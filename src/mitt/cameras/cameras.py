@@ -472,6 +472,22 @@ def open_cameras(specs: Sequence[str], *, fps: float | None = None) -> Iterator[
         ]
 
 
+def film_looks(spec: str, most: int) -> list[Image]:
+    """Return images of a video or folder, ``most`` to twice as many, spread over all of it.
+
+    None of a live camera: what it shows now does not come again.
+    """
+    with open_cameras((spec,), fps=1.0) as (source,):
+        kept, apart, number = list[Image](), 1, 0
+        while not source.live and (frame := source.read()) is not None:
+            if number % apart == 0:
+                kept.append(frame.pixels)
+            if len(kept) > 2 * most:
+                kept, apart = kept[::2], 2 * apart
+            number += 1
+    return kept
+
+
 def check_cameras(specs: Sequence[str]) -> None:
     """Refuse sources whose library is not installed; nothing is opened."""
     for spec in specs:

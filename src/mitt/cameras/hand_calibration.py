@@ -21,7 +21,7 @@ from mitt.errors import InputError
 from mitt.eyes.camera import Camera as Pinhole
 from mitt.eyes.camera import applied, by_pose, inverse, laid, turned
 from mitt.eyes.clock_offset import CatchSeen, LearnedClock, caught_offset
-from mitt.eyes.segmentation import Segmenter
+from mitt.eyes.segmentation import Segmenter, mean_background
 from mitt.eyes.triangulation import Triangulator, TriangulatorConfig
 from mitt.files.cdr import Rows
 from mitt.files.csv_table import header_of, read_table, times_of
@@ -35,6 +35,8 @@ POINT = ("x_m", "y_m", "z_m")
 #: Fewest places of the ball that fix a pose, with one to spare, and sightings that fix a clock.
 _FEWEST_PLACES = 4
 _FEWEST_SIGHTINGS = 20
+#: Fewest images that tell the background.
+_FEWEST_LOOKS = 8
 #: Step in which a carried ball's offset is looked for first [s].
 _SEARCH = 0.002
 #: Error of the clock that is worth a warning [s].
@@ -131,16 +133,19 @@ def centroid_columns(rig: CalibratedRig) -> tuple[str, ...]:
 def centroids_in(sources: Sequence[ImageSource], count: int) -> Array:
     """Return the centroid of the ball in the first frames of cameras, shape (count, 2 cameras).
 
-    NaN where no ball is seen whole.
+    NaN where no ball is seen whole. What all images have in common is the background.
     """
     out = np.full((count, 2 * len(sources)), np.nan)
     for k, source in enumerate(sources):
+        frames = [frame for _ in range(count) if (frame := source.read()) is not None]
+        if len(frames) < count:
+            wanted = f"{count} images, one a row of --hand"
+            raise InputError(source.name, wanted, len(frames))
         segmenter = Segmenter()
-        for n in range(count):
-            frame = source.read()
-            if frame is None:
-                raise InputError(source.name, f"{count} images, one a row of --hand", n)
-            segmenter.reset()  # the hand jumps from place to place
+        if len(frames) >= _FEWEST_LOOKS:
+            segmenter.learn_background(mean_background([frame.pixels for frame in frames]))
+        for n, frame in enumerate(frames):
+            segmenter.forget_target()  # the hand jumps from place to place
             m = segmenter.step(frame)
             if m.found and not m.clipped:
                 out[n, 2 * k : 2 * k + 2] = m.u, m.v

@@ -8,14 +8,14 @@ from math import pi, sqrt
 import numpy as np
 
 from mitt.ball.filter import TABLE_TENNIS_BALL, THROWN_BALL, BallFilter, FilterConfig
-from mitt.cameras.cameras import ImageSource, open_cameras, optional
+from mitt.cameras.cameras import ImageSource, film_looks, open_cameras, optional
 from mitt.cameras.other_rigs import FALL, fall_error, meant_rig
 from mitt.cameras.synchrony import Synchrony, synchrony
 from mitt.cameras.video_writer import VideoWriter
 from mitt.clock import Progress
 from mitt.errors import InputError
 from mitt.eyes.groups import MOST_GROUPS
-from mitt.eyes.segmentation import Segmenter
+from mitt.eyes.segmentation import Segmenter, mean_background
 from mitt.eyes.triangulation import Triangulator, TriangulatorConfig
 from mitt.files.rig import CalibratedRig
 from mitt.signals import Array, BallState, Frame, Image, Moments, Sighting
@@ -27,6 +27,9 @@ WATCHED = 30.0
 _AGREE = 0.5
 #: What an unknown offset may move the ball by, one sigma, before it is said [m].
 _UNKNOWN = 5e-3
+#: Images of a film from which its background is learned, and the fewest that tell one.
+_LOOKS = 16
+_FEWEST_LOOKS = 8
 #: Share of the frames with more bright things than are looked at, above which it is said.
 _CROWDED = 0.1
 #: Brightest pixel below which a camera sees nothing.
@@ -154,11 +157,22 @@ class SeenSoFar:
 class Watcher:
     """Segmentation and triangulation of the catcher, on images of calibrated cameras.
 
-    Centroids are straightened by the lens, images are left as they are.
+    Centroids are straightened by the lens, images are left as they are. Each camera has a
+    background where it was told one; without, the ball is to be brighter than what is behind it.
     """
 
-    def __init__(self, rig: CalibratedRig, *, radius: float, max_skew: float) -> None:
-        """Take two cameras in a frame with z up, and a ball's radius [m]."""
+    def __init__(
+        self,
+        rig: CalibratedRig,
+        *,
+        radius: float,
+        max_skew: float,
+        looks: tuple[list[Image], ...] = (),
+    ) -> None:
+        """Take two cameras in a frame with z up, and a ball's radius [m].
+
+        ``looks`` are images of each camera, from which its background is learned.
+        """
         worst = max(c.rms_px for c in rig.cameras)
         # A real camera's centroid is 0.05 px off besides what its calibration left. The cameras
         # disagree where it is 2 px from the projected ball, or six times what calibration left.
@@ -170,6 +184,9 @@ class Watcher:
         self._cameras, self._calibrated, self._radius = rig.cameras, rig, radius
         self._rig, self._config = rig.rig(), config
         self._segmenters = [Segmenter() for _ in rig.cameras]
+        for segmenter, images in zip(self._segmenters, looks, strict=False):
+            if len({image.shape for image in images}) == 1 and len(images) >= _FEWEST_LOOKS:
+                segmenter.learn_background(mean_background(images))
         self._triangulator = Triangulator(rig.rig(), radius, config)
 
     def step(
@@ -256,7 +273,8 @@ def see_ball(
     where files and cameras do not tell the time, ``frames`` the most to take from each camera.
     ``progress`` is told how far it is.
     """
-    watcher = Watcher(rig, radius=radius, max_skew=max_skew)
+    looks = tuple(film_looks(spec, _LOOKS) for spec in (left, right))
+    watcher = Watcher(rig, radius=radius, max_skew=max_skew, looks=looks)
     track = BallFilter(BALLS[ball])
     sizes = tuple((c.lens.width, c.lens.height) for c in rig.cameras)
     overlay = None if writer is None else Overlay(sizes, tuple(c.name for c in rig.cameras))

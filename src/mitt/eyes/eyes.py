@@ -11,7 +11,7 @@ import numpy as np
 
 from mitt import checks
 from mitt.errors import InputError
-from mitt.eyes import head, localization, segmentation, triangulation
+from mitt.eyes import groups, head, localization, segmentation, triangulation
 from mitt.eyes.camera import Rig, fixed_rig, pack_cameras
 from mitt.eyes.localization import EyesHandle, EyesMemory, eyes_handle, localize
 from mitt.eyes.segmentation import SegmenterConfig, forget, pack_segmenter
@@ -118,7 +118,9 @@ class Eyes:
         """Forget the last ball and the background, as before a new throw."""
         forget(self.memory.targets)
         rows, columns = np.max(self._shapes, axis=0)
-        seen = self._none if self.heads else [np.zeros(x, np.uint8) for x in self._shapes]
+        whole = (groups.PANORAMA, groups.PANORAMA)
+        shapes = [whole] * len(self._shapes) if self.heads else self._shapes
+        seen = [np.zeros(shape, np.uint8) for shape in shapes]
         self.backgrounds = (*seen, np.zeros((rows, columns), np.uint8))
         self.memory.rig[...] = np.zeros((), localization.RIG)
         self.memory.gaze[...] = head.fresh_gaze(1)
@@ -128,7 +130,8 @@ class Eyes:
         """Learn what the cameras see without the thrown ball; best from ten instants or more.
 
         The arm is to be where it waits, and what rests may be in view. It holds until ``reset``.
-        Cameras that turn have no background, and learn none.
+        Cameras that turn learn what lies in the directions that these show: best all in which they
+        look for balls, as what they see elsewhere has to move before they turn to it.
 
         Args:
             views: Frames of each instant, one a camera.
@@ -143,6 +146,7 @@ class Eyes:
         for frame in shown:
             self._check(frame)
         if self.heads:
+            self._learn_directions(shown)
             return
         means = []
         for n in range(len(self._shapes)):
@@ -151,7 +155,21 @@ class Eyes:
                 raise InputError("views", f"a frame of camera {n}", "none")
             means.append(np.rint(np.mean(seen, axis=0)).astype(np.uint8))
         self.backgrounds = (*means, self.backgrounds[-1])
-        self.memory.targets["learned"] = 1
+        for target, mean in zip(self.memory.targets, means, strict=True):
+            segmentation.keep_background(target, mean)
+
+    def _learn_directions(self, frames: list[Frame]) -> None:
+        """Learn what frames of cameras that turn show where they look."""
+        for frame in frames:
+            k = frame.camera
+            if isfinite(frame.pan) and isfinite(frame.tilt):
+                self.memory.angles[k] = frame.pan, frame.tilt
+                head.aim_heads(self._handle)
+                own = self.memory.targets[k]
+                pixels = np.ascontiguousarray(frame.pixels)
+                turn = int(own["turn_v"]), int(own["turn_u"])
+                groups.remember_turned(pixels, self.backgrounds[k], *turn)
+                own["looks"] = segmentation.SWEPT + 1
 
     @property
     def left_out(self) -> int:

@@ -4,11 +4,13 @@ One pass over the image, row by row: a run of bright pixels joins the groups who
 above it touches, by a side or a corner. A group that no run of a row goes on with is finished, and
 is judged; those that are most like a ball are kept, wherever in the image they are.
 
-| here     | meaning                                                             | shape           |
-|----------|---------------------------------------------------------------------|-----------------|
-| ``look`` | record of ``LOOK``: what the ball should look like                  |                 |
-| ``scan`` | record of ``SCAN``: scratch                                         |                 |
-| ``best`` | records of ``GROUP``, the result, the most like a ball first        | (MOST_GROUPS,)  |
+| here       | meaning                                                           | shape          |
+|------------|-------------------------------------------------------------------|----------------|
+| ``look``   | record of ``LOOK``: what the ball should look like                |                |
+| ``before`` | what earlier images showed: an image; of a camera that turns, in  | (h, w)         |
+|            | the angles of its head, a panorama of ``PANORAMA`` a side         |                |
+| ``scan``   | record of ``SCAN``: scratch                                       |                |
+| ``best``   | records of ``GROUP``, the result, the most like a ball first      | (MOST_GROUPS,) |
 """
 
 from math import pi
@@ -27,6 +29,12 @@ RUNS = 512
 """Runs of bright pixels of one row that are looked at; further ones are counted as left out."""
 AT_REST = 0.02
 """Likeness of what has not changed since earlier images, to that of something new [1]."""
+
+PANORAMA = 1024
+"""Side of a panorama, a power of two, beyond which it begins anew [px]."""
+
+NEW = 0.05
+"""Share of a group that is new at least, for a camera that turns to it [1]."""
 
 GROUP = np.dtype(
     [
@@ -52,6 +60,10 @@ LOOK = np.dtype(
         ("v", float),  # where the ball should be [px]
         ("near", float),  # how far from there it may be; 0 if unknown [px]
         ("least", np.int64),  # pixels of the smallest group that counts [px^2]
+        ("turns", np.int64),  # whether the camera turns
+        ("wary", np.int64),  # whether what lies where it never looked counts as at rest
+        ("turn_u", np.int64),
+        ("turn_v", np.int64),  # where its image lies in the panorama [px]
     ]
 )
 """What the ball should look like in an image."""
@@ -90,7 +102,8 @@ def likeness(group: Fields, look: Fields, moves: bool) -> float:
     """Return how much a group is like a ball; negative where it cannot be one.
 
     By its size, or its mass where the ball's is known, by its shape, and, if ``moves``, by the
-    share of it that is new. Where no size is known, the larger is the better.
+    share of it that is new. Where no size is known, the larger is the better. A head is not to be
+    turned to what rests.
     """
     du = 0.5 * (group.left + group.right) - look.u
     dv = 0.5 * (group.top + group.bottom) - look.v
@@ -105,7 +118,10 @@ def likeness(group: Fields, look: Fields, moves: bool) -> float:
     if look.mass > 0.0:
         like *= min(group.mass / look.mass, look.mass / max(group.mass, 1.0))
     if moves:
-        like *= AT_REST + group.fresh / max(group.mass, 1.0)
+        fresh = group.fresh / max(group.mass, 1.0)
+        if look.turns > 0 and fresh < NEW:
+            return -1.0
+        like *= AT_REST + fresh
     return like
 
 
@@ -204,12 +220,25 @@ def _take_run(
 
 
 @kernel
+def _earlier(before: Image, v: int, u: int, look: Fields) -> float:
+    """Return what earlier images showed in a pixel; of a panorama, the brightest about it."""
+    if look.turns == 0:
+        return float(before[v, u])
+    most = np.uint8(0)
+    for row in range(v + look.turn_v - 1, v + look.turn_v + 2):
+        for column in range(u + look.turn_u - 1, u + look.turn_u + 2):
+            there = before[row & (PANORAMA - 1), column & (PANORAMA - 1)]
+            most = max(most, np.uint8(255) if there == 0 and look.wary > 0 else there)
+    return float(most)
+
+
+@kernel
 def find_groups(pixels: Image, before: Image, look: Fields, scan: Fields, best: Record) -> int:
     """Write the groups of bright pixels that are most like a ball.
 
     Args:
         pixels: The image.
-        before: What earlier images showed, of the same shape; empty where they do not count.
+        before: As in the module's table; empty where earlier images do not count.
         look: What the ball should look like.
         scan: Scratch; its ``left_out`` is then how many more there were.
         best: Result, the most like a ball first.
@@ -218,7 +247,7 @@ def find_groups(pixels: Image, before: Image, look: Fields, scan: Fields, best: 
         Their number.
     """
     height, width = pixels.shape
-    threshold, moves = int(look.threshold), before.size == pixels.size
+    threshold, moves = int(look.threshold), before.size > 0
     scan.spares, scan.used, scan.count, scan.left_out = 0, 0, 0, 0
     row, above = 0, 0
     for v in range(height):
@@ -233,8 +262,8 @@ def find_groups(pixels: Image, before: Image, look: Fields, scan: Fields, best: 
             while u < width and pixels[v, u] > threshold:
                 mass += pixels[v, u] - look.level
                 if moves:
-                    new = float(pixels[v, u]) - before[v, u] - (look.threshold - look.level)
-                    fresh += max(new, 0.0)
+                    new = float(pixels[v, u]) - _earlier(before, v, u, look)
+                    fresh += max(new - (look.threshold - look.level), 0.0)
                 u += 1
             if here == RUNS:
                 scan.left_out += 1
@@ -265,3 +294,27 @@ def remember(pixels: Image, before: Image, looks: int) -> None:
         for u in range(len(old)):
             change = np.int16(new[u]) - np.int16(old[u])
             old[u] = new[u] if looks == 0 else np.uint8(np.int16(old[u]) + change // 4)
+
+
+@kernel
+def _hold(old: Image, new: Image) -> None:
+    """Let old values follow new ones, shape (k,): up at once, down by a quarter of the change."""
+    for k in range(len(old)):
+        change = np.int16(new[k]) - np.int16(old[k])
+        old[k] = max(new[k], np.uint8(1)) if change >= 0 else np.uint8(old[k] + change // 4)
+
+
+@kernel
+def remember_turned(pixels: Image, before: Image, turn_v: int, turn_u: int) -> None:
+    """Let a panorama follow the image of a camera that turns; see ``turn_u, turn_v`` of ``LOOK``.
+
+    What was bright stays for some looks, as a lamp smears while the camera turns; 0 stands for what
+    was never seen.
+    """
+    height, width = pixels.shape
+    left = turn_u & (PANORAMA - 1)
+    room = min(width, PANORAMA - left)
+    for v in range(height):
+        line = before[(v + turn_v) & (PANORAMA - 1)]
+        _hold(line[left : left + room], pixels[v, :room])
+        _hold(line[: width - room], pixels[v, room:])

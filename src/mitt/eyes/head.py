@@ -109,9 +109,15 @@ def aim_one(head: Fields, pan: float, tilt: float, camera: Fields) -> None:
 
 @kernel
 def aim_heads(eyes: EyesMemory) -> None:
-    """Write the poses of all cameras at the angles of their heads; for a rig with heads."""
+    """Write the poses of all cameras at the angles of their heads; for a rig with heads.
+
+    Where their images lie in their panoramas as well, and how large a ball usually is.
+    """
     for n in range(len(eyes.heads)):
-        aim_one(eyes.heads[n], eyes.angles[n, 0], eyes.angles[n, 1], eyes.cameras[n])
+        head, own, pan, tilt = eyes.heads[n], eyes.targets[n], eyes.angles[n, 0], eyes.angles[n, 1]
+        aim_one(head, pan, tilt, eyes.cameras[n])
+        own.turns, own.turn_u, own.turn_v = 1, round(head.f_px * pan), round(-head.f_px * tilt)
+        own.usual = pi * (head.f_px * eyes.ball[0].radius / head.expected_range) ** 2
 
 
 @kernel

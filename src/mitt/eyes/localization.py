@@ -7,7 +7,7 @@ fastest is the ball. A slow one, as if it rolled, is taken only when no other ha
 a thrown ball may show late beside it. A single target in each camera is taken at once.
 """
 
-from math import pi, sqrt
+from math import hypot, pi, sqrt
 from typing import Any, NamedTuple, final
 
 import numpy as np
@@ -20,6 +20,7 @@ from mitt.eyes.segmentation import (
     LOST,
     MERGED,
     detect,
+    find_sign,
     follow_target,
     measure_if_due,
     most_like_ball,
@@ -107,6 +108,13 @@ class _Limits(NamedTuple):
     misfit: float = 0.01
     small: float = 0.05
     drift: float = 0.0005
+    # Relative standard deviation of a ball's mass, over noise / contrast and (radius + 1.5) /
+    # radius^2 [px]: that of its pixels and of the level beside it; and how many of these it may be
+    # off, where that is more.
+    rim: float = 0.85
+    deviations: float = 3.0
+    # Relative standard deviation of the light of a window, over noise / background.
+    lit: float = 0.07
     # Distance from where it should be within which a lost ball is searched, and what each frame
     # without both cameras adds [m]: it may change its speed by 10 m/s.
     reach: float = 0.12
@@ -357,7 +365,8 @@ def _is_whole(target: Fields, since: float, point: Fields) -> bool:
     The mass over the area that the ball should have is its contrast, which changes slowly; a
     ball that is hidden in part has less, long before its shape gives it away. A rim that hides a
     share s of the disc moves the centroid by up to s radii: its error widens by that. A contrast
-    that rests on few frames is soon forgotten: they may have been odd. ``since`` counts the frames
+    that rests on few frames is soon forgotten: they may have been odd. Before a background of
+    little contrast noise alone takes more from it. ``since`` counts the frames
     since both cameras saw the ball.
     """
     if target.expected == 0.0 or since >= LIMITS.hasty * target.weighed:
@@ -365,9 +374,14 @@ def _is_whole(target: Fields, since: float, point: Fields) -> bool:
         return True
     lacking = abs(target.moments.mass / (target.gain * target.expected) - 1.0)
     radius = sqrt(target.expected / pi)
-    off = max(lacking - LIMITS.sure - 0.5 * LIMITS.small / radius, 0.0) * radius
+    spread = LIMITS.rim * target.noise * (radius + 1.5) / (target.gain * radius * radius)
+    if target.learned > 0:
+        light = LIMITS.lit * target.noise / max(target.mean, 1.0)
+        spread = hypot(spread, light * (1.0 + target.mean / target.gain))
+    allowed = max(LIMITS.small / radius, LIMITS.deviations * spread - LIMITS.misfit)
+    off = max(lacking - LIMITS.sure - 0.5 * allowed, 0.0) * radius
     point.sigma = sqrt(point.sigma * point.sigma + off * off)
-    return bool(lacking < LIMITS.misfit + LIMITS.small / radius + LIMITS.drift * since)
+    return bool(lacking < LIMITS.misfit + allowed + LIMITS.drift * since)
 
 
 @kernel
@@ -542,7 +556,9 @@ def _list_targets(
     images: tuple[Image, ...], backgrounds: tuple[Image, ...], n: int, eyes: EyesMemory
 ) -> int:
     """Write the whole, round targets of a camera most like the ball; return their number."""
-    shown, own = _show_whole(images, backgrounds, n, eyes), eyes.targets[n]
+    own = eyes.targets[n]
+    own.sign = 0
+    shown = _show_whole(images, backgrounds, n, eyes)
     work, settings, seen = eyes.segment_work[0], eyes.segmenter[0], eyes.match_work[0].seen
     count = 0
     measure_if_due(shown, own, settings, work.counts)
@@ -573,12 +589,11 @@ def _take_both(
 ) -> None:
     """Let both cameras follow a target each from now on, number i and j of those listed."""
     work, seen = eyes.segment_work[0], eyes.match_work[0].seen
+    scratch = backgrounds[len(backgrounds) - 1]
     for n, k in enumerate((i, j)):
-        shown, own, group = (
-            _show_whole(images, backgrounds, n, eyes),
-            eyes.targets[n],
-            seen[n, k].group,
-        )
+        own, group = eyes.targets[n], seen[n, k].group
+        shown = _show_whole(images, backgrounds, n, eyes)
+        find_sign(images[n], backgrounds[n], scratch, own, group, eyes.segmenter[0], work)
         rows = outline(shown, own, group, work.runs, own.moments)
         if rows > 0:
             own.du, own.dv = 0.0, 0.0

@@ -9,21 +9,24 @@
    relative to that of the background, minus the background, so a pattern, a resting ball and a
    bright arm at rest vanish. A pixel that the ball covers in part shows a mixture of both; scaled
    by contrast / (ball - here), a difference is that share, so the ball weighs the same before any
-   background darker than itself.
+   background, darker or brighter than itself. Before a ball is known, what differs either way is
+   searched; then whether it is brighter or darker is known. Pixels of the sensor that stand out of
+   their neighbours in the background are taken from these.
 3. **Connected pixels** above a threshold, from the middle of the dilated mask on: what reaches into
    it without touching the target, which the chip would include, is left out.
 4. **Moments**, which show what touches the target: then it is merged, and the mask of the ball that
    went into it moves on, so that the ball is found where the two part.
 5. **Everywhere**, where the target is lost: the group of bright pixels that is most like a ball
    (:mod:`mitt.eyes.groups`). Where no background was learned, what a camera that stands still has
-   shown of late takes its place there: what has not moved since is less like a ball.
+   shown of late takes its place there: what has not moved since is less like a ball. A camera that
+   turns keeps a panorama, in the angles of its head.
 
 | here           | meaning                                                        | unit | shape  |
 |----------------|----------------------------------------------------------------|------|--------|
 | ``target``     | record of ``TARGET``: what is remembered of a camera's target  |      |        |
 | ``window``     | part of an image: first and last row, first and last column    | px   | (4,)   |
 | ``background`` | mean image without the ball; where none was learned, what was  | grey | (h, w) |
-|                | seen of late, or empty                                         |      |        |
+|                | seen of late: an image, a panorama (PANORAMA a side), or empty |      |        |
 | ``difference`` | scratch as large as the image, if there is a background        | grey | (h, w) |
 | ``settings``   | record of :func:`pack_segmenter`                               |      |        |
 | ``work``       | record of ``WORK``: scratch                                    |      |        |
@@ -31,11 +34,13 @@
 Runs and moments: :mod:`mitt.eyes.blobs`.
 """
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from math import sqrt
 from typing import Annotated
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mitt.eyes.blobs import (
     EMPTY,
@@ -49,10 +54,13 @@ from mitt.eyes.blobs import (
     trim,
     weigh,
 )
-from mitt.eyes.groups import GROUP, LOOK, MOST_GROUPS, SCAN, find_groups, remember
+from mitt.eyes.groups import GROUP, LOOK, MOST_GROUPS, SCAN, find_groups, remember, remember_turned
 from mitt.fields import Range, Settings
 from mitt.kernels import Fields, Record, kernel, record_of, view
 from mitt.signals import Frame, Image, Moments
+
+MOST_FAULTS = 256
+"""Faulty pixels of a camera that are mended: those that stand out most."""
 
 LOST = 0
 GOOD = 1
@@ -76,6 +84,7 @@ TARGET = np.dtype(
         ("frozen", np.int64),  # its mark, frames it has been the same
         ("level", float),
         ("threshold", float),  # of the background, of a target [grey levels]
+        ("noise", float),  # standard deviation of the background [grey levels]
         ("due", np.int64),  # frames since the background was measured
         ("light", float),
         ("mean", float),  # light over that of the background learned, whose mean
@@ -86,8 +95,17 @@ TARGET = np.dtype(
         ("at_v", float),  # where the ball should be [px]
         ("near", float),  # how far from there it may be; 0 if unknown [px]
         ("offset", float, (2,)),  # centroid less that of the ball where all cameras see it [px]
+        ("sign", np.int64),  # 1: brighter than the background, -1: darker; 0: not known
         ("learned", np.int64),  # whether its background was learned, without the ball
+        ("faults", np.int64),  # pixels that stand out of their neighbours in the background
+        ("fault_v", np.int64, (MOST_FAULTS,)),
+        ("fault_u", np.int64, (MOST_FAULTS,)),  # row and column of these [px]
         ("looks", np.int64),  # whole images searched, where it was not
+        ("turns", np.int64),  # whether the camera turns
+        ("turn_u", np.int64),
+        ("turn_v", np.int64),  # where its image lies in its panorama [px]
+        ("usual", float),  # area of a ball where they come into sight; 0 if unknown [px^2]
+        ("followed", np.int64),  # frames that it follows what may not be the ball
         ("left_out", np.int64),  # groups that found no place among the best of the last of them
     ]
 )
@@ -106,6 +124,14 @@ WORK = np.dtype(
 )
 """Scratch of the segmentation of one image."""
 
+TINY = 1.0 / 16.0
+"""Share of the usual area of the ball below which a head is not turned to a target."""
+SWEPT = 200
+"""Looks after which a camera that turns has seen most of where it looks for balls."""
+TURNED = 4
+"""Looks at a whole image from one that goes into the panorama to the next."""
+DOUBTED = 32
+"""Frames after which a head, while no ball is known, looks whether its target rests."""
 KEPT = 0.85
 PATIENCE = 40
 STEADY = 0.6
@@ -126,6 +152,11 @@ whole image [px]."""
 LEAST = 0.25
 """Share of the ball's contrast with the mean background that it must have with the background at a
 pixel; where it has less, as before a lamp or a white arm at rest, the pixel says nothing."""
+PASSING = 10.0
+"""Grey levels from the median of a pixel within which an image shows the background there."""
+OUTSTANDING = 30.0
+"""Grey levels by which a pixel of the background stands out of its neighbours that is a fault: hot
+or dead, or a speck that hides what passes behind it just as well."""
 ONE = 256
 STRAY = 77
 ODD = 24
@@ -249,20 +280,94 @@ def subtract(
     """
     light: float = light_of(pixels, background, window, whole, target)
     known = target.weighed > 0.0 and target.expected > 0.0
-    contrast = target.gain if known else 0.0
+    contrast, side = target.gain if known else 0.0, -1.0 if target.sign < 0 else 1.0
     scale, offset = np.float32(1.0 / light), np.float32(OFFSET + 0.5)
-    zero, top = np.float32(0.0), np.float32(255.0)
-    full, ball = np.float32(contrast), np.float32(contrast + target.mean)
+    zero, top, sign = np.float32(0.0), np.float32(255.0), np.float32(side)
+    full, ball = np.float32(contrast), np.float32(target.mean + side * contrast)
     least, first, end = np.float32(LEAST * contrast), window[2], window[3] + 1
+    either = target.sign == 0 and not known
     for v in range(window[0], window[1] + 1):
         seen, behind, out = pixels[v, first:end], background[v, first:end], difference[v, first:end]
         for k in range(len(out)):
             b = np.float32(behind[k])
             d = np.float32(seen[k]) * scale - b
             if known:  # np.divide does not test for zero
-                d = np.divide(d * full, ball - b) if ball - b > least else zero
+                d = np.divide(d * full, ball - b) if abs(ball - b) > least else zero
+            else:
+                d = abs(d) if either else sign * d
             out[k] = np.uint8(min(max(d + offset, zero), top))
+    _mend(window, target, difference)
     return light
+
+
+@kernel
+def _mend(window: Ints, target: Fields, difference: Image) -> None:
+    """Write the mean of its neighbours into each faulty pixel of a window."""
+    for k in range(target.faults):
+        row, column = target.fault_v[k], target.fault_u[k]
+        if not (window[0] <= row <= window[1] and window[2] <= column <= window[3]):
+            continue
+        total, count = 0, 0
+        for v, u in (
+            (row - 1, column),
+            (row + 1, column),
+            (row, column - 1),
+            (row, column + 1),
+        ):
+            if window[0] <= v <= window[1] and window[2] <= u <= window[3]:
+                total += difference[v, u]
+                count += 1
+        if count > 0:
+            difference[row, column] = np.uint8(total // count)
+
+
+def faulty_pixels(background: Image) -> NDArray[np.int64]:
+    """Return row and column of pixels that stand out of their neighbours, shape (2, k).
+
+    Hot and dead pixels of the sensor, one or two side by side: a pixel that is brighter, or darker,
+    than all but one of those about it. Not more than ``MOST_FAULTS``, those that stand out most.
+    """
+    padded = np.pad(background.astype(np.float64), 1, mode="edge")
+    height, width = background.shape
+    around = [
+        padded[1 + dv : 1 + dv + height, 1 + du : 1 + du + width]
+        for dv in (-1, 0, 1)
+        for du in (-1, 0, 1)
+        if dv or du
+    ]
+    ordered = np.sort(around, axis=0)
+    off = np.maximum(background - ordered[-2], ordered[1] - background)
+    most = np.argsort(-off, axis=None, kind="stable")[:MOST_FAULTS]
+    places = np.array(np.unravel_index(most[off.ravel()[most] > OUTSTANDING], off.shape))
+    return places.astype(np.int64)
+
+
+def keep_background(target: Record, background: Image) -> None:
+    """Note in the record of a camera's target that its background was learned.
+
+    Args:
+        target: A record of ``TARGET``, overwritten.
+        background: Mean image without the ball.
+    """
+    places = faulty_pixels(background)
+    target["learned"], target["sign"], target["faults"] = 1, 0, places.shape[1]
+    target["fault_v"][: places.shape[1]], target["fault_u"][: places.shape[1]] = places
+
+
+def mean_background(images: Sequence[Image]) -> Image:
+    """Return what images of a scene have in common: what passes through some of them is left out.
+
+    The mean, in each pixel, of the values near the median: a ball, or a person, that covers a pixel
+    in less than half of the images does not count.
+
+    Args:
+        images: Images of one shape, at least one.
+    """
+    stack = np.asarray(images, dtype=np.float32)
+    middle = np.median(stack, axis=0)
+    near = np.abs(stack - middle) <= PASSING
+    mean = np.sum(stack * near, axis=0) / np.maximum(near.sum(axis=0), 1)
+    return np.asarray(np.rint(np.where(near.any(axis=0), mean, middle)), dtype=np.uint8)
 
 
 @kernel
@@ -326,10 +431,40 @@ def measure_background(pixels: Image, counts: Ints) -> tuple[float, float]:
 def measure_if_due(shown: Image, target: Fields, settings: Fields, counts: Ints) -> None:
     """Measure level and threshold of the background where that is due."""
     if target.due == 0:
-        target.level, noise = measure_background(shown, counts)
-        rise = max(settings.min_contrast, settings.noise_factor * noise)
+        target.level, target.noise = measure_background(shown, counts)
+        rise = max(settings.min_contrast, settings.noise_factor * target.noise)
         target.threshold = min(target.level + rise, 255.0)
     target.due = (target.due + 1) % settings.background_period
+
+
+@kernel
+def find_sign(
+    pixels: Image,
+    background: Image,
+    difference: Image,
+    target: Fields,
+    group: Fields,
+    settings: Fields,
+    work: Fields,
+) -> bool:
+    """Find whether a group is brighter or darker than the background, where that is not known.
+
+    Then the difference image, in which both show alike, is written and measured anew. Return
+    whether it was.
+    """
+    if target.sign != 0 or not is_learned(pixels, background, difference, target):
+        return False
+    shown, total = view(difference, 0, pixels.shape), 0.0
+    for v in range(group.top, group.bottom + 1):
+        for u in range(group.left, group.right + 1):
+            if shown[v, u] > target.threshold:
+                total += pixels[v, u] / target.light - background[v, u]
+    target.sign = 1 if total > 0.0 else -1
+    whole_image(pixels, work.window)
+    subtract(pixels, background, work.window, True, target, shown)
+    target.due = 0
+    measure_if_due(shown, target, settings, work.counts)
+    return True
 
 
 @kernel
@@ -346,12 +481,18 @@ def most_like_ball(
     look.mass = target.gain * target.expected if target.weighed > 0.0 else 0.0
     look.u, look.v, look.near = target.at_u, target.at_v, target.near
     look.least = settings.min_area
+    look.turns, look.turn_u, look.turn_v = target.turns, target.turn_u, target.turn_v
+    look.wary = target.looks > SWEPT
+    if target.expected == 0.0 and target.usual > 0.0:
+        look.area, look.least = target.usual, max(settings.min_area, int(TINY * target.usual))
     before = background if unlearned and target.looks > 0 else background[:0]
     count = find_groups(shown, before, look, work.scan, work.groups)
     target.left_out = work.scan.left_out
-    if unlearned:
+    if target.turns > 0 and target.looks % TURNED == 0 and background.size > 0:
+        remember_turned(shown, background, target.turn_v, target.turn_u)
+    elif unlearned and target.turns == 0:
         remember(shown, background, target.looks)
-        target.looks += 1
+    target.looks += 1
     return int(count)
 
 
@@ -398,17 +539,30 @@ def _find_again(
 
 @kernel
 def _find_anew(
-    shown: Image, background: Image, target: Fields, settings: Fields, work: Fields
+    pixels: Image,
+    background: Image,
+    difference: Image,
+    target: Fields,
+    settings: Fields,
+    work: Fields,
 ) -> tuple[int, int]:
-    """Find what is most like the ball in the whole image; return its first row and its rows."""
-    moments = target.moments
+    """Find what is most like the ball in the whole image; return its first row and its rows.
+
+    The arguments are those of :func:`detect`; the whole difference image is written.
+    """
+    shown = pixels
+    if is_learned(pixels, background, difference, target):
+        shown = view(difference, 0, pixels.shape)
     for k in range(most_like_ball(shown, background, target, settings, work)):
         group = work.groups[k]
-        rows = outline(shown, target, group, work.runs, moments)
-        if rows == 0:
-            continue
-        if touches_border(shown.shape, group.top, rows, work.runs) or not is_merged(moments):
+        signed = find_sign(pixels, background, difference, target, group, settings, work)
+        rows = outline(shown, target, group, work.runs, target.moments)
+        whole = rows > 0 and not touches_border(shown.shape, group.top, rows, work.runs)
+        if rows > 0 and not (whole and is_merged(target.moments)):
             return group.top, rows
+        if signed:
+            target.sign = 0
+            subtract(pixels, background, work.window, True, target, shown)
     return 0, 0
 
 
@@ -474,6 +628,12 @@ def _segment(
 ) -> tuple[int, bool]:
     """Find the target in the dilated mask of the last, or else in the whole image; see detect."""
     window, new, moments, top, rows = work.window, work.runs, target.moments, 0, 0
+    if target.state == LOST and target.expected == 0.0:
+        target.sign = 0
+    if target.turns > 0 and target.expected == 0.0 and target.state != LOST:
+        target.followed += 1
+        if target.followed % DOUBTED == 0:  # does it rest?
+            target.state = LOST
     whole_image(pixels, window)
     part = region_of_interest(target, settings, window)
     shown = searched_difference(pixels, background, difference, target, window, not part)
@@ -484,7 +644,7 @@ def _segment(
     if not again:
         if part:
             shown = searched_difference(pixels, background, difference, target, window, True)
-        top, rows = _find_anew(shown, background, target, settings, work)
+        top, rows = _find_anew(pixels, background, difference, target, settings, work)
     if rows == 0:
         _lose(target)
         return 0, False
@@ -557,12 +717,25 @@ class Segmenter:
         """Start without a target and without an idea of the background."""
         self._settings = pack_segmenter(config or SegmenterConfig())
         self._target, self._work = np.zeros(1, TARGET), np.zeros(1, WORK)
-        self._before = _NONE
+        self._before = self._difference = _NONE
         self.reset()
 
     def reset(self) -> None:
         """Forget the target and the background."""
         forget(self._target)
+
+    def forget_target(self) -> None:
+        """Forget the target; what was learned of the background stays."""
+        kept = self._target.copy()
+        forget(self._target)
+        for name in ("learned", "looks", "faults", "fault_v", "fault_u"):
+            self._target[name] = kept[name]
+
+    def learn_background(self, background: Image) -> None:
+        """Learn what the camera sees without the ball, as of :func:`mean_background`."""
+        self._before = np.ascontiguousarray(background)
+        self._difference = np.zeros_like(self._before)
+        keep_background(self._target[0], self._before)
 
     @property
     def left_out(self) -> int:
@@ -574,8 +747,9 @@ class Segmenter:
         target, pixels = self._target[0], np.ascontiguousarray(frame.pixels)
         if self._before.shape != pixels.shape and pixels.ndim == 2:
             self._before, target["looks"] = np.zeros(pixels.shape, np.uint8), 0
+            target["learned"] = 0
         area, clipped = detect(
-            pixels, self._before, _NONE, target, self._settings[0], self._work[0]
+            pixels, self._before, self._difference, target, self._settings[0], self._work[0]
         )
         if area == 0:
             return Moments(t=frame.t, camera=frame.camera, found=False)

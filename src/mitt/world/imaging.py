@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from mitt import checks
 from mitt.errors import InputError
 from mitt.eyes.camera import Rig, pack_cameras
-from mitt.eyes.head import pack_heads
+from mitt.eyes.head import BREADTH, pack_heads
 from mitt.fields import Range, Settings, check
 from mitt.kernels import Record, kernel
 from mitt.signals import Array, Frame, Image
@@ -60,7 +60,8 @@ class ImageSensor(Settings):
     noise ratio of 50: a fast sensor with some gain.
 
     Attributes:
-        brightness: Grey levels of the ball above the mean of the ground, without noise.
+        brightness: Grey levels of the ball above the mean of the ground, without noise; negative
+            for one that is darker.
         background: Mean grey level of the ground.
         texture: Standard deviation of the ground, gradients and patches [grey levels].
         body: Grey level of arm and hand.
@@ -77,7 +78,7 @@ class ImageSensor(Settings):
             place as the ball is released.
     """
 
-    brightness: Annotated[float, _LEVEL] = 160.0
+    brightness: Annotated[float, Range(-255.0, 255.0)] = 160.0
     background: Annotated[float, _LEVEL] = 24.0
     texture: Annotated[float, _LEVEL] = 3.0
     body: Annotated[float, _LEVEL] = 12.0
@@ -95,8 +96,8 @@ class ImageSensor(Settings):
     def __post_init__(self) -> None:
         """Refuse values that no 8-bit sensor has."""
         check(self)
-        if self.background + self.brightness > 255.0:
-            raise InputError("ImageSensor", "background + brightness <= 255", self)
+        if not 0.0 <= self.background + self.brightness <= 255.0:
+            raise InputError("ImageSensor", "background + brightness in 0..255", self)
         if self.light[0] > 0.9 or not 0.0 <= self.shadow[0] <= 0.9:
             raise InputError("ImageSensor", "amplitudes of light and shadow in 0..0.9", self)
 
@@ -220,7 +221,16 @@ class Heads:
         self.angles = np.zeros((len(rig.heads), 4))
         for row, head in zip(self.angles, rig.heads, strict=True):
             row[:2] = head.search
+        self._waiting = rig.heads
         self._steps = [head.encoder_step for head in rig.heads]
+
+    def look_aside(self, number: int | None) -> None:
+        """Stand still at one of nine places about where the heads wait; for None there."""
+        for row, head in zip(self.angles, self._waiting, strict=True):
+            row[:] = *head.search, 0.0, 0.0
+            if number is not None:
+                row[0] += (number % 3 - 1) * BREADTH * head.search[0]
+                row[1] += (number // 3 % 3 - 1) * head.nod
 
     def turn(self, desired: Array | None, duration: float) -> None:
         """Follow ``desired`` for ``duration`` [s]; stay where there is none or it is not finite."""
@@ -326,6 +336,8 @@ class Imager:
     def before(self, count: int, capsules: Array) -> list[tuple[Frame, ...]]:
         """Return looks at the scene before the release, as :meth:`render` without a ball.
 
+        Heads look in turn to all sides of where they wait for a ball.
+
         Args:
             count: Number of looks.
             capsules: As for :meth:`render`.
@@ -333,7 +345,10 @@ class Imager:
         starts, views = self._draw_starts(self._early), []
         for k in range(count):
             shot = Exposure(_BEFORE * (k - count), 0.0, _NOWHERE, _STILL, capsules)
-            views.append(_frames(shot.t, k - count, self._exposed(starts[k], shot)))
+            self._heads.look_aside(k)
+            read = self._read()
+            views.append(_frames(shot.t, k - count, self._exposed(starts[k], shot), read))
+        self._heads.look_aside(None)
         return views
 
     def render(
@@ -358,8 +373,11 @@ class Imager:
         shot, number = Exposure(t, radius, r_o, dr_o, capsules), self._number
         images = self._exposed(self._starts[number % BLOCK], shot)
         self.advance(1)
-        heads = [self._heads.read(n) for n in range(len(images))] if self._turnable else None
-        return _frames(t, number, images, heads)
+        return _frames(t, number, images, self._read())
+
+    def _read(self) -> list[tuple[float, float]] | None:
+        """Return pan and tilt of each head as its encoders count them [rad]; None without."""
+        return [self._heads.read(n) for n in range(len(self._shapes))] if self._turnable else None
 
     def _exposed(self, starts: NDArray[np.int64], shot: Exposure) -> tuple[Image, ...]:
         """Return fresh images of what is in view."""

@@ -251,12 +251,12 @@ class World:
     def views_before(self, count: int) -> list[tuple[Frame, ...]]:
         """Return looks at the scene before the release, without the thrown ball.
 
-        None where cameras turn or the ball is seen as points. No noise of the trial is used up.
+        None where the ball is seen as points. No noise of the trial is used up.
 
         Args:
             count: Number of looks.
         """
-        if self._imager is None or self._scene.sensing.cameras == "active":
+        if self._imager is None:
             return []
         lay_capsules(self._body, self._body.capsules)
         return self._imager.before(count, self._body.capsules)
