@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, final
 
 import numpy as np
+import pyarrow as pa
 from soak.examples import ball_of
 
 import mitt
@@ -466,6 +467,7 @@ class Cases:
             "others": (),
             "generators": ("direct",),
             "known": ("direct",),
+            "names": ("index",),
             "filters": (("index", "==", "0"),),
             "root": "robot",
             "kind": Scene,
@@ -475,6 +477,8 @@ class Cases:
         for name, (reader, path) in names.readers().items():
             taken = inspect.signature(reader).parameters.values()
             given = {x.name: rest[x.name] for x in taken if x.name != path and x.default is x.empty}
+            if name.startswith("trials.study_results.") and "columns" in given:
+                given["columns"] = pa.schema([("index", pa.int64())])
             found[name] = Case(partial(_read, reader, given), {path: self.folder / "missing.toml"})
         return found
 

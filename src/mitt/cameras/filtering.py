@@ -17,7 +17,7 @@ import numpy as np
 from mitt.ball.counts import counts_of
 from mitt.ball.filter import FilterConfig, doubt, fresh_filter, predict, update
 from mitt.errors import FileError
-from mitt.files.csv_table import measured, read_number, read_rows
+from mitt.files.csv_table import finite_cell, measured, read_rows
 from mitt.files.writing import write_text
 from mitt.kernels import Record, kernel
 from mitt.signals import Array
@@ -237,7 +237,7 @@ def read_positions(path: Path) -> RecordedPositions:
     for line, row in read_rows(path, POINTS, optional="flight", max_rows=MAX_ROWS):
         columns = tuple(row)
         sample = [
-            (read_number if c == "t_s" else measured)(path, line, c, row[c], limit=limit)
+            (finite_cell if c == "t_s" else measured)(path, line, c, row[c], limit=limit)
             for c, limit in _LIMITS.items()
         ]
         flight = flights.setdefault(row.get("flight", "").strip(), [])

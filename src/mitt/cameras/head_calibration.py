@@ -19,7 +19,7 @@ from mitt.cameras.least_squares import POSE, CalibrationStage, Fit, fit, weak
 from mitt.errors import FileError, InputError
 from mitt.eyes.camera import inverse, rotation_by_vector, rotation_vector, turned
 from mitt.eyes.lens import Lens
-from mitt.files.csv_table import read_number, read_rows
+from mitt.files.csv_table import finite_cell, read_rows
 from mitt.files.rig import HeadAxes, RigCamera
 from mitt.signals import Array
 
@@ -180,7 +180,7 @@ def read_head_views(
         sights.append(board.sight(pixels))
         angles.append(
             [
-                read_number(path, line, name, cells[name], limit=7.0)
+                finite_cell(path, line, name, cells[name], limit=7.0)
                 for name in ("pan_rad", "tilt_rad")
             ]
         )

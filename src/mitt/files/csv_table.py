@@ -87,7 +87,7 @@ def _remedy(header: Sequence[str]) -> str:
     return _POINTS if ";" in whole or "\t" in whole else _FOREIGN
 
 
-def read_number(path: Path, line: int, column: str, text: str, *, limit: float) -> float:
+def finite_cell(path: Path, line: int, column: str, text: str, *, limit: float) -> float:
     """Read one cell as a finite number of magnitude at most ``limit``.
 
     Raises:
@@ -106,10 +106,10 @@ def read_number(path: Path, line: int, column: str, text: str, *, limit: float) 
 
 
 def measured(path: Path, line: int, column: str, text: str, *, limit: float) -> float:
-    """Read one cell of what a sensor saw, as :func:`read_number` does; NaN where it saw nothing."""
+    """Read one cell of what a sensor saw, as :func:`finite_cell` does; NaN where it saw nothing."""
     if text.strip().lower() in _ABSENT:
         return math.nan
-    return read_number(path, line, column, text, limit=limit)
+    return finite_cell(path, line, column, text, limit=limit)
 
 
 def read_table(path: Path, columns: Sequence[str], *, seen: Sequence[str] = ()) -> Array:
@@ -120,7 +120,7 @@ def read_table(path: Path, columns: Sequence[str], *, seen: Sequence[str] = ()) 
     limits = [_LIMITS[name.rsplit("_", 1)[1]] for name in columns]
     rows = [
         [
-            (measured if name in seen else read_number)(path, line, name, cells[name], limit=limit)
+            (measured if name in seen else finite_cell)(path, line, name, cells[name], limit=limit)
             for name, limit in zip(columns, limits, strict=True)
         ]
         for line, cells in read_rows(path, columns)

@@ -22,7 +22,7 @@ from numpy.polynomial import Polynomial, legendre
 from numpy.typing import NDArray
 
 from mitt.errors import FileError
-from mitt.files.csv_table import measured, read_number, read_rows
+from mitt.files.csv_table import finite_cell, measured, read_rows
 from mitt.signals import GRAVITY, Array
 from mitt.world.fall import WANTED, doubt_of, free_of_gravity
 from mitt.world.throws import fly
@@ -189,7 +189,7 @@ def read_flights(path: Path) -> tuple[RecordedFlight, ...]:
     limits = {"t_s": MAX_TIME, "x_m": MAX_DISTANCE, "y_m": MAX_DISTANCE, "z_m": MAX_DISTANCE}
     for line, cells in read_rows(path, COLUMNS):
         flight = rows.setdefault(cells["flight"].strip(), [])
-        t = read_number(path, line, "t_s", cells["t_s"], limit=limits["t_s"])
+        t = finite_cell(path, line, "t_s", cells["t_s"], limit=limits["t_s"])
         r = (measured(path, line, c, cells[c], limit=limits[c]) for c in COLUMNS[2:])
         row = (t, *r)
         if not np.all(np.isfinite(row)):

@@ -9,7 +9,7 @@ import numpy as np
 from mitt import checks
 from mitt.ball.flight import advance
 from mitt.errors import FileError, InputError, ShapeError
-from mitt.files.csv_table import read_number, read_rows
+from mitt.files.csv_table import finite_cell, read_rows
 from mitt.kernels import kernel
 from mitt.signals import GRAVITY, Array
 from mitt.world.fall import doubt_of_throws
@@ -180,7 +180,7 @@ def read_throws(path: Path) -> tuple[Throw, ...]:
     limits = dict.fromkeys(COLUMNS[:3], MAX_DISTANCE) | dict.fromkeys(COLUMNS[3:], MAX_SPEED)
     throws = []
     for line, cells in read_rows(path, COLUMNS):
-        row = np.array([read_number(path, line, c, cells[c], limit=limits[c]) for c in COLUMNS])
+        row = np.array([finite_cell(path, line, c, cells[c], limit=limits[c]) for c in COLUMNS])
         throws.append(Throw(r=row[:3], dr=row[3:]))
     if not throws:
         raise FileError(str(path), "at least one throw", "none")
