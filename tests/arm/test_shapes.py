@@ -113,18 +113,6 @@ def test_the_hull_of_the_hand_holds_the_fingers_at_every_angle() -> None:
             assert away + hand.finger.thickness <= hull.radius + 1e-9
 
 
-@given(seed=seeds, joint=st.integers(0, 2), by=st.floats(-1.0, 1.0))
-def test_no_point_moves_farther_than_the_reach_says(
-    arm: Arm, shapes: Shapes, seed: int, joint: int, by: float
-) -> None:
-    """Turning one joint changes the clearance by no more than its reach times the angle."""
-    q = np.random.default_rng(seed).uniform(arm.q_min, arm.q_max)
-    turned = q.copy()
-    turned[joint] += by
-    change = abs(gap(arm, shapes, turned) - gap(arm, shapes, q))
-    assert change <= shapes.reach[joint] * abs(by) + 1e-9
-
-
 @pytest.mark.parametrize(
     ("floor", "fits"), [(-0.36, True), (-0.24, True), (-0.2, False), (0.0, False)]
 )
@@ -200,13 +188,8 @@ def test_shapes_that_meet_in_a_narrow_range_of_angles_are_watched(
     assert gap(arm, shapes, np.array([angle, 1.0, 0.0])) < -0.04
 
 
-@given(seed=seeds)
-def test_a_pair_of_the_arm_that_is_not_watched_never_meets(seed: int) -> None:
-    """No random pose brings a pair that was dropped nearer than 12 mm.
-
-    A link and the next that are nearer in the ready pose are dropped because they always are.
-    """
-    rng = np.random.default_rng(seed)
+def _random_arm(rng: np.random.Generator, *, slides: int | None = None) -> Arm:
+    """Return an arm of three links, each with a capsule, and one on its base; one may slide."""
     beads = _beads(0.0, float(rng.uniform(0.02, 0.05)))
     links = list(beads.model.links)
     for k in range(3):
@@ -215,7 +198,51 @@ def test_a_pair_of_the_arm_that_is_not_watched_never_meets(seed: int) -> None:
         start, end = (tuple(x) for x in rng.uniform(-0.2, 0.2, (2, 3)).tolist())
         capsule = Capsule(start=start, end=end, radius=0.03)
         links[k] = replace(links[k], placement=placement, capsules=(capsule,))
-    arm = Arm(replace(beads.model, links=tuple(links)), beads.limits)
+    if slides is not None:
+        links[slides] = replace(links[slides], prismatic=True, q_min=-0.3, q_max=0.2)
+    return Arm(replace(beads.model, links=tuple(links)), beads.limits)
+
+
+@given(seed=seeds, slides=st.sampled_from([None, 0, 1, 2]), size=st.floats(1e-3, 1.0))
+def test_no_gap_changes_faster_than_its_slopes_say(
+    seed: int, slides: int | None, size: float
+) -> None:
+    """Wherever all joints turn or slide to; joints beside a pair do not change its gap."""
+    rng = np.random.default_rng(seed)
+    arm = _random_arm(rng, slides=slides)
+    shapes, gaps = shapes_of(arm, Surroundings(floor=-2.0, zones=(ZONE,))), []
+    by = size * rng.uniform(-1.0, 1.0, arm.n)
+    q = rng.uniform(arm.q_min, arm.q_max)
+    for pose in (q, q + by):
+        ends = shapes.ends
+        place_shapes(arm.bodies, pose, shapes.table, ends)
+        gaps.append([pair_gap(shapes.table, ends, *pair) for pair in shapes.pairs.tolist()])
+    change = np.abs(np.array(gaps[1]) - gaps[0])
+    assert np.all(change <= shapes.slopes @ np.abs(by) + 1e-9)
+    assert change.shape == (len(shapes.pairs),)
+
+
+def test_a_gap_of_shapes_on_the_axes_between_them_is_not_watched() -> None:
+    """The base about the first axis, a housing about the second: 15 mm apart in every pose."""
+    beads, up = _beads(0.0, 0.03), np.eye(4)
+    up[:3, 3] = 0.0, 0.0, 0.1
+    links = list(beads.model.links)
+    housing = Capsule(start=(-0.05, 0.0, 0.0), end=(0.05, 0.0, 0.0), radius=0.035)
+    links[1] = replace(links[1], placement=up, capsules=(housing,))
+    base = Capsule(start=(0.0, 0.0, -0.3), end=(0.0, 0.0, 0.0), radius=0.05)
+    arm = Arm(replace(beads.model, links=tuple(links), base_capsules=(base,)), beads.limits)
+    assert links[1].axis.tolist() == [1.0, 0.0, 0.0]
+    assert not np.any(np.all(shapes_of(arm, Surroundings(floor=-2.0)).pairs == [1, 2], axis=1))
+
+
+@given(seed=seeds)
+def test_a_pair_of_the_arm_that_is_not_watched_never_meets(seed: int) -> None:
+    """No random pose brings a pair that was dropped nearer than 12 mm.
+
+    A link and the next that are nearer in the ready pose are dropped because they always are.
+    """
+    rng = np.random.default_rng(seed)
+    arm = _random_arm(rng)
     shapes = shapes_of(arm, Surroundings(floor=-2.0))
     ends, kept = shapes.ends, set(map(tuple, shapes.pairs.tolist()))
     place_shapes(arm.bodies, arm.q_ready, shapes.table, ends)

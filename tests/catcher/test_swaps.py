@@ -10,7 +10,7 @@ from mitt.arm.description import STOP_GAP, Capsule
 from mitt.arm.shapes import MARGIN, Surroundings, clearance
 from mitt.catcher.settings import CatcherSettings
 from mitt.catcher.state import CatcherState, exchange_arm, fresh_state
-from mitt.control.envelope import speeds_of
+from mitt.control.envelope import bounds_of, speeds_of
 from mitt.control.stop import EASIEST, SHARE, choose_stop
 from mitt.control.viability import safety_filter
 from mitt.eyes.eyes import closed_eyes
@@ -61,7 +61,7 @@ def test_a_command_stays_in_range_and_clear_and_can_stop_whatever_changes(
             exchange_arm(state, arms[rng.integers(2)])
         if swapped != "load" and rng.random() < 0.05:
             s.bounds["dq_max"] = fastest * rng.choice([0.4, 0.7, 1.0], arm.n)
-        safety_filter(s, state.last, wished(state, speed))
+        safety_filter(s, state.last, wished(state, speed), state.last[:2].copy())
         assert np.all((state.last[0] >= low) & (state.last[0] <= high))
         assert gap(state, state.last[0]) >= MARGIN - ROUNDING
         ends = state.last[0] + 0.5 * state.last[1] * abs(state.last[1]) / s.bounds["deceleration"]
@@ -69,7 +69,7 @@ def test_a_command_stays_in_range_and_clear_and_can_stop_whatever_changes(
     for _ in range(TICKS):
         if swapped != "caps":
             exchange_arm(state, arms[rng.integers(2)])
-        safety_filter(s, state.last, wished(state, np.zeros(arm.n)))
+        safety_filter(s, state.last, wished(state, np.zeros(arm.n)), state.last[:2].copy())
         assert gap(state, state.last[0]) >= MARGIN - ROUNDING
     assert np.all(state.last[1] == 0.0)
 
@@ -82,7 +82,7 @@ def test_drives_can_stop_with_any_part_of_the_load(arm: Arm, mass: float) -> Non
     for tick in range(TICKS):
         if tick % 60 == 0:
             speed = speeds_of(arm) * rng.choice([-1.0, 1.0, 0.3, 0.0], arm.n)
-        safety_filter(s, state.last, wished(state, speed))
+        safety_filter(s, state.last, wished(state, speed), state.last[:2].copy())
         share = choose_stop(s.arm, s.loaded, s.bounds, state.last, EASIEST, s.stop)
         if share > SHARE or tick % 10:
             continue
@@ -105,6 +105,9 @@ def test_nothing_that_a_stop_rests_on_changes_with_the_ball(arm: Arm) -> None:
     after = state.safety.bounds, state.safety.arm.bodies
     assert all(np.array_equal(x, y) for x, y in zip(before, after, strict=True))
     assert not np.array_equal(was, state.arm.bodies)
+    held = bounds_of(arm.holding(0.5))
+    for name in ("deceleration", "jerk", "ddq_max"):
+        assert np.all(state.safety.bounds[name] <= held[name])
     heavy = CatcherSettings(ball_mass=0.5)
     trusted = fresh_state(arm, closed_eyes(), heavy, None).safety.bounds["deceleration"]
     lighter = fresh_state(arm, closed_eyes(), CatcherSettings(), None).safety.bounds

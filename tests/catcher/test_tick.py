@@ -161,7 +161,7 @@ class Staged:
         self.track = BallFilter(settings.flight)
         s = settings
         self.fingers = fingers_of(arm.model.hand, s.ball_radius, s.ball_restitution).copy()[0]
-        self.tracker = Tracker(arm, bandwidth=settings.bandwidth)
+        self.tracker = Tracker(arm, bandwidth=settings.bandwidth, load=settings.ball_mass)
         self.joints = Joints(arm)
         self.wanted = np.array([arm.q_ready, np.zeros(arm.n), np.zeros(arm.n)])
         self.brake: Brake | None = None

@@ -50,7 +50,7 @@ def limits(rng: np.random.Generator) -> tuple[float, float, float, float, float,
 def record(b: tuple[float, ...]) -> np.void:
     """Return limits as the envelope takes them."""
     joint = np.zeros(1, BOUNDS)
-    joint[0] = (*b, 0.0, 0.0)
+    joint[0] = (*b, 0.0)
     limits: np.void = joint[0]
     return limits
 

@@ -90,7 +90,7 @@ class Judge:
         self._arms = arm, arm.holding(settings.ball_mass)
         self._max_tracking_error = settings.max_tracking_error
         self._bounds = rows_of(bounds_of(arm))
-        self._bounds[3] = np.minimum(*(rows_of(bounds_of(a))[3] for a in self._arms))
+        self._bounds[3:] = np.minimum(*(rows_of(bounds_of(a))[3:] for a in self._arms))
         self._shapes = shapes_of(arm, settings.around)
         hand = arm.model.hand
         self._closed = hand.drive.closed if isinstance(hand, HandModel) else 0.0

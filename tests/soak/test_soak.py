@@ -72,13 +72,12 @@ def test_no_garbage_gets_a_tick_to_break_a_rule(learned: Learned) -> None:
     assert count.recovered > 10
 
 
-def test_commands_stay_clear_and_command_and_arm_in_range(learned: Learned, arm: Arm) -> None:
+def test_command_and_arm_stay_clear_and_in_range(learned: Learned, arm: Arm) -> None:
     """Throws to the WAM, balls of 0.034 to 0.5 kg, random calls, exact plant and lab."""
     maps: swings.Maps = {("wam", "paper"): (arm, learned.map)}
     wam = tuple(x for x in swings.ROUND if x[:2] == ("wam", "paper"))
     made = list(swings.soak(16, seed=20020708, maps=maps, chosen=wam))
-    assert swings.faults(made)[0] == []
-    assert all(x.itself_end >= 0.0 for x in made)
+    assert swings.faults(made) == ([], [])
     assert sum(x.caught for x in made) >= 4
 
 

@@ -3,7 +3,8 @@
 Every shape is a capsule, but for the floor. Moving ones hang on a link; those that stand still are
 the arm's base and the zones to be kept out of. A pair is watched if the arm in its ready pose
 keeps the two apart: shapes that overlap at a joint are not obstacles to one another. Nor are shapes
-of the arm that no pose brings together, as those of a wrist: they are near all the time.
+of the arm that no pose brings together, as those of a wrist or a base and the housing on top of it:
+they are near all the time.
 """
 
 from collections.abc import Iterator
@@ -52,6 +53,8 @@ LEAST_GAP = MARGIN + 0.002
 _NEAR = 0.1
 _MOST_BETWEEN = 2
 MOST_BOXES = 20000
+#: Slope of a gap that does not change: rounding [m/rad].
+_UNCHANGED = 1e-9
 
 SHAPE: Final = np.dtype(
     [
@@ -90,12 +93,12 @@ class Shapes:
     Attributes:
         table: Shapes of type :data:`SHAPE`, first those that stand still, then by link, shape (m,).
         pairs: Indices of shapes to be kept apart, shape (p, 2).
-        reach: Farthest of any point from each active joint [m], shape (n,); 1 where it slides.
+        slopes: How fast each active joint may change the gap of each pair [m/rad], shape (p, n).
     """
 
     table: Record
     pairs: NDArray[np.int64]
-    reach: Array
+    slopes: Array
 
     __repr__ = brief
 
@@ -134,11 +137,13 @@ def shapes_of(arm: Arm, around: Surroundings) -> Shapes:
                     f"{1e3 * distance:.0f} mm",
                     do="move the zone or the ready pose",
                 )
+    far = _far_from_joints(arm, table)
     near = [x for x in apart if gap(table, ends, *x) < _NEAR]
-    never = _never_meeting(arm, table, near) if near else set()
+    never = _never_meeting(arm, table, far, near) if near else set()
     apart = [x for x in apart if x not in never]
     pairs = np.array(apart, dtype=np.int64).reshape(len(apart), 2)
-    return Shapes(table=table, pairs=pairs, reach=_reach(arm, table))
+    slopes = [_slopes(arm, table, far, *x) for x in apart]
+    return Shapes(table=table, pairs=pairs, slopes=np.array(slopes).reshape(len(apart), arm.n))
 
 
 def check_floor(model: ArmModel, floor: float) -> None:
@@ -154,45 +159,90 @@ def check_floor(model: ArmModel, floor: float) -> None:
         )
 
 
-def _never_meeting(arm: Arm, table: Record, near: list[tuple[int, int]]) -> set[tuple[int, int]]:
-    """Return the pairs of the arm's own shapes that the one or two joints between never join."""
+def _never_meeting(
+    arm: Arm, table: Record, far: Array, near: list[tuple[int, int]]
+) -> set[tuple[int, int]]:
+    """Return the pairs of the arm's own shapes that the one or two joints between never join.
+
+    Nor does one whose gap no joint changes.
+    """
     never = set()
     for a, b in near:
-        first, last = (int(table[x]["link"]) for x in (a, b))
-        between = [j for j, link in enumerate(arm.model.active) if first < link <= last]
-        around = first < 0 and not 1 <= a <= len(arm.model.base_capsules)
-        if not around and len(between) <= _MOST_BETWEEN and _stay_apart(arm, table, a, b, between):
-            never.add((a, b))
+        between = _between(arm, table, a, b)
+        around = table[a]["link"] < 0 and not 1 <= a <= len(arm.model.base_capsules)
+        if not around and len(between) <= _MOST_BETWEEN:
+            slopes = _slopes(arm, table, far, a, b)[between]
+            if not np.any(slopes > _UNCHANGED) or _stay_apart(arm, table[[a, b]], between, slopes):
+                never.add((a, b))
     return never
 
 
-def _stay_apart(arm: Arm, table: Record, a: int, b: int, between: list[int]) -> bool:
+def _stay_apart(arm: Arm, both: Record, between: list[int], slopes: Array) -> bool:
     """Say whether it is certain that no pose brings two shapes nearer than ``LEAST_GAP``."""
-    both, boxes = table[[a, b]], np.zeros((MOST_BOXES + 2, 2, len(between)))
+    boxes = np.zeros((MOST_BOXES + 2, 2, len(between)))
     boxes[0, 0] = 0.5 * (arm.q_min + arm.q_max)[between]
     boxes[0, 1] = arm.q_max[between] - boxes[0, 0]
-    slopes = np.array([_slope(arm, table, a, b, arm.model.active[j]) for j in between])
     joints, q = np.array(between, dtype=np.int64), arm.q_ready.copy()
     return bool(all_apart(arm.bodies, both, joints, slopes, boxes, q, np.zeros(2, SEGMENT)))
 
 
-def _slope(arm: Arm, table: Record, a: int, b: int, k: int) -> float:
-    """Return how fast link ``k``'s joint may change the gap of two shapes [m/rad]; 1 if it slides.
+def _between(arm: Arm, table: Record, a: int, b: int) -> list[int]:
+    """Return the active joints that move one shape against another."""
+    first, last = (int(table[x]["link"]) for x in (a, b))
+    return [j for j, link in enumerate(arm.model.active) if first < link <= last]
 
-    The farthest of the points of either shape from the joint: what turns against what is the same.
-    The radii do not count, as the gap is that of the segments less the radii.
+
+def _slopes(arm: Arm, table: Record, far: Array, a: int, b: int) -> Array:
+    """Return how fast each active joint may change the gap of two shapes [m/rad], shape (n,).
+
+    No faster than the farthest of the points of either shape is from the joint's axis: what turns
+    against what is the same. The radii do not count, as the gap is that of the segments less the
+    radii.
     """
-    links, (first, last) = arm.model.links, (int(table[x]["link"]) for x in (a, b))
-    if links[k].prismatic:
-        return 1.0
-    far = [_farthest(table[x]) for x in (a, b)]
-    if first < 0:  # in the world, where the first link is placed on the mount
-        far[0] += float(np.linalg.norm(arm.model.mount[:3, 3]))
-    for side, way in enumerate((range(first + 1, k + 1), range(k + 1, last + 1))):
-        for i in way:
-            slide = max(abs(links[i].q_min), abs(links[i].q_max)) if links[i].prismatic else 0.0
-            far[side] += float(np.linalg.norm(links[i].placement[:3, 3]) + slide)
-    return min(far)
+    out, between = np.zeros(arm.n), _between(arm, table, a, b)
+    out[between] = np.minimum(far[a], far[b])[between]
+    return out
+
+
+def _far_from_joints(arm: Arm, table: Record) -> Array:
+    """Return how far the segment of each shape may be from each active joint, shape (m, n).
+
+    That is, from the joint's axis, where no active joint lies between; else from its origin, by the
+    lengths of the links between [m]. The floor ends nowhere. A joint that slides moves all by 1.
+    """
+    links, active, m = arm.model.links, arm.model.active, len(table)
+    axes = np.array([(k, ZERO, tuple(links[k].axis), 0.0) for k in active], SHAPE)
+    placed = np.zeros(m + len(axes), SEGMENT)
+    place_shapes(arm.bodies, arm.q_ready, table, placed[:m])
+    place_shapes(arm.bodies, arm.q_ready, axes, placed[m:])
+    ends = np.array([[list(x[y].item()) for y in ("start", "end")] for x in placed])
+    out = np.ones((m, len(active)))
+    for i in range(m):
+        for j, k in enumerate(active):
+            own = int(table[i]["link"])
+            low, high = min(own, k), max(own, k)
+            if links[k].prismatic:
+                continue
+            if own == FLOOR:
+                out[i, j] = np.inf
+            elif any(low < x <= high and x != k for x in active):
+                out[i, j] = _farthest(table[i]) + _longest(arm, low, high)
+            else:
+                at, axis = ends[m + j, 0], ends[m + j, 1] - ends[m + j, 0]
+                out[i, j] = np.linalg.norm(np.cross(ends[i] - at, axis), axis=1).max()
+    return out
+
+
+def _longest(arm: Arm, low: int, high: int) -> float:
+    """Return how far apart the origins of two links may be [m]; the world's is that of ``STILL``.
+
+    It is the way along the links between, as far as they slide.
+    """
+    length = 0.0 if low >= 0 else float(np.linalg.norm(arm.model.mount[:3, 3]))
+    for link in arm.model.links[low + 1 : high + 1]:
+        slide = max(abs(link.q_min), abs(link.q_max)) if link.prismatic else 0.0
+        length += float(np.linalg.norm(link.placement[:3, 3])) + slide
+    return length
 
 
 def _moving(model: ArmModel) -> Iterator[tuple[Any, ...]]:
@@ -213,20 +263,6 @@ def _record(link: int, capsule: Capsule, T: Array) -> tuple[Any, ...]:
 def _farthest(shape: Fields) -> float:
     """Return how far the segment of a shape reaches from its link's origin [m]."""
     return float(max(np.linalg.norm(shape[end].item()) for end in ("start", "end")))
-
-
-def _reach(arm: Arm, table: Record) -> Array:
-    """Return a bound on the distance of any moving point from each active joint, shape (n,)."""
-    links, out, beyond = arm.model.links, np.ones(arm.n), 0.0
-    for k in range(len(links) - 1, -1, -1):
-        own = table[table["link"] == k]
-        beyond = max([beyond, *(_farthest(x) + float(x["radius"]) for x in own)])
-        if links[k].prismatic:
-            beyond += max(abs(links[k].q_min), abs(links[k].q_max))
-        elif links[k].held is None:
-            out[arm.model.active.index(k)] = beyond
-        beyond += float(np.linalg.norm(links[k].placement[:3, 3]))
-    return out
 
 
 @kernel

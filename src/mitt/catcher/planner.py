@@ -8,7 +8,7 @@ from typing import Any, Final, final
 import numpy as np
 
 from mitt.arm.arm import Arm
-from mitt.arm.shapes import MARGIN, clearance
+from mitt.arm.shapes import clearance
 from mitt.catcher.generators import (
     Farsighted,
     Generator,
@@ -46,7 +46,7 @@ from mitt.catcher.state import (
 from mitt.control.envelope import speeds_of
 from mitt.control.health import FAILED_TICKS, is_lost
 from mitt.control.stop import plan_brake
-from mitt.control.viability import Safety
+from mitt.control.viability import STOP_CLEARANCE, Safety
 from mitt.errors import MittError
 from mitt.kernels import kernel
 from mitt.map.prediction import HORIZON, STRIDE, flown, lay_state, sigma_at_catch
@@ -711,6 +711,6 @@ def _kept_clear(s: Safety, verdict: Verdict) -> Verdict:
     if verdict.outcome is not Outcome.FEASIBLE or verdict.approach is None:
         return verdict
     poses = verdict.approach.motion[:, 0]
-    if min(clearance(s.arm.bodies, q, s.shapes, s.pairs, s.ends) for q in poses) >= MARGIN:
+    if min(clearance(s.arm.bodies, q, s.shapes, s.pairs, s.ends) for q in poses) >= STOP_CLEARANCE:
         return verdict
     return replace(verdict, outcome=Outcome.UNSETTLED, binding_limit="clearance", share=np.inf)

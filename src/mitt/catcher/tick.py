@@ -436,7 +436,7 @@ def _go_on(brake: Array, state: CatcherState, result: Result) -> bool:
             s.ahead = 0.0
         copy(last, before)
         _wish(brake, s.ahead * TICK, state, result.scalars[0].t, wish)
-        blocked |= safety_filter(state.safety, last, wish) == BLOCKED
+        blocked |= safety_filter(state.safety, last, wish, state.estimated) == BLOCKED
     copy(last, wish)
     if s.ahead > 0.0:
         for i in range(3):

@@ -57,7 +57,6 @@ BOUNDS = np.dtype(
         ("deceleration", float),  # that is to be trusted, at most ddq_max [rad/s^2]
         ("ddq_max", float),  # [rad/s^2]
         ("jerk", float),  # infinite where the limit set has none [rad/s^3]
-        ("reach", float),  # of what the joint moves [m], by :mod:`mitt.control.viability`
         ("gentle", float),  # of :func:`mitt.control.stop.gentle_rates` [rad/s^2]
     ],
     align=True,

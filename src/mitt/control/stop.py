@@ -2,13 +2,14 @@
 
 **In each tick**, whether the drives can stop the arm from a motion, and at which decelerations
 (:func:`choose_stop`). All joints brake at once, each at a constant rate. The torque that this takes
-is that of the model, gravity, coupling and Coriolis forces included, at some instants of the way to
-standstill. A joint that has room brakes gently, one that is short of it as hard as it must: the
-least that any stop within the ranges takes. The torque is that of the arm with its load and without
-it: in between it is no larger, as it is linear in the mass. So the deceleration that a joint is
-trusted with follows from the torque that is left for it where the arm is, and is never a number of
-the arm alone. Constant rates keep their promise by themselves: a tick further along such a stop,
-what is left of it is the stop that is found there.
+is that of the model, gravity, coupling and Coriolis forces included, looked at so often on the way
+to standstill that no joint turns by more than 0.3 rad in between. A joint that has room brakes
+gently, one that is short of it as hard as it must: the least that any stop within the ranges takes.
+The torque is that of the arm with its load and without it: in between it is no larger, as it is
+linear in the mass. So the deceleration that a joint is trusted with follows from the torque that is
+left for it where the arm is, and is never a number of the arm alone. Constant rates keep their
+promise by themselves: a tick further along such a stop, what is left of it is the stop that is
+found there.
 
 **After the catch** (:func:`plan_brake`), each joint brakes at its own rate, a share of
 tau_max / M_kk, which builds up and lets go within ``ONSET``. The rates keep the torque of the whole
@@ -59,10 +60,12 @@ HARDEST = 0
 EASIEST = len(_HARD)
 #: How many kinds there are.
 _KINDS = len(_HARD) + len(_MILD)
-#: Instants in equal steps of a stop at constant rates at which its torque is looked at, its end
-#: included; and how far before and after a joint's rest it is, in times of its way there.
-EQUAL_STEPS = 5
+#: Largest turn of a joint between two instants of a stop at constant rates at which its torque is
+#: looked at [rad], how far before and after a joint's rest it is, in times of its way there, and
+#: the most looks; a stop that takes more is not made.
+_TURN = 0.3
 _BESIDE = 1e-9
+_LOOKS = 100
 
 #: Time in which a deceleration builds up [s].
 ONSET = 0.002
@@ -112,65 +115,76 @@ def gentle_rates(arm: Arm, most: Array) -> Array:
 
 
 @kernel
-def _write_rates(b: Record, motion: Array, kind: int, rates: Array) -> None:
-    """Write the decelerations of one kind of stop; see :func:`choose_stop`.
+def fit_rates(b: Record, motion: Array, rates: Array) -> None:
+    """Raise decelerations to what the ranges take, and cut them to the trusted ones.
 
-    A joint that is short of room ahead brakes at its largest.
+    A joint that is short of room ahead, or beyond its speed, brakes at its largest.
     """
     for k in range(len(rates)):
         q, dq, most = motion[0, k], motion[1, k], b[k].deceleration
-        base = _HARD[kind] * most if kind < EASIEST else _MILD[kind - EASIEST] * b[k].gentle
         room = b[k].q_max - q if dq > 0.0 else q - b[k].q_min
-        if 2.0 * room * most <= dq * dq:
+        if 2.0 * room * most <= dq * dq or abs(dq) > b[k].dq_max:
             rates[k] = most
         else:
-            rates[k] = min(max(base, 0.5 * dq * dq / max(room, 1e-12)), most)
+            rates[k] = min(max(rates[k], 0.5 * dq * dq / max(room, 1e-12)), most)
 
 
 @kernel
-def _slow_fast_joints(b: Record, motion: Array, rates: Array) -> None:
-    """Let joints that are beyond their speed brake at their largest deceleration."""
+def _write_rates(b: Record, motion: Array, kind: int, rates: Array) -> None:
+    """Write the decelerations of one kind of stop; see :func:`choose_stop`."""
     for k in range(len(rates)):
-        if abs(motion[1, k]) > b[k].dq_max:
-            rates[k] = b[k].deceleration
+        if kind < EASIEST:
+            rates[k] = _HARD[kind] * b[k].deceleration
+        else:
+            rates[k] = _MILD[kind - EASIEST] * b[k].gentle
+    fit_rates(b, motion, rates)
 
 
 @kernel
-def _share_of_stop(arm: Tables, loaded: Record, motion: Array, w: StopWork) -> float:
+def share_of_stop(arm: Tables, loaded: Record, motion: Array, w: StopWork) -> float:
     """Return the largest share of a drive's torque on the way to standstill at ``w.rates``.
 
-    Of the arm with its load and without it, whichever takes more.
-
-    It jumps when a joint comes to rest: just before and just after are looked at for each joint,
-    besides instants in equal steps.
+    Of the arm with its load and without it, whichever takes more. It is looked at so often that no
+    joint turns by more than ``_TURN`` in between, and just before and after each joint comes to
+    rest, where it jumps. Infinite if that takes too many looks.
     """
-    bodies, drives, index, n = arm.bodies, arm.drives, arm.active, motion.shape[1]
-    rates, row, tau, speed = w.rates, w.row, w.tau, w.speed
-    end, largest = 0.0, 0.0
-    for k in range(n):
-        end = max(end, abs(motion[1, k]) / rates[k])
-    speed[:] = 0.0
-    for i in range(EQUAL_STEPS + 2 * n):
-        if i < EQUAL_STEPS:
-            t = end * i / (EQUAL_STEPS - 1)
-        else:
-            k, before = (i - EQUAL_STEPS) // 2, (i - EQUAL_STEPS) % 2 == 0
-            t = abs(motion[1, k]) / rates[k] * (1.0 - _BESIDE if before else 1.0 + _BESIDE)
-        for k in range(n):
-            fast = abs(motion[1, k])
-            passed = min(t, fast / rates[k])
-            row[0, k] = motion[0, k] + np.copysign(
-                passed * (fast - 0.5 * rates[k] * passed), motion[1, k]
-            )
-            row[1, k] = np.copysign(max(fast - rates[k] * t, 0.0), motion[1, k])
-            brakes = fast > 0.0 and rates[k] * t <= fast
-            row[2, k] = -np.copysign(rates[k], motion[1, k]) if brakes else 0.0
-            speed[index[k]] = row[1, k]
-        inverse_dynamics(bodies, row[0], row[1], row[2], tau, w.dynamics)
-        largest = max(largest, largest_share(drives, tau, speed))
-        inverse_dynamics(loaded, row[0], row[1], row[2], tau, w.dynamics)
-        largest = max(largest, largest_share(drives, tau, speed))
-    return largest
+    rates, t = w.rates, 0.0
+    largest = _share_at(arm, loaded, motion, t, w)
+    for _ in range(_LOOKS):
+        fastest, rest = 0.0, np.inf
+        for k in range(motion.shape[1]):
+            speed = abs(motion[1, k]) - rates[k] * t
+            if speed > 0.0:
+                fastest, rest = max(fastest, speed), min(rest, abs(motion[1, k]) / rates[k])
+        if fastest == 0.0:
+            return float(largest)
+        t += _TURN / fastest
+        if t >= rest * (1.0 - _BESIDE):
+            largest = max(largest, _share_at(arm, loaded, motion, rest * (1.0 - _BESIDE), w))
+            t = rest * (1.0 + _BESIDE)
+        largest = max(largest, _share_at(arm, loaded, motion, t, w))
+    return np.inf
+
+
+@kernel
+def _share_at(arm: Tables, loaded: Record, motion: Array, t: float, w: StopWork) -> float:
+    """Return the same of an instant of the stop, a time after its start [s]."""
+    rates, row = w.rates, w.row
+    w.speed[:] = 0.0
+    for k in range(motion.shape[1]):
+        fast = abs(motion[1, k])
+        passed = min(t, fast / rates[k])
+        row[0, k] = motion[0, k] + np.copysign(
+            passed * (fast - 0.5 * rates[k] * passed), motion[1, k]
+        )
+        row[1, k] = np.copysign(max(fast - rates[k] * t, 0.0), motion[1, k])
+        brakes = fast > 0.0 and rates[k] * t <= fast
+        row[2, k] = -np.copysign(rates[k], motion[1, k]) if brakes else 0.0
+        w.speed[arm.active[k]] = row[1, k]
+    inverse_dynamics(arm.bodies, row[0], row[1], row[2], w.tau, w.dynamics)
+    alone = largest_share(arm.drives, w.tau, w.speed)
+    inverse_dynamics(loaded, row[0], row[1], row[2], w.tau, w.dynamics)
+    return float(max(alone, largest_share(arm.drives, w.tau, w.speed)))
 
 
 @kernel
@@ -195,14 +209,12 @@ def choose_stop(
     for i in range(_KINDS):
         kind = (i + first) % _KINDS
         _write_rates(b, motion, kind, w.rates)
-        _slow_fast_joints(b, motion, w.rates)
-        share = _share_of_stop(arm, loaded, motion, w)
+        share = share_of_stop(arm, loaded, motion, w)
         if share <= SHARE:
             return float(share)
         if share < least:
             least, best = share, kind
     _write_rates(b, motion, best, w.rates)
-    _slow_fast_joints(b, motion, w.rates)
     return float(least)
 
 
@@ -217,27 +229,6 @@ def stop_by(b: Record, last: Array, rates: Array, desired: Array) -> None:
         if np.isinf(b[k].jerk):
             q, dq, ddq = brake_joint(rates[k], last[0, k], last[1, k])
             desired[0, k], desired[1, k], desired[2, k] = q, dq, ddq
-
-
-@kernel
-def clamp_to_reserve(
-    arm: Tables, loaded: Record, b: Record, last: Array, desired: Array, w: StopWork
-) -> bool:
-    """Replace a motion that the drives could not stop any more by braking; say whether it was.
-
-    One that takes no more torque to stop than the last motion does may pass in any case: it leads
-    out of a state in which the arm should not have been.
-    """
-    moves = False
-    for k in range(desired.shape[1]):
-        moves |= desired[1, k] != 0.0
-    if not moves:
-        return False
-    share = choose_stop(arm, loaded, b, desired, EASIEST, w)
-    if share <= SHARE or share <= choose_stop(arm, loaded, b, last, EASIEST, w):
-        return False
-    stop_by(b, last, w.rates, desired)
-    return True
 
 
 class MassWork(NamedTuple):
