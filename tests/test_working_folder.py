@@ -39,10 +39,10 @@ _STARTS = {
     "recorder": """
         from mitt.cell.recorder import Recorder
         from mitt.map.mapping import unlearned
-        from mitt.cell.prepare import about_of, prepare
+        from mitt.cell.prepare import cell_about, prepare
         from mitt.files.cell import read_cell
         cell = prepare(read_cell("wam-sim"))
-        about = about_of(cell, unlearned(cell.arm, cell.work.design))
+        about = cell_about(cell, unlearned(cell.arm, cell.work.design))
         Recorder(Path(sys.argv[1]) / "x.mcap", about).close()
         print("done")
         """,
@@ -80,10 +80,10 @@ _STARTS = {
         """,
     "live table": """
         from multiprocessing import get_context
-        from mitt.cell.session import STATES, numbers, words
+        from mitt.cell.session import STATES, shared_numbers, words
         from mitt.cli import screen
         sys.stderr.isatty = lambda: True
-        with screen.live_table(numbers(), words(), STATES, ("throws", "caught")):
+        with screen.live_table(shared_numbers(), words(), STATES, ("throws", "caught")):
             import time
             time.sleep(6.0)
         print("done")

@@ -18,12 +18,12 @@ from numba.core import dispatcher
 sys.path.insert(0, "tests")
 from local_cell import LocalCell
 
-from mitt.cell.prepare import map_of, prepare
+from mitt.cell.prepare import cell_map, prepare
 from mitt.cell.session import rehearse
 from mitt.files.cell import read_cell
 
 prepared = prepare(read_cell("wam-sim"))
-rehearse(prepared, map_of(prepared))
+rehearse(prepared, cell_map(prepared))
 load, begun = dispatcher.Dispatcher.compile, []
 
 
