@@ -20,8 +20,9 @@ from mitt.arm.arm import Arm
 from mitt.arm.tools import Paddle
 from mitt.ball.flight import advance
 from mitt.catcher.catcher import Catcher
+from mitt.catcher.generators import Generator
 from mitt.catcher.settings import Phase
-from mitt.catcher.state import Result, copied, gathered
+from mitt.catcher.state import Result
 from mitt.clock import Stopwatch
 from mitt.errors import InputError, ModelError
 from mitt.eyes.eyes import Eyes
@@ -29,18 +30,21 @@ from mitt.files.about import About
 from mitt.files.recordings import Recording
 from mitt.map.striking import PaddleStrike, Restitution, mass_behind
 from mitt.rivals.batting import ORACLE, make_batter
-from mitt.signals import GRAVITY, TICK, Array, Frame, Senses, Sighting
+from mitt.signals import GRAVITY, TICK, Array, Senses, Sighting
 from mitt.trials.bat_station import BatStation
 from mitt.trials.catcher_settings import eyes_settings
-from mitt.trials.log import TrialLog, log_of, recording_of
-from mitt.trials.runner import LOOKS, cameras_of
+from mitt.trials.log import recording_of
+from mitt.trials.runner import cameras_of
 from mitt.trials.score import measure, reason_of, stop_as_json
 from mitt.trials.source import Source
 from mitt.trials.statistics import wilson
+from mitt.trials.task_runner import TaskRunner
 from mitt.world.build import restitution_on
 from mitt.world.engine import BALL_ANY, BALL_ARM, BALL_FLOOR, BALL_HAND
+from mitt.world.flights import BallPath
 from mitt.world.scene import Scene
 from mitt.world.simulation import World
+from mitt.world.throws import Throw
 from mitt.world.truth import Trace
 
 SCHEMA: Final = "mitt.bat/1"
@@ -106,15 +110,11 @@ class BatTrial:
 
 
 @final
-class BatRunner:
+class BatRunner(TaskRunner[BatTrial]):
     """A station with a paddle and its world, built once and used for many trials.
 
     Attributes:
-        world: The simulated world.
         known: What is known of the restitution by now.
-        stopwatch: Wall-clock time of the catcher's ticks.
-        ticks: Results of all ticks of the last trial.
-        senses: What the catcher took in the last trial, where that is kept.
     """
 
     def __init__(
@@ -136,57 +136,68 @@ class BatRunner:
             keeps: Whether what the catcher takes is kept, for a recording.
         """
         s, paddle = station, paddle_of(station.arm)
-        self._station, self._source, self._generator = s, source, generator
-        self._keeps, self.senses = keeps, list[Senses]()
+        self._station, self._source, self._named = s, source, generator
         told = restitution_on(s.scene, paddle)
         self.known = Restitution(mean=told, sigma=_SIGMA * told)
         cameras = cameras_of(s.rig, s.scene) if pixels else None
         scene = true_scene(s.scene, told, source.seed)
         self._true = restitution_on(scene, paddle)
-        self.world = World(scene, s.arm.model, cameras=cameras, limits=s.arm.limits)
+        world = World(scene, s.arm.model, cameras=cameras, limits=s.arm.limits)
+        super().__init__(s.arm, world, keeps=keeps)
         self._eyes = Eyes(s.rig, eyes_settings(s.scene))
-        self._views = list[tuple[Frame, ...]]()
-        self.stopwatch = Stopwatch()
-        self._catcher: Catcher | None = None
-        self.ticks: Result | None = None
-        self._t_0 = inf
+        self._believed = told
+        self._hit: Hit | None = None
 
     def run(self) -> Iterator[BatTrial]:
         """Run all trials of the source, one after the other, and learn from each hit."""
         for index in range(self._source.count):
             yield self.trial(index)
 
-    def trial(self, index: int) -> BatTrial:
-        """Run one trial with what is known by now, and learn from it."""
-        s, world, source = self._station, self.world, self._source
-        believed = self.known.mean
-        world.reset(source.ball(index), source.trial_seed(index) % 2**31)
-        catcher = self._fresh(believed)
-        self._views, self.senses = world.views_before(LOOKS), []
-        watcher = copy(self._eyes)
-        if self._views:
-            catcher.learn_background(self._views)
-            watcher.learn_background(self._views)
-        rows, seen = self._play(catcher, watcher)
-        self.ticks, self._t_0 = gathered(rows), catcher.t_0
-        ticks = self.ticks
-        hit = hit_of(s.arm, world, s.target)
-        if hit is not None and np.isfinite(met := catcher.state.fingers[0]["t_catch"].item()):
+    def draw(self, index: int) -> tuple[Throw | BallPath, int]:
+        """Return the ball of a trial, and its seed."""
+        return self._source.ball(index), self._source.trial_seed(index) % 2**31
+
+    def generator(self) -> Generator:
+        """Return what moves the arm, by what is known by now; an oracle knows what is true."""
+        self._believed = self.known.mean
+        knows = self._named == ORACLE
+        batting = self._station.generator(self._true if knows else self._believed)
+        flight = self.world.flight if knows else None
+        return make_batter(self._named, batting, flight=flight)
+
+    def made(self, generator: Generator) -> Catcher:
+        """Return the catcher that those of all trials begin as."""
+        return Catcher(self.arm, generator, self._eyes, settings=self._station.catcher)
+
+    def looks(self, catcher: Catcher) -> bool:
+        """Say whether the eyes look: also at the ball's way after a hit."""
+        return catcher.looking or 0.0 <= self._since() < _LOOK
+
+    def over(self, catcher: Catcher) -> bool:  # noqa: ARG002
+        """Say whether nothing more can happen, asked every ten ticks."""
+        asked = self._rows and len(self._rows) % 10 == 0
+        return self.world.diverged or bool(asked and batted(self.world, self._station.target))
+
+    def play(self, catcher: Catcher) -> None:
+        """Play a trial to its end, look where the ball goes after a hit, and learn from it."""
+        watcher, seen = copy(self._eyes), list[Sighting]()
+        if self.views:
+            watcher.learn_background(self.views)
+        while not self.over(catcher):
+            watched = 0.0 <= self._since() < _LOOK
+            senses = self.tick(catcher)
+            seen += _sighted(senses, watcher) if watched else []
+        ticks, s = self.gather(catcher), self._station
+        self._hit = hit_of(s.arm, self.world, s.target)
+        met = catcher.state.fingers[0]["t_catch"].item()
+        if self._hit is not None and np.isfinite(met):
             strike = strike_of(s.arm, ticks, met)
             self.known = learned(self.known, strike, s, seen, met + paddle_of(s.arm).touch)
-        return self._scored(index, catcher, ticks, hit, believed)
 
-    def log(self) -> TrialLog:
-        """Return the log of the last trial.
-
-        Raises:
-            InputError: There was none.
-        """
-        if self.ticks is None:
-            raise InputError("log", "a trial before", "none")
-        of = self._station.arm, self.ticks, self.world.trace()
-        background = tuple(frame for frames in self._views for frame in frames)
-        return log_of(*of, t_0=self._t_0, senses=tuple(self.senses), background=background)
+    def _since(self) -> float:
+        """Return the time since the contact [s]; before it it is minus infinity."""
+        contact = self.world.first_contact
+        return -inf if contact is None else self.world.t - contact.t
 
     def recording(self, trial: BatTrial) -> Recording:
         """Return the recording of the last trial, which has to be kept.
@@ -196,8 +207,8 @@ class BatRunner:
                 replay; or nothing was kept.
         """
         s = self._station
-        if self._generator != "direct":
-            raise InputError("a recording of batting", "trials of the map", self._generator)
+        if self._named != "direct":
+            raise InputError("a recording of batting", "trials of the map", self._named)
         if not self.senses:
             raise InputError(
                 "a recording of batting",
@@ -217,44 +228,9 @@ class BatRunner:
         )
         return recording_of(self.log(), trial, about, {"seed": self._source.seed})
 
-    def _fresh(self, restitution: float) -> Catcher:
-        """Return a fresh catcher that believes in a restitution; an oracle knows the true one."""
-        knows = self._generator == ORACLE
-        batting = self._station.generator(self._true if knows else restitution)
-        flight = self.world.flight if knows else None
-        generator = make_batter(self._generator, batting, flight=flight)
-        if self._catcher is None:
-            s = self._station
-            self._catcher = Catcher(s.arm, generator, self._eyes, settings=s.catcher)
-            return self._catcher
-        return self._catcher.again(generator)
-
-    def _play(self, catcher: Catcher, watcher: Eyes) -> tuple[list[Result], list[Sighting]]:
-        """Play a trial to its end; return all ticks, and what was seen after the contact."""
-        world, rows, seen = self.world, list[Result](), list[Sighting]()
-        while not world.diverged:
-            contact, t = world.first_contact, world.t
-            since = -inf if contact is None else t - contact.t
-            looks = catcher.looking or 0.0 <= since < _LOOK
-            senses = world.sense(look=looks)
-            if 0.0 <= since < _LOOK:
-                seen += _sighted(senses, watcher)
-            if self._keeps:
-                self.senses.append(senses)
-            with self.stopwatch:
-                command = catcher.step(senses)
-            world.apply(command)
-            catcher.think()
-            rows.append(copied(catcher.result))
-            if len(rows) % 10 == 0 and batted(world, self._station.target):
-                break
-        return rows, seen
-
-    def _scored(
-        self, index: int, catcher: Catcher, ticks: Result, hit: "Hit | None", believed: float
-    ) -> BatTrial:
+    def score(self, index: int, catcher: Catcher) -> BatTrial:
         """Score a finished trial."""
-        world, s = self.world, self._station
+        world, s, hit, ticks = self.world, self._station, self._hit, self.ticks
         contact, verdict = world.first_contact, catcher.verdict
         stopped = stop_as_json(catcher.stopped_by)
         why = reason_of(stopped) or ("unseen" if verdict is None else verdict.binding_limit)
@@ -273,7 +249,7 @@ class BatRunner:
             peak_acceleration=np.abs(ticks.command[:until, 2]).max(axis=0, initial=0.0).tolist(),
             limit_violations=measure(s.arm, ticks, world.trace()).limit_violations,
             binding_limit=why,
-            restitution=believed,
+            restitution=self._believed,
             stopped_by=stopped,
         )
 

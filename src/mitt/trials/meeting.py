@@ -10,7 +10,6 @@ and the tool open, is part of what is scored as ``placed``.
 """
 
 import json
-from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from typing import Any, NamedTuple, final
@@ -21,7 +20,7 @@ from mitt.catcher.catcher import Catcher
 from mitt.catcher.generators import Generator
 from mitt.catcher.meeting import Meeting
 from mitt.catcher.settings import Phase
-from mitt.catcher.state import Result, copied, gathered
+from mitt.catcher.state import gathered
 from mitt.clock import Stopwatch
 from mitt.control.health import Reason
 from mitt.errors import InputError
@@ -38,6 +37,7 @@ from mitt.trials.result import finite
 from mitt.trials.score import measure, reason_of, stop_as_json
 from mitt.trials.station import Station
 from mitt.trials.statistics import wilson
+from mitt.trials.task_runner import TaskRunner
 from mitt.verdict.feasibility import Outcome
 from mitt.world.engine import BALL_HAND
 from mitt.world.flights import RecordedFlight
@@ -147,16 +147,27 @@ class Course(NamedTuple):
     t_met: float | None
 
 
+class _Ending(NamedTuple):
+    """How the meeting of a trial went, before the arm was put away.
+
+    Attributes:
+        closed: When the tool had closed [s]; None where it did not.
+        left: ``area`` where the part left the work area while it was followed.
+        put: Where the part was put; None where it was not.
+    """
+
+    closed: float | None
+    left: str | None
+    put: Placing | None
+
+
 @final
-class MeetRunner:
+class MeetRunner(TaskRunner[MeetTrial]):
     """A station and its world, built once and used for many trials.
 
     Attributes:
-        world: The world.
-        stopwatch: Times of the catcher's ticks.
         placing: Where parts are put; None where there is no place.
         course: How the last trial went.
-        senses: What the catcher took in the last trial until the tool had closed, tick by tick.
     """
 
     def __init__(
@@ -184,10 +195,10 @@ class MeetRunner:
         self.placing, scene = placing_of(station), station.scene
         if self.placing is not None:
             scene = scene.model_copy(update={"tray": self.placing.tray})
-        self.world = World(scene, station.arm.model, limits=station.arm.limits)
-        self.stopwatch = Stopwatch()
+        world = World(scene, station.arm.model, limits=station.arm.limits)
+        super().__init__(station.arm, world)
         self.course: Course | None = None
-        self.senses, self._notes, self._results = list[Senses](), False, list[Result]()
+        self._longest, self._ending = _LONGEST, _Ending(None, None, None)
 
     def target(self, index: int) -> Ride | InHand:
         """Return what comes by in a trial."""
@@ -197,19 +208,39 @@ class MeetRunner:
             return replace(recorded(recording, s.place, rng), orientation=s.presented)
         return s.coming(rng, self._speed)
 
-    def trial(self, index: int) -> MeetTrial:
-        """Run one trial; run again, it gives the same."""
-        world, s, target = self.world, self._station, self.target(index)
-        world.reset(target, int(np.random.default_rng([self._seed, index]).integers(2**31)))
-        catcher = Catcher(s.arm, self._generator, settings=s.catcher)
-        longest, results = _LONGEST, list[Result]()
-        self.senses, self._notes, self._results = [], True, results
+    def draw(self, index: int) -> tuple[Ride | InHand, int]:
+        """Return what comes by, and the seed of its trial; what is longer is followed longer."""
+        target = self.target(index)
+        self._longest = _LONGEST
         if isinstance(target, RecordedMotion):
-            longest = max(longest, target.duration + _BEYOND)
-        for _ in self._ticks(catcher, results, longest):
-            if catcher.done or _has_braked(catcher, world.t):
-                break
-        self._notes = False
+            self._longest = max(_LONGEST, target.duration + _BEYOND)
+        return target, int(np.random.default_rng([self._seed, index]).integers(2**31))
+
+    def generator(self) -> Generator:
+        """Return what moves the arm."""
+        return self._generator
+
+    def made(self, generator: Generator) -> Catcher:
+        """Return the catcher that those of all trials begin as."""
+        return Catcher(self.arm, generator, settings=self._station.catcher)
+
+    def sensed(self, senses: Senses) -> None:
+        """Let a generator that follows the belt's encoder have its reading of this tick."""
+        ride = self.world.ride
+        if self._encoder is not None and ride is not None:
+            self._encoder.read(senses.t, float((ride.at(senses.t)[0] - ride.start) @ ride.along))
+
+    def over(self, catcher: Catcher) -> bool:
+        """Say whether the tool has closed, the part was given up, or too much time has passed."""
+        ended = catcher.done or _has_braked(catcher, self.world.t)
+        return self.world.diverged or ended or len(self._rows) >= round(self._longest / TICK)
+
+    def play(self, catcher: Catcher) -> None:
+        """Meet the part, put it away, and come to rest."""
+        self.keeps = True
+        while not self.over(catcher):
+            self.tick(catcher)
+        self.keeps = False
         fingers, closed = catcher.state.fingers[0], None
         if np.isfinite(fingers["t_begun"]):
             closed = float(fingers["t_begun"] + fingers["duration"])
@@ -217,35 +248,19 @@ class MeetRunner:
         left = self._left_area() if braked and not _given_up(catcher) else None
         put = None
         if catcher.phase is Phase.BRAKE and closed is not None:
-            put = self._put_away(catcher, results, closed)
+            put = self._put_away(catcher, closed)
         elif catcher.phase is Phase.FOLLOW:
             catcher.stop()
-        for _ in self._ticks(catcher, results, _SETTLES, look=False):
-            pass
-        trial = self._scored(index, catcher, results, closed)
-        return replace(
-            trial,
-            placed=None if trial.status != "met" or put is None else self._lies(put),
-            binding_limit=left or trial.binding_limit,
-        )
+        self._wait(catcher, _SETTLES)
+        self._ending = _Ending(closed, left, put)
+        self.gather(catcher)
 
-    def _ticks(
-        self, catcher: Catcher, results: list[Result], longest: float, *, look: bool = True
-    ) -> Iterator[None]:
-        """Make ticks for so long [s], and keep what they bring about."""
-        for _ in range(round(longest / TICK)):
-            senses = self.world.sense(look=look and catcher.looking)
-            self._read_belt(senses.t)
-            if self._notes:
-                self.senses.append(senses)
-            with self.stopwatch:
-                command = catcher.step(senses)
-            self.world.apply(command)
-            catcher.think()
-            results.append(copied(catcher.result))
-            yield
+    def _wait(self, catcher: Catcher, lasts: float, *, look: bool | None = False) -> None:
+        """Make ticks for so long [s], unless the physics diverges."""
+        for _ in range(round(lasts / TICK)):
             if self.world.diverged:
                 return
+            self.tick(catcher, look=look)
 
     def recording(self, trial: MeetTrial) -> Written:
         """Return the recording of the last trial, up to when the tool had closed.
@@ -253,7 +268,7 @@ class MeetRunner:
         Raises:
             InputError: What moved the arm is not the map: only that is made again by a replay.
         """
-        s, ticks = self._station, self._results[: len(self.senses)]
+        s, ticks = self._station, self._rows[: len(self.senses)]
         if not isinstance(self._generator, Meeting):
             raise InputError("a recording of a meeting", "the generator direct", "another")
         about = About(
@@ -281,44 +296,39 @@ class MeetRunner:
             ),
         )
 
-    def _read_belt(self, t: float) -> None:
-        """Let a generator that follows the belt's encoder have its reading of this tick."""
-        ride = self.world.ride
-        if self._encoder is not None and ride is not None:
-            self._encoder.read(t, float((ride.at(t)[0] - ride.start) @ ride.along))
-
     def _left_area(self) -> str | None:
         """Return ``area`` where the part is outside the work area now."""
         r_o, s = self.world.truth().r_o, self._station.settings
         return None if np.all((r_o >= s.low) & (r_o <= s.high)) else "area"
 
-    def _put_away(self, catcher: Catcher, results: list[Result], closed: float) -> Placing | None:
+    def _put_away(self, catcher: Catcher, closed: float) -> Placing | None:
         """Carry the part to the tray and put it down; go back to where the arm waits.
 
         What is not held is not carried. Returns where the part was put, if it was.
         """
         s = self._station
-        self._move(catcher, results, backed(s.map, catcher.result.command[0].copy()))
-        for _ in self._ticks(catcher, results, closed + _HELD - self.world.t):
-            pass
+        self._move(catcher, backed(s.map, catcher.result.command[0].copy()))
+        self._wait(catcher, closed + _HELD - self.world.t, look=None)
         put = self.placing if self._holds(self.world.trace(), closed) else None
         for pose in () if put is None else (put.over, put.down):
-            if not self._move(catcher, results, pose):
+            if not self._move(catcher, pose):
                 return put  # it is not let go elsewhere
-        for _ in self._ticks(catcher, results, _COMES_TO_REST, look=False):
+        for _ in range(round(_COMES_TO_REST / TICK)):
+            if self.world.diverged:
+                break
+            self.tick(catcher, look=False)
             if catcher.rests:
                 break
         with suppress(InputError):  # it has stopped
             catcher.let_go()
         delay = s.arm.model.hand.delay if s.arm.model.hand is not None else 0.0
-        for _ in self._ticks(catcher, results, _OPENS + delay, look=False):
-            pass
+        self._wait(catcher, _OPENS + delay)
         if put is not None:
-            self._move(catcher, results, put.over)
-        self._move(catcher, results, s.arm.q_ready)
+            self._move(catcher, put.over)
+        self._move(catcher, s.arm.q_ready)
         return put
 
-    def _move(self, catcher: Catcher, results: list[Result], to: Array) -> bool:
+    def _move(self, catcher: Catcher, to: Array) -> bool:
         """Move to a pose as slowly as the station says; where a limit forbids it, stay.
 
         Returns whether it has moved there.
@@ -327,8 +337,7 @@ class MeetRunner:
         with suppress(InputError):
             way = carried(self._station.arm, start, to, self._station.settings.speed)
             catcher.move(way)
-            for _ in self._ticks(catcher, results, len(way) * TICK, look=False):
-                pass
+            self._wait(catcher, len(way) * TICK)
             return True
         return False
 
@@ -347,11 +356,10 @@ class MeetRunner:
         slow = float(np.linalg.norm(truth.dr_o)) < _LIES
         return near and slow and waits and not truth.touching
 
-    def _scored(
-        self, index: int, catcher: Catcher, results: list[Result], closed: float | None
-    ) -> MeetTrial:
+    def score(self, index: int, catcher: Catcher) -> MeetTrial:
         """Score a finished trial."""
-        world, ticks, truth = self.world, gathered(results), self.world.trace()
+        world, ticks, truth = self.world, self.ticks, self.world.trace()
+        closed, left, put = self._ending
         gap = np.linalg.norm(truth.r_o - truth.position, axis=1)
         slip = np.linalg.norm(truth.dr_o - truth.velocity, axis=1)
         contact, verdict, hand = world.first_contact, catcher.verdict, self._station.arm.model.hand
@@ -361,9 +369,10 @@ class MeetRunner:
         why = reason_of(stopped) or (None if verdict is None else verdict.binding_limit)
         touched = None if contact is None else contact.t
         self.course = Course(truth.t, gap, slip, truth.force, touched, closed)
+        status = self._status(catcher, truth, closed)
         return MeetTrial(
             index=index,
-            status=self._status(catcher, truth, closed),
+            status=status,
             t_met_s=closed,
             in_sync_s=_longest((gap[:until] <= NEAR) & (slip[:until] <= SLOW)) * TICK,
             position_error_mm=None if k is None else 1e3 * float(gap[k]),
@@ -372,7 +381,8 @@ class MeetRunner:
             peak_contact_force_n=None if contact is None else world.peak_force,
             peak_acceleration=np.abs(ticks.command[:until, 2]).max(axis=0, initial=0.0).tolist(),
             limit_violations=measure(self._station.arm, ticks, truth).limit_violations,
-            binding_limit=why,
+            binding_limit=left or why,
+            placed=None if status != "met" or put is None else self._lies(put),
             tool_speed_m_s=float(np.linalg.norm(truth.velocity, axis=1).max()),
             over_force=None if contact is None or hand is None else world.peak_load > hand.force,
             hand_force_n=None if contact is None else world.hand_force,

@@ -11,8 +11,8 @@ from mitt.catcher.catch_notes import catch_of
 from mitt.catcher.catcher import Catcher, CatcherSettings
 from mitt.catcher.family import Family
 from mitt.catcher.generators import Direct, Generator
-from mitt.catcher.state import Result, copied, gathered, room_for
-from mitt.clock import Stopwatch
+from mitt.catcher.state import Result
+from mitt.errors import InputError
 from mitt.eyes.camera import Rig, fixed_rig
 from mitt.eyes.clock_offset import CatchSeen
 from mitt.eyes.eyes import Eyes
@@ -20,13 +20,12 @@ from mitt.eyes.head import active_rig
 from mitt.files.about import About
 from mitt.map.mapping import DirectMap
 from mitt.rivals.clairvoyant import Clairvoyant
-from mitt.signals import ArmState, Frame, Senses, Sighting
+from mitt.signals import ArmState, Senses, Sighting
 from mitt.trials.catcher_settings import catcher_settings, driven, eyes_settings
-from mitt.trials.log import TrialLog, announced_catch_time, log_of
+from mitt.trials.log import TrialLog, announced_catch_time
 from mitt.trials.play import play_out
 from mitt.trials.score import (
     HELD_AFTER,
-    Measured,
     Trial,
     certificate_of,
     measure,
@@ -35,6 +34,7 @@ from mitt.trials.score import (
     was_held,
 )
 from mitt.trials.source import Source
+from mitt.trials.task_runner import TaskRunner
 from mitt.world.calibration_errors import drawn_rig, error_root
 from mitt.world.faults import true_rig
 from mitt.world.flights import BallPath
@@ -46,8 +46,6 @@ from mitt.world.throws import Throw
 
 #: A trial without contact ends after this time [s], or when the ball is on the floor.
 LONGEST = 2.0
-#: Looks at the scene before a throw from which the catcher learns its background.
-LOOKS = 10
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,22 +57,22 @@ class LoggedTrial:
 
 
 @final
-class TrialRunner:
-    """Arm, generator, eyes and world, built once and used for many throws.
+class TrialRunner(TaskRunner[Trial]):
+    """Throws at an arm: generator, eyes and world, built once and used for many.
 
     Attributes:
-        arm: The arm.
-        world: The simulated world.
-        stopwatch: Wall-clock time of the catcher's ticks.
-        ticks: Results of all ticks of the last trial.
         rig: The cameras.
-        views: Looks at the scene before the last throw, from which its background was learned.
-        clock_offset: What is added to the stamps of what the eyes see [s].
         caught: What arm and eyes said of the catch in the last trial; None where none was tried.
     """
 
     def __init__(
-        self, arm: Arm, generator: Generator, scene: Scene, *, pixels: bool = True
+        self,
+        arm: Arm,
+        generator: Generator,
+        scene: Scene,
+        *,
+        pixels: bool = True,
+        source: Source | None = None,
     ) -> None:
         """Build the runner; without ``pixels`` the catcher sees noisy points.
 
@@ -82,21 +80,36 @@ class TrialRunner:
             InputError: The arm stands or waits in the floor, or in what stands around it.
         """
         check_scene(arm, scene)
-        self.arm, self._generator, self._scene, self._pixels = arm, generator, scene, pixels
+        self._generator, self._scene, self._pixels = generator, scene, pixels
         self.rig = active_rig() if scene.sensing.cameras == "active" else fixed_rig()
         cameras = cameras_of(self.rig, scene) if pixels else None
-        self.world = World(scene, arm.model, cameras=cameras, limits=arm.limits)
-        self.stopwatch, self.clock_offset = Stopwatch(), 0.0
+        super().__init__(arm, World(scene, arm.model, cameras=cameras, limits=arm.limits))
+        self.keeps_images = False
+        self._source = source
         self.caught: CatchSeen | None = None
-        self._catcher, self.views = self._made(), list[tuple[Frame, ...]]()
-        self.ticks = room_for(self._catcher.result, 0)
+        self._first = self.made(generator)
 
-    def _made(self) -> Catcher:
+    def draw(self, index: int) -> tuple[Throw | BallPath, int]:
+        """Return a ball of the source, and the seed of its throw."""
+        if self._source is None:
+            raise InputError("source", "what is thrown", "none")
+        return self._source.ball(index), self._source.trial_seed(index)
+
+    def generator(self) -> Generator:
+        """Return the generator; the clairvoyant is given the flight of the ball just released."""
+        generator = self._generator
+        if isinstance(generator, Clairvoyant):
+            return generator.with_flight(self.world.flight)
+        return generator
+
+    def made(self, generator: Generator) -> Catcher:
         """Return the catcher that those of all throws begin as."""
         eyes = Eyes(self.rig, eyes_settings(self._scene))
-        return Catcher(
-            driven(self.arm, self._scene), self._generator, eyes, settings=self._settings()
-        )
+        return Catcher(driven(self.arm, self._scene), generator, eyes, settings=self._settings())
+
+    def over(self, catcher: Catcher) -> bool:  # noqa: ARG002
+        """Say whether the ball was held for long enough, or can be touched no more."""
+        return self.world.over(longest=LONGEST, held=HELD_AFTER)
 
     def about(self, generator: str, f: DirectMap) -> About:
         """Return what makes the catcher again: its generator by name, made from a map."""
@@ -118,34 +131,6 @@ class TrialRunner:
         most = _max_tracking_error(self._generator)
         return replace(catcher_settings(self.arm, self._scene), max_tracking_error=most)
 
-    def catcher(self) -> Catcher:
-        """Return a fresh catcher; the clairvoyant is given the flight of the ball just released."""
-        generator = self._generator
-        if isinstance(generator, Clairvoyant):
-            generator = generator.with_flight(self.world.flight)
-        return self._catcher.again(generator)
-
-    def release(self, ball: Throw | BallPath, *, seed: int) -> Catcher:
-        """Begin a trial and return its catcher, which has looked at the scene before."""
-        self.world.reset(ball, seed)
-        catcher = self.catcher()
-        self.views = self.world.views_before(LOOKS)
-        if self.views:
-            catcher.learn_background(self.views)
-        return catcher
-
-    def step(self, catcher: Catcher) -> Senses:
-        """Make one tick through Python: sense, step, apply, think; return what was sensed."""
-        world = self.world
-        senses = _shifted(world.sense(look=catcher.looking), self.clock_offset)
-        with self.stopwatch:
-            command = catcher.step(senses)
-        if catcher.stopped_by is not None:
-            world.watch_on()
-        world.apply(command)
-        catcher.think()
-        return senses
-
     def run(
         self,
         index: int,
@@ -164,25 +149,11 @@ class TrialRunner:
             log: Whether to keep a log.
             images: Whether the log keeps all images, 33 kB a tick; that takes the slower loop.
         """
-        catcher, senses = self.release(ball, seed=seed), list[Senses]()
-        self.ticks = ticks = self._play(catcher, senses if log else None, images=images)
-        truth = self.world.trace()
-        trial = self._score(
-            index, catcher, measure(self.arm, ticks, truth), announced_catch_time(ticks)
-        )
-        if not log:
-            return LoggedTrial(trial, None)
-        ground = tuple(frame for view in self.views for frame in view) if images else ()
-        kept = log_of(
-            self.arm,
-            ticks,
-            truth,
-            t_0=catcher.t_0,
-            senses=tuple(senses),
-            background=ground,
-            clock_offset=self.clock_offset,
-        )
-        return LoggedTrial(trial, kept)
+        catcher = self.release(ball, seed=seed)
+        self.keeps, self.keeps_images = log, images
+        self.play(catcher)
+        trial = self.score(index, catcher)
+        return LoggedTrial(trial, self.log() if log else None)
 
     def throw(
         self, source: Source, index: int, *, log: bool = False, images: bool = False
@@ -191,30 +162,26 @@ class TrialRunner:
         ball, seed = source.ball(index), source.trial_seed(index)
         return self.run(index, ball, seed=seed, log=log, images=images)
 
-    def _play(self, catcher: Catcher, senses: list[Senses] | None, *, images: bool) -> Result:
-        """Play a trial to its end, compiled where that is possible; return all ticks' results."""
-        rules = {"longest": LONGEST, "held": HELD_AFTER}
-        offset = self.clock_offset
-        stage, rows, points = self.world.stage, list[Result](), list[Sighting]()
-        if stage is not None and catcher.parts is not None and not images:
-            ticks = play_out(stage, catcher, self.stopwatch, **rules, offset=offset)
+    def play(self, catcher: Catcher) -> None:
+        """Play a throw to its end, compiled where that is possible and no images are kept."""
+        stage, points = self.world.stage, list[Sighting]()
+        if stage is not None and catcher.parts is not None and not self.keeps_images:
+            rules = {"longest": LONGEST, "held": HELD_AFTER}
+            ticks = play_out(stage, catcher, self.stopwatch, **rules, offset=self.clock_offset)
+            self._ticks, self._t_0 = ticks, catcher.t_0
             self.caught = _caught(catcher, ticks, ())
-            if senses is not None and not self._pixels:
-                senses += _with_points(ticks)
-            return ticks
-        while not self.world.over(**rules):
-            taken = self.step(catcher)
-            points += taken.points
-            if senses is not None:
-                senses.append(taken if images else replace(taken, frames=()))
-            rows.append(copied(catcher.result))
-        ticks = gathered(rows) if rows else room_for(catcher.result, 0)
-        self.caught = _caught(catcher, ticks, points)
-        return ticks
+            if self.keeps and not self._pixels:
+                self.senses += _with_points(ticks)
+            return
+        while not self.over(catcher):
+            points += self.tick(catcher).points
+        self.caught = _caught(catcher, self.gather(catcher), points)
 
-    def _score(self, index: int, catcher: Catcher, found: Measured, t_catch: float) -> Trial:
+    def score(self, index: int, catcher: Catcher) -> Trial:
         """Score the finished trial."""
         world, verdict = self.world, catcher.verdict
+        found = measure(self.arm, self.ticks, world.trace())
+        t_catch = announced_catch_time(self.ticks)
         contact, most = world.first_contact, self.arm.force
         known = contact is not None and np.isfinite(most)
         return Trial(
@@ -249,15 +216,6 @@ def _caught(catcher: Catcher, ticks: Result, points: Sequence[Sighting]) -> Catc
             np.array([p.covariance for p in given]),
         )
     return catch_of(catcher.state, s["t"], ticks.encoders[:, 0], found)
-
-
-def _shifted(senses: Senses, by: float) -> Senses:
-    """Return senses with other stamps of what is seen, by a time [s]."""
-    if by == 0.0:
-        return senses
-    frames = tuple(replace(x, t=x.t + by) for x in senses.frames)
-    points = tuple(replace(x, t=x.t + by) for x in senses.points)
-    return replace(senses, frames=frames, points=points)
 
 
 def _with_points(ticks: Result) -> list[Senses]:

@@ -43,9 +43,10 @@ from mitt.trials.log import recording_of
 from mitt.trials.play import NOTHING, capture, sight_of
 from mitt.trials.registry import make_generator
 from mitt.trials.result import result
-from mitt.trials.runner import LOOKS, TrialRunner
+from mitt.trials.runner import TrialRunner
 from mitt.trials.score import Trial, reason_of
 from mitt.trials.source import Source, source_of
+from mitt.trials.task_runner import LOOKS
 from mitt.world.flights import BallPath
 from mitt.world.motion import move_motors
 from mitt.world.scene import Scene, changed_settings, scene_from
