@@ -95,7 +95,7 @@ def judge(
     monkeypatch.chdir(here)
     monkeypatch.setattr("mitt.clock._WATCHED", 20)
     monkeypatch.setattr("mitt.cli.cells.made_ready", lambda *_: None)
-    monkeypatch.setattr("mitt.cli.cells.about_of", _start)  # of a recording
+    monkeypatch.setattr("mitt.cli.cells.cell_about", _start)  # of a recording
     monkeypatch.setattr("mitt.trials.bat_station.learn_strikes", lambda g, *_, **__: (g,))
 
     def verdict(name: str, words: list[str]) -> tuple[str, str]:

@@ -364,7 +364,7 @@ def test_what_takes_time_is_said_before_it_begins(monkeypatch: pytest.MonkeyPatc
     """A line before the map is loaded or learned, and one before the rehearsal."""
     said, heard = list[str](), list[int]()
     cell = prepare(read_cell("wam-sim"))
-    monkeypatch.setattr("mitt.cell.session.map_of", lambda _: heard.append(len(said)))
+    monkeypatch.setattr("mitt.cell.session.cell_map", lambda _: heard.append(len(said)))
     monkeypatch.setattr("mitt.cell.session.rehearse", lambda *_: heard.append(len(said)))
     made_ready(cell, said.append)
     assert heard == [1, 2]
