@@ -22,6 +22,7 @@ from mitt.cli.screen import checked, progress, show, table, tell_of_kernels, war
 from mitt.errors import printable
 from mitt.interrupts import tell
 from mitt.report.style import GENERATORS, legend_above, plot
+from mitt.trials.catch_study import CATCH
 from mitt.trials.result import STATUSES
 from mitt.trials.score import Trial
 
@@ -211,7 +212,7 @@ def test_a_study_of_many_generators_shows_each_rate_and_force(
     row = {"condition": "clean", "throws": 8, "catch_rate": 1.0, "over_force": 0, "complete": True}
     rows = [{**row, "generator": x, "force_n": {"median": 30.0 + k}} for k, x in enumerate(names)]
     clean = SimpleNamespace(name="clean")
-    study: Any = SimpleNamespace(name="s", generators=names, conditions=(clean,))
+    study: Any = SimpleNamespace(kind=CATCH, name="s", generators=names, conditions=(clean,))
     folder: Any = SimpleNamespace(summary=Path("summary.json"), trials=Path("trials.parquet"))
     finished: Any = SimpleNamespace(rows=rows)
     show_study(study, folder, finished)
