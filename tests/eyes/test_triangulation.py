@@ -1,5 +1,7 @@
 """Triangulation against exact geometry, OpenCV and its own covariance."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -190,3 +192,50 @@ def test_the_small_inverse_is_numpys(values: list[float]) -> None:
     assert invert_positive(S, out)
     assert out @ S == pytest.approx(np.eye(3), abs=1e-6)
     assert not invert_positive(S - (np.linalg.eigvalsh(S)[0] + 1e-2) * np.eye(3), out)
+
+
+ROLLING = ((120.0, 0.008), (30.0, 0.02), (30.0, 0.03))
+"""Frames a second [Hz], and the time in which each is read out [s]."""
+
+
+def _place(t: float) -> tuple[Array, Array]:
+    """Return place [m] and velocity [m/s] of a thrown ball without drag, for arrays of times."""
+    r, dr, down = np.array((3.4, 0.1, 0.3)), np.array((-5.5, 0.0, 2.2)), np.array((0, 0, -9.81))
+    return r + t * dr + 0.5 * t * t * down, dr + t * down
+
+
+@pytest.mark.parametrize(("rate", "readout"), ROLLING)
+def test_rolling_shutters_leave_errors_as_large_as_the_covariance_says(
+    rate: float, readout: float
+) -> None:
+    """Of a ball that each camera sees when its row is exposed; for a global one it is far off."""
+    rolling = tuple(replace(c, readout=readout) for c in RIG.cameras)
+    rng, sigma = np.random.default_rng(0), float(np.hypot(0.0075, 0.058 * (np.pi / 20.0) ** 0.75))
+    errors: dict[bool, list[float]] = {True: [], False: []}
+    distances = []
+    for _ in range(12):
+        triangulators = {True: Triangulator(Rig(cameras=rolling), 0.04)}
+        triangulators[False] = Triangulator(RIG, 0.04)
+        for k in range(int(0.4 * rate)):
+            moments = []
+            for n, camera in enumerate(RIG.cameras):
+                late = 0.0
+                for _ in range(20):
+                    _, v = outline_centre(camera, _place(k / rate + late)[0], 0.04)
+                    late = readout * (v / (camera.height - 1) - 0.5)
+                u, v = outline_centre(camera, _place(k / rate + late)[0], 0.04)
+                noisy = np.array((u, v)) + rng.normal(0.0, sigma, 2)
+                moments.append(
+                    Moments(t=k / rate, camera=n, found=True, area=20.0, u=noisy[0], v=noisy[1])
+                )
+            for known, triangulator in triangulators.items():
+                s = triangulator.step(tuple(moments))
+                e = s.r_o - _place(s.t)[0]
+                if s.found:
+                    errors[known].append(float(np.linalg.norm(e)))
+                if s.found and known:
+                    distances.append(float(e @ np.linalg.solve(s.covariance, e)))
+    assert len(distances) > 100
+    assert 2.0 < np.mean(distances) < 4.0
+    assert np.median(errors[True]) < 1.5e-3
+    assert np.median(errors[False]) > 4e-3

@@ -28,7 +28,7 @@ def full() -> CalibratedRig:
         tilt_axis=np.array((0.0, 1.0, 0.0)),
         tilt_point=np.array((-1.8, 1.2, 0.31)),
     )
-    left = replace(rig.cameras[0], head=head, lens=true_lens())
+    left = replace(rig.cameras[0], head=head, lens=true_lens(), readout=0.0123)
     return replace(rig, cameras=(left, rig.cameras[1]), clock_offset=-0.0123, clock_sigma=3e-5)
 
 
@@ -46,7 +46,7 @@ def test_a_rig_comes_back_to_the_bit(saved: Path) -> None:
     for a, b in zip(again.cameras, rig.cameras, strict=True):
         assert np.array_equal(a.lens.numbers, b.lens.numbers)
         assert np.array_equal(a.T_world_cam, b.T_world_cam)
-        assert (a.name, a.rms_px) == (b.name, b.rms_px)
+        assert (a.name, a.rms_px, a.readout) == (b.name, b.rms_px, b.readout)
     ours, theirs = again.cameras[0].head, rig.cameras[0].head
     assert ours is not None
     assert theirs is not None

@@ -151,14 +151,15 @@ def perceive(seen: Seen, read: Read, state: CatcherState, result: Result) -> Non
         aim_heads(state.eyes)
     _guide(images, t_exposed, beside, state, result)
     found = localize(images, backgrounds, apart, state.eyes, state.z, state.R)
-    out.sighted, out.t_sighted = found and is_of_now(t_exposed, t, state), t_exposed
+    t_seen = t_exposed + state.eyes.rig[0].late
+    out.sighted, out.t_sighted = found and is_of_now(t_exposed, t, state), t_seen
     if found and not out.sighted:
         state.ball_filter[0].dropped.untimely += 1
     if out.sighted:
         if beside:
             for k in range(3):
                 state.R[k, k] += TOUCHED * TOUCHED
-        update(state.ball_filter, t_exposed, state.z, state.R)
+        update(state.ball_filter, t_seen, state.z, state.R)
     copy(state.z, result.sighting[0])
     copy(state.R, result.sighting[1:])
     ball = state.ball_filter[0]

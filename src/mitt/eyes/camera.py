@@ -31,9 +31,14 @@ CAMERA = np.dtype(
         ("f_px", float),
         ("cu", float),
         ("cv", float),  # [px]
+        ("readout", float),  # time from the exposure of the first row to that of the last [s]
+        ("last", float),  # last row [px]
     ]
 )
 """A camera for kernels."""
+
+MOST_READOUT = 0.1
+"""Longest time in which an image is read out [s]."""
 
 _keep = object.__setattr__
 
@@ -49,6 +54,8 @@ class Camera:
         cu: Column of the principal point [px].
         cv: Fields of the principal point [px].
         T_world_cam: Pose of the optical frame in the world [m], shape (4, 4).
+        readout: Time from the exposure of the first row to that of the last [s]: that of a rolling
+            shutter, whose images are stamped with the time of the middle row; 0 for a global one.
     """
 
     width: int
@@ -57,6 +64,7 @@ class Camera:
     cu: float
     cv: float
     T_world_cam: Array
+    readout: float = 0.0
 
     __repr__ = brief
 
@@ -68,6 +76,8 @@ class Camera:
             _keep(self, side, checks.whole(f"camera.{side}", getattr(self, side)))
         for name in ("f_px", "cu", "cv"):
             _keep(self, name, checks.number(f"camera.{name}", getattr(self, name)))
+        readout = checks.number("camera.readout", self.readout, least=0.0, most=MOST_READOUT)
+        _keep(self, "readout", readout)
         values = np.append(T.ravel(), (self.f_px, self.cu, self.cv))
         if not np.all(np.isfinite(values)) or self.f_px <= 0 or min(self.width, self.height) < 8:
             raise InputError(
@@ -274,7 +284,16 @@ def laid(a: Array, b: Array, weights: Array) -> Array:
 
 def pack_cameras(rig: Rig) -> Record:
     """Return the cameras of a rig as records of ``CAMERA``, shape (n,)."""
-    return np.array([(c.rotation, c.centre, c.f_px, c.cu, c.cv) for c in rig.cameras], CAMERA)
+    rows = [
+        (c.rotation, c.centre, c.f_px, c.cu, c.cv, c.readout, c.height - 1) for c in rig.cameras
+    ]
+    return np.array(rows, CAMERA)
+
+
+@kernel
+def late_by_row(camera: Fields, v: float) -> float:
+    """Return how much later than its image a row is exposed [s]."""
+    return float(camera.readout * (min(max(v / camera.last, 0.0), 1.0) - 0.5))
 
 
 @kernel

@@ -241,12 +241,15 @@ class Eyes:
             ShapeError: An image has not the size of its camera.
         """
         images, apart, t = self.arrange(frames)
-        self._t = t if frames else self._t
+        rig = self.memory.rig[0]
+        if frames:
+            rig["gap"] = max(t - self._t, 0.0) if isfinite(t - self._t) else 0.0
+            self._t = t
         if self.heads:
             head.aim_heads(self._handle)
         r_o, covariance = np.empty(3), np.empty((3, 3))
         if localize(images, self.backgrounds, apart, self._handle, r_o, covariance):
-            return Sighting(t=t, found=True, r_o=r_o, covariance=covariance)
+            return Sighting(t=t + float(rig["late"]), found=True, r_o=r_o, covariance=covariance)
         return no_sighting(t)
 
     def arrange(self, frames: tuple[Frame, ...]) -> tuple[tuple[Image, ...], int, float]:

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, final
 import numpy as np
 
 from mitt.eyes.blobs import ROWS, is_merged
-from mitt.eyes.camera import in_camera, sphere_centroid
+from mitt.eyes.camera import in_camera, late_by_row, sphere_centroid
 from mitt.eyes.groups import GROUP
 from mitt.eyes.segmentation import (
     GOOD,
@@ -72,6 +72,8 @@ RIG = np.dtype(
         ("frame", np.int64),  # searches begun anew, frames of this one so far
         ("count", np.int64),
         ("tracks", TRACK, (MOST,)),  # its candidates
+        ("gap", float),  # time between two frames; 0 if unknown [s]
+        ("late", float),  # how much later than its images the ball was seen, by its rows [s]
         ("t_shown", float),
         ("lag", float),  # of the gaze: last exposure, lag of one with the ball [s]
     ]
@@ -143,6 +145,9 @@ class _Limits(NamedTuple):
     blur: float = 0.01
     rounds: int = 6
     leap: float = 0.05
+    # Speed of a ball of which nothing is known [m/s], and its distance from a camera [m].
+    fast: float = 6.0
+    close: float = 3.0
     # Difference from the radius that the ball should have: relative, and in pixels.
     tall: float = 0.35
     rough: float = 0.7
@@ -202,11 +207,11 @@ def guide(
         sigma: Standard deviation of that position [m]; infinite without a flight.
         alone: Whether one camera counts while something hides the ball from the other.
     """
-    rig.alone = 1 if alone else 0
+    rig.alone, rig.gap = 1 if alone else 0, gap
     if not sigma < LIMITS.guided_sigma or rig.since == 0.0 or rig.age >= LIMITS.guides:
         return
     for i in range(3):
-        rig.r[i], rig.step[i] = r[i] + (ahead - gap) * dr[i], gap * dr[i]
+        rig.r[i], rig.step[i] = r[i] + (ahead + rig.late - gap) * dr[i], gap * dr[i]
     rig.known, rig.guided = LIMITS.slowly, LIMITS.guided_reach + 2.0 * sigma
     rig.since = min(rig.since, LIMITS.forget - 2.0)
 
@@ -266,6 +271,7 @@ def localize(
         rig.missed += 1.0
     if count < 2:
         count = max(count, _count_where_they_meet(eyes, since))
+    rig.late = _bring_together(eyes)
     if count >= 2:
         return bool(_locate(eyes, r, P))
     if count == 1 and (not hidden or rig.alone > 0) and rig.known > 0.0:
@@ -382,6 +388,42 @@ def _is_whole(target: Fields, since: float, point: Fields) -> bool:
     off = max(lacking - LIMITS.sure - 0.5 * allowed, 0.0) * radius
     point.sigma = sqrt(point.sigma * point.sigma + off * off)
     return bool(lacking < LIMITS.misfit + allowed + LIMITS.drift * since)
+
+
+@kernel
+def _bring_together(eyes: EyesMemory) -> float:
+    """Move what cameras with rolling shutters see to one instant; return how late that is [s].
+
+    Each sees the ball when the row of its middle is exposed. Its motion in the image is that of the
+    ball in the world; where that is not known yet, the error widens by what it may be.
+    """
+    cameras, points, rig = eyes.cameras, eyes.points, eyes.rig[0]
+    total, count = 0.0, 0
+    for n in range(len(points)):
+        if points[n].sigma > 0.0:
+            total += late_by_row(cameras[n], points[n].v)
+            count += 1
+    late: float = total / max(count, 1)
+    for n in range(len(points)):
+        point, camera = points[n], cameras[n]
+        early = late - late_by_row(camera, point.v)
+        if not point.sigma > 0.0 or early == 0.0:
+            continue
+        x, y, z = in_camera(camera, rig.r)
+        if rig.known < 2.0 or rig.gap <= 0.0 or not z > NEAR * eyes.ball[0].radius:
+            most = LIMITS.fast * camera.f_px / LIMITS.close * early
+            point.sigma = hypot(point.sigma, most)
+            continue
+        u, v = x / z, y / z
+        dx, dy, dz = 0.0, 0.0, 0.0
+        for i in range(3):
+            dx += camera.R[i, 0] * rig.step[i]
+            dy += camera.R[i, 1] * rig.step[i]
+            dz += camera.R[i, 2] * rig.step[i]
+        scale = camera.f_px / z * early / rig.gap
+        point.u += scale * (dx - u * dz)
+        point.v += scale * (dy - v * dz)
+    return late
 
 
 @kernel

@@ -11,7 +11,7 @@ Maximum likelihood on the image points: Gauss-Newton steps from the point neares
 | ``r, P``    | centre of the ball [m], and its covariance [m^2]         | (3,), (3, 3) |
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import pi, sqrt
 from typing import Annotated
 
@@ -19,7 +19,7 @@ import numpy as np
 
 from mitt.ball.motion_models import invert_positive
 from mitt.errors import InputError
-from mitt.eyes.camera import Rig, in_camera, pack_cameras, ray_of, sphere_centroid
+from mitt.eyes.camera import Rig, in_camera, late_by_row, pack_cameras, ray_of, sphere_centroid
 from mitt.fields import Range, Settings
 from mitt.kernels import Fields, Record, kernel
 from mitt.signals import Array, Moments, Sighting
@@ -247,14 +247,17 @@ class Triangulator:
         self._cameras = pack_cameras(rig)
         self._ball = pack_ball(config, ball_radius, rig)[0]
         self._points = np.empty(len(rig.cameras), POINT)
+        self._before: dict[int, tuple[float, float, float]] = {}
         self._work = np.empty(1, WORK)
 
     def step(self, moments: tuple[Moments, ...]) -> Sighting:
         """Return where the ball is; ``found`` is False unless two or more cameras agree on it.
 
-        Moments without a target, clipped by the border or not finite do not count.
+        Moments without a target, clipped by the border or not finite do not count. Those of rolling
+        shutters are brought to one instant by their motion since the moments before.
         """
         t, ball, count = moments[0].t if moments else 0.0, self._ball, 0
+        moments, late = self._together(moments)
         self._points["sigma"] = -1.0
         for m in moments:
             if m.found and not m.merged and abs(m.t - t) <= self._max_skew:
@@ -263,8 +266,27 @@ class Triangulator:
             r_o, P = np.empty(3), np.empty((3, 3))
             worst = triangulate(self._cameras, self._points, ball["radius"], r_o, P, self._work[0])
             if worst <= ball["max_residual"]:
-                return Sighting(t=t, found=True, r_o=r_o, covariance=P)
+                return Sighting(t=t + late, found=True, r_o=r_o, covariance=P)
         return no_sighting(t)
+
+    def _together(self, moments: tuple[Moments, ...]) -> tuple[tuple[Moments, ...], float]:
+        """Return moments as if exposed together, and how much later that is than their images [s].
+
+        Where a camera saw no ball in the images before, it does not count yet.
+        """
+        if not self._cameras["readout"].any():
+            return moments, 0.0
+        seen = [m for m in moments if m.found]
+        own = [late_by_row(self._cameras[m.camera], m.v) for m in seen]
+        late, moved = float(np.mean(own)) if own else 0.0, list[Moments]()
+        for m, its in zip(seen, own, strict=True):
+            before, self._before[m.camera] = self._before.get(m.camera), (m.t + its, m.u, m.v)
+            if before is None or not m.t + its > before[0]:
+                continue
+            ahead = (late - its) / (m.t + its - before[0])
+            u, v = m.u + ahead * (m.u - before[1]), m.v + ahead * (m.v - before[2])
+            moved.append(replace(m, u=u, v=v))
+        return tuple(moved), late
 
 
 def no_sighting(t: float) -> Sighting:

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from mitt.errors import FileError, MittError
-from mitt.eyes.camera import Rig, applied, rotation_by_vector
+from mitt.eyes.camera import MOST_READOUT, Rig, applied, rotation_by_vector
 from mitt.eyes.lens import Lens
 from mitt.files.schema import FileSection, parsed
 from mitt.files.writing import write_text
@@ -87,6 +87,7 @@ class RigCamera:
         T_world_cam: Pose of the optical frame [m], shape (4, 4); of a head, at encoder zero.
         rms_px: Reprojection error that calibration left [px].
         head: Axes of the head that carries it; None for a camera that stands still.
+        readout: Time from the exposure of the first row to that of the last [s].
     """
 
     name: str
@@ -94,6 +95,7 @@ class RigCamera:
     T_world_cam: Array
     rms_px: float
     head: HeadAxes | None = None
+    readout: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -114,7 +116,8 @@ class CalibratedRig:
 
     def rig(self) -> Rig:
         """Return the cameras without distortion that ``Lens.straighten`` maps to."""
-        return Rig(cameras=tuple(c.lens.pinhole(c.T_world_cam) for c in self.cameras))
+        plain = [(c.lens.pinhole(c.T_world_cam), c.readout) for c in self.cameras]
+        return Rig(cameras=tuple(replace(camera, readout=readout) for camera, readout in plain))
 
     def seen_from(self, T: Array, frame: Place) -> "CalibratedRig":
         """Return the rig in another frame: p_new = T @ p_old, shape (4, 4)."""
@@ -152,6 +155,9 @@ class _Camera(FileSection):
         distortion: k1, k2, p1, p2, k3 (Brown-Conrady, ``mitt.eyes.lens``).
         T_world_cam: Pose, p_world = T_world_cam p_cam [m]; of a head, at both encoders' zero.
         rms_px: Reprojection error that calibration left [px].
+        readout_s: Time from the exposure of the first row to that of the last [s], of a rolling
+            shutter whose images are stamped with the time of the middle row; 0 for a global one.
+            The camera's data sheet has it: the time a row, times the rows.
         head: Of a camera on a head: its axes.
     """
 
@@ -162,6 +168,7 @@ class _Camera(FileSection):
     distortion: tuple[Finite, Finite, Finite, Finite, Finite]
     T_world_cam: tuple[Four, Four, Four, Four]
     rms_px: float = Field(ge=0.0, le=1e3)
+    readout_s: float = Field(default=0.0, ge=0.0, le=MOST_READOUT)
     head: _Head | None = None
 
     @model_validator(mode="after")
@@ -256,7 +263,14 @@ def _camera(c: _Camera) -> RigCamera:
         head = HeadAxes(T_world_cam=np.array(c.T_world_cam), **lines)
     numbers = np.array((fu, fv, cu, cv, *c.distortion))
     lens, T = Lens(width=c.width, height=c.height, numbers=numbers), np.array(c.T_world_cam)
-    return RigCamera(name=c.name, lens=lens, T_world_cam=T, rms_px=c.rms_px, head=head)
+    return RigCamera(
+        name=c.name,
+        lens=lens,
+        T_world_cam=T,
+        rms_px=c.rms_px,
+        head=head,
+        readout=c.readout_s,
+    )
 
 
 def write_rig(path: Path, rig: CalibratedRig, *, version: str) -> None:
@@ -280,14 +294,15 @@ def write_rig(path: Path, rig: CalibratedRig, *, version: str) -> None:
             f"width = {c.lens.width}",
             f"height = {c.lens.height}",
         ]
-        lines += _lines(
-            {
-                "K": K,
-                "distortion": c.lens.numbers[4:],
-                "T_world_cam": c.T_world_cam,
-                "rms_px": c.rms_px,
-            }
-        )
+        values: dict[str, float | Array] = {
+            "K": K,
+            "distortion": c.lens.numbers[4:],
+            "T_world_cam": c.T_world_cam,
+            "rms_px": c.rms_px,
+        }
+        if c.readout > 0.0:
+            values["readout_s"] = c.readout
+        lines += _lines(values)
         if c.head is not None:
             h = c.head
             axes = {
