@@ -148,9 +148,51 @@ def test_impossible_sensors_are_refused() -> None:
 )
 def test_what_a_scene_says_of_its_sensors_arrives(key: str) -> None:
     """Each key that a sensor has by the same name, and the brightness of the ball."""
-    other = {"pattern": (20.0, 6.0), "light": (0.2, 50.0), "shadow": (0.3, 100.0)}
+    other: dict[str, object] = {
+        "pattern": (20.0, 6.0),
+        "light": (0.2, 50.0),
+        "shadow": (0.3, 100.0),
+        "lamps": (2.0, 200.0),
+        "windows": (1.0, 240.0),
+        "hot": 7,
+        "readout": 0.01,
+    }
     value = other.get(key, 4e-4 if key == "exposure" else 0.25)
     scene = Scene(sensing=Sensing.model_validate({key: value}), ball=Ball(brightness=77.0))
     sensor = sensor_of(scene)
     assert getattr(sensor, key) == value
     assert sensor.brightness == 77.0
+
+
+def test_a_room_shows_lamps_windows_and_hot_pixels_at_rest() -> None:
+    """The same in every image, at their levels; hot pixels where no other camera has them."""
+    sensor = ImageSensor(
+        background=110.0,
+        brightness=90.0,
+        slope=20.0,
+        lamps=(5.0, 220.0),
+        windows=(2.0, 250.0),
+        hot=20,
+    )
+    imager = Imager(fixed_rig(), sensor, np.random.default_rng(1))
+    views = [imager.render(1e-3 * k, None, 0.04) for k in range(12)]
+    left, right = (np.mean([view[n].pixels for view in views], axis=0) for n in range(2))
+    assert 24 * 24 < np.count_nonzero(left > 235.0) < 0.5 * left.size
+    assert np.count_nonzero((left > 210.0) & (left < 230.0)) > 5
+    apart = np.abs(left - right) > 25.0
+    assert 25 <= np.count_nonzero(apart) <= 40
+
+
+@pytest.mark.parametrize("readout", [0.008, 0.02])
+def test_a_rolling_shutter_shows_a_ball_when_its_row_is_exposed(readout: float) -> None:
+    """High in the image earlier, low in it later than the middle, whose time the image bears."""
+    rig, r, dr = fixed_rig(), np.array((2.0, 0.1, 0.0)), np.array((-1.0, 4.0, 2.0))
+    clean = ImageSensor(texture=0.0, read_noise=0.0, electrons=1e9, readout=readout)
+    for z in (-0.6, 0.1, 0.9):
+        r[2] = z
+        frames = Imager(rig, clean, np.random.default_rng(1)).render(0.0, r, 0.04, dr_o=dr)
+        for camera, frame in zip(rig.cameras, frames, strict=True):
+            mass = np.clip(frame.pixels.astype(float) - 26.0, 0.0, None)
+            v, u = (np.sum(mass * axis) / mass.sum() for axis in np.mgrid[:128, :128])
+            late = readout * (v / 127.0 - 0.5)
+            assert (u, v) == pytest.approx(camera.project(r + late * dr), abs=0.15)

@@ -127,10 +127,10 @@ def test_recorded_flights_are_of_table_tennis_balls_in_every_scene(tmp_path: Pat
 @pytest.mark.parametrize("base", ["moon", 3, "../lab"])
 def test_a_base_that_does_not_exist_is_refused(base: object) -> None:
     """One line that names the key and the names there are."""
-    with pytest.raises(InputError, match="key base: wanted one of ideal, lab, rough"):
+    with pytest.raises(InputError, match="key base: wanted one of ideal, lab, room, rough"):
         scene_of({"base": base}, place="x.toml")
 
 
 def test_a_name_that_is_neither_scene_nor_file_is_refused() -> None:
-    with pytest.raises(FileError, match="ideal, lab, rough"):
+    with pytest.raises(FileError, match="ideal, lab, room, rough"):
         read_scene("moon")

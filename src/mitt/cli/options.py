@@ -109,7 +109,7 @@ class CatchOptions(ArmOptions):
         vision: What the catcher sees: images of two cameras, or noisy points.
         cameras: Cameras that stand still, or on heads that follow the ball; as the scene says if
             left out.
-        scene: The world: ideal, lab or rough, or a TOML file that may start from one of them.
+        scene: The world: ideal, lab, room or rough, or a TOML file that may start from one of them.
         throws_file: Throws to use: columns x,y,z,vx,vy,vz [m, m/s].
         flights: Recorded flights to use: columns flight,t_s,x_m,y_m,z_m.
         learn_clock: Learn the offset between the clocks of eyes and arm from each catch, and
@@ -215,7 +215,7 @@ class BatOptions(Options):
             out.
         seed: Seed of throws, plant and noise.
         vision: What the catcher sees: images of two cameras, or noisy points.
-        scene: The world: ideal, lab or rough, or a TOML file.
+        scene: The world: ideal, lab, room or rough, or a TOML file.
         flights: Recorded flights to use: columns flight,t_s,x_m,y_m,z_m; or tennicam, the 44 of
             table tennis that ship.
         generator: What moves the arm: direct, the map; rivals to the same contact: quintic, ruckig,
@@ -355,7 +355,7 @@ class SimOptions(Options):
             CELL.toml file.
         throws: Number of throws; until stopped if left out.
         seed: Seed of throws, plant and noise.
-        scene: The world: ideal, lab or rough, or a TOML file; lab with the cell's ball if left out.
+        scene: The world: ideal, lab, room or rough, or a TOML file; lab with the cell's ball if left out.
     """
 
     module: ClassVar = "cells"

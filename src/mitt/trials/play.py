@@ -146,6 +146,8 @@ _DARK = Film(
     np.zeros(0, np.float32),
     scratch_for(0),
     np.zeros(0, np.float32),
+    np.zeros((0, 4), np.int64),
+    0.0,
 )
 _NO_STARTS = np.zeros((BLOCK, 0), np.int64)
 MARGIN = 2.0

@@ -81,7 +81,9 @@ class TrialRunner(TaskRunner[Trial]):
         """
         check_scene(arm, scene)
         self._generator, self._scene, self._pixels = generator, scene, pixels
-        self.rig = active_rig() if scene.sensing.cameras == "active" else fixed_rig()
+        rig = active_rig() if scene.sensing.cameras == "active" else fixed_rig()
+        rolling = [replace(c, readout=scene.sensing.readout) for c in rig.cameras]
+        self.rig = replace(rig, cameras=tuple(rolling))
         cameras = cameras_of(self.rig, scene) if pixels else None
         super().__init__(arm, World(scene, arm.model, cameras=cameras, limits=arm.limits))
         self.keeps_images = False

@@ -36,6 +36,12 @@ _PATCH = 8.0
 _GRADIENT = 0.6
 """Size of the wall's patches [px] and the share of its variance that is a slow gradient; choices of
 this project."""
+_USUAL = 128
+_WINDOW = (24.0, 40.0)
+_LAMP = (1.0, 5.0)
+"""Side of a usual image, and sides of windows and lamps in it [px]; choices of this project."""
+_HOT = (40, 200)
+"""What hot pixels add [grey levels]; a choice of this project."""
 _BEFORE = 0.008
 """Time between looks before a throw [s]: ten of them see a lamp of 100 Hz in all its phases."""
 _BANDWIDTH = 300.0
@@ -76,6 +82,12 @@ class ImageSensor(Settings):
         light: Relative amplitude and frequency [Hz] of the illumination; its phase is random.
         shadow: Relative depth of a soft shadow, and the speed of its edge [px/s]; at a random
             place as the ball is released.
+        slope: Amplitude of a slow change of the background from side to side [grey levels].
+        lamps: Number of small bright things in the background of an image, and their level.
+        windows: Number of large ones, of a quarter of an image a side, and their level.
+        hot: Hot pixels of each camera.
+        readout: Time from the exposure of the first row to that of the last [s]: 0 for a global
+            shutter. Images are stamped with the time of the middle one.
     """
 
     brightness: Annotated[float, Range(-255.0, 255.0)] = 160.0
@@ -92,6 +104,11 @@ class ImageSensor(Settings):
     pattern: Annotated[tuple[float, float], Range(0.0, 1e6, rises=False)] = (0.0, 8.0)
     light: Annotated[tuple[float, float], Range(0.0, 1e6, rises=False)] = (0.0, 100.0)
     shadow: Annotated[tuple[float, float], Range(-1e6, 1e6, rises=False)] = (0.0, 0.0)
+    slope: Annotated[float, _LEVEL] = 0.0
+    lamps: Annotated[tuple[float, float], Range(0.0, 1e3, rises=False)] = (0.0, 220.0)
+    windows: Annotated[tuple[float, float], Range(0.0, 1e3, rises=False)] = (0.0, 250.0)
+    hot: Annotated[int, Range(0, 10_000)] = 0
+    readout: Annotated[float, Range(0.0, 0.1)] = 0.0
 
     def __post_init__(self) -> None:
         """Refuse values that no 8-bit sensor has."""
@@ -139,7 +156,12 @@ def _light(sensor: ImageSensor, side: int, rng: np.random.Generator) -> Optics:
 
 @lru_cache(maxsize=8)
 def bank_of(
-    background: float, texture: float, pattern: tuple[float, float]
+    background: float,
+    texture: float,
+    pattern: tuple[float, float],
+    slope: float = 0.0,
+    lamps: tuple[float, float] = (0.0, 0.0),
+    windows: tuple[float, float] = (0.0, 0.0),
 ) -> tuple[Image, NDArray[np.float32]]:
     """Return wall and noise; the same arrays for the same settings, not to be written to.
 
@@ -147,6 +169,9 @@ def bank_of(
         background: Mean grey level of the ground.
         texture: Standard deviation of the ground, gradients and patches [grey levels].
         pattern: Contrast [grey levels] and size [px] of squares on the background.
+        slope: Amplitude of its slow change from side to side [grey levels].
+        lamps: Number of small bright things an image, and their level [grey levels].
+        windows: The same of large ones.
 
     Returns:
         The background as it would look without noise, periodic, shape (2048, 2048), and standard
@@ -155,19 +180,42 @@ def bank_of(
     rng = np.random.default_rng(2002)
     rng.standard_normal(NOISE_SIZE, dtype=np.float32)  # a bank that is no longer used
     normal = rng.standard_normal(NOISE_SIZE).astype(np.float32)
-    wall = _wall(background, texture, rng)
-    return (_squares(wall, *pattern) if pattern[0] > 0.0 else wall), normal
+    wall = _wall(background, texture, slope, rng)
+    wall = _squares(wall, *pattern) if pattern[0] > 0.0 else wall
+    for (count, level), sides in ((windows, _WINDOW), (lamps, _LAMP)):
+        wall = _bright(wall, count, level, sides, rng) if count > 0.0 else wall
+    return wall, normal
 
 
-def _wall(background: float, texture: float, rng: np.random.Generator) -> Image:
+def _bright(
+    wall: Image,
+    count: float,
+    level: float,
+    sides: tuple[float, float],
+    rng: np.random.Generator,
+) -> Image:
+    """Return a wall with rectangles of a level, so many in a part as large as a usual image."""
+    wall, most = wall.copy(), round(count * (PERIOD / _USUAL) ** 2)
+    for row, column, high, wide in rng.uniform(
+        (0, 0, sides[0], sides[0]), (PERIOD, PERIOD, sides[1], sides[1]), (most, 4)
+    ).astype(int):
+        rows, columns = np.arange(row, row + high), np.arange(column, column + wide)
+        for down in (0, PERIOD):
+            for right in (0, PERIOD):
+                wall[np.ix_((rows + down) % (2 * PERIOD), (columns + right) % (2 * PERIOD))] = level
+    return wall
+
+
+def _wall(background: float, texture: float, slope: float, rng: np.random.Generator) -> Image:
     """Return the background: patches on a slow gradient, periodic both ways."""
     k = np.fft.fftfreq(PERIOD)
     smooth = np.exp(-0.5 * (2.0 * np.pi * _PATCH) ** 2 * (k[:, None] ** 2 + k[None, :] ** 2))
     patches = np.fft.ifft2(np.fft.fft2(rng.standard_normal((PERIOD, PERIOD))) * smooth).real
     wave = 2.0 * np.pi / PERIOD * np.arange(PERIOD)
-    slope = np.sin(2.0 * wave)[:, None] + np.cos(3.0 * wave)[None, :]
-    shape = sqrt(1.0 - _GRADIENT) * patches / patches.std() + sqrt(_GRADIENT) * slope / slope.std()
-    tile = np.clip(np.rint(background + texture * shape), 0.0, 255.0).astype(np.uint8)
+    waves = np.sin(2.0 * wave)[:, None] + np.cos(3.0 * wave)[None, :]
+    shape = sqrt(1.0 - _GRADIENT) * patches / patches.std() + sqrt(_GRADIENT) * waves / waves.std()
+    level = background + texture * shape + slope * np.cos(4.0 * wave)[None, :]
+    tile = np.clip(np.rint(level), 0.0, 255.0).astype(np.uint8)
     return np.ascontiguousarray(np.tile(tile, (2, 2)))
 
 
@@ -279,7 +327,14 @@ class Imager:
         self._shapes = [(c.height, c.width) for c in rig.cameras]
         self._heads = Heads(rig)
         light = _light(sensor, largest, rng)
-        wall, normal = bank_of(sensor.background, sensor.texture, sensor.pattern)
+        wall, normal = bank_of(
+            sensor.background,
+            sensor.texture,
+            sensor.pattern,
+            sensor.slope,
+            sensor.lamps,
+            sensor.windows,
+        )
         self._film = Film(
             half=0.5 * sensor.exposure,
             heads=self._heads.packed,
@@ -291,6 +346,8 @@ class Imager:
             normal=normal,
             work=scratch_for(max(c.width for c in rig.cameras)),
             canvas=np.zeros(2 * largest * largest, np.float32),
+            hot=_hot_pixels(sensor.hot, self._shapes),
+            readout=sensor.readout,
         )
         self._windows = np.array([(0, v - 1, 0, u - 1) for v, u in self._shapes], dtype=np.int64)
         self._rng, self._early = rng, rng.spawn(1)[0]
@@ -390,6 +447,16 @@ class Imager:
         most = [[NOISE_SIZE - height * width] * 2 for height, width in self._shapes]
         # The first of two is of a bank that is no longer used.
         return np.ascontiguousarray(rng.integers(0, most, size=(BLOCK, len(most), 2))[..., 1])
+
+
+def _hot_pixels(count: int, shapes: Sequence[tuple[int, int]]) -> NDArray[np.int64]:
+    """Return the hot pixels of each camera, the same in every trial, as of ``Film``."""
+    rng, low, high = np.random.default_rng(2003), *_HOT
+    rows = [
+        rng.integers((n, 0, 0, low), (n + 1, *shape, high), (count, 4))
+        for n, shape in enumerate(shapes)
+    ]
+    return np.concatenate(rows)
 
 
 def _balls(

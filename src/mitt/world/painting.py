@@ -3,7 +3,8 @@
 All images of an instant are drawn in one call. Balls (``outline``) and capsules (``capsules``) are
 painted without noise on a canvas of real numbers, the far ones first; then come the lens, the
 light and the noise of the sensor. The wall turns with the camera, to whole pixels, and is as good
-as infinitely far away; it does not smear, nor do arm and hand.
+as infinitely far away; it does not smear, nor do arm and hand, which a rolling shutter does not
+bend either.
 
 | here    | meaning                                                           | unit   | shape  |
 |---------|-------------------------------------------------------------------|--------|--------|
@@ -112,6 +113,9 @@ class Film(NamedTuple):
         normal: Standard normal numbers to read the noise from, shape (c,).
         work: Scratch for the widest image.
         canvas: Scratch, two images of the largest, flat.
+        hot: Hot pixels: camera, row, column [px], and what they add [levels], shape (k, 4).
+        readout: Time from the exposure of the first row to that of the last, 0 for a global
+            shutter [s]; the middle one is exposed at the time of the image.
     """
 
     half: float
@@ -124,6 +128,8 @@ class Film(NamedTuple):
     normal: NDArray[np.float32]
     work: PaintScratch
     canvas: NDArray[np.float32]
+    hot: NDArray[np.int64]
+    readout: float
 
 
 class Exposure(NamedTuple):
@@ -161,23 +167,53 @@ def render_images(
         shot: What is in view.
         windows: As in the module's table.
     """
-    balls, half, t, angles = film.balls, film.half, shot.t, film.angles
-    for i in range(3):
-        balls.begin[0, i] = shot.r_o[i] - half * shot.dr_o[i]
-        balls.end[0, i] = shot.r_o[i] + half * shot.dr_o[i]
-    balls.radius[0] = shot.radius
-    for k in range(1, len(balls.level)):
-        for i in range(3):
-            balls.begin[k, i] = balls.start[k, i] + (t - half) * balls.velocity[k, i]
-            balls.end[k, i] = balls.start[k, i] + (t + half) * balls.velocity[k, i]
+    half, t, angles = film.half, shot.t, film.angles
+    film.balls.radius[0] = shot.radius
     for n in range(len(angles)):
         pan, tilt, dpan, dtilt = angles[n]
         aim_one(film.heads[n], pan - half * dpan, tilt - half * dtilt, film.optics[n, 0])
         aim_one(film.heads[n], pan + half * dpan, tilt + half * dtilt, film.optics[n, 1])
     for n in range(len(images)):
         window = windows[n, 0], windows[n, 1], windows[n, 2], windows[n, 3]
+        _place_balls(n, images[n].shape[0], film, shot)
         _draw(images[n], n, film, shot, window)
         _read_out(images[n], film, t, starts[n], window)
+        _heat(images[n], n, film.hot, window)
+
+
+@kernel
+def _place_balls(n: int, height: int, film: Film, shot: Exposure) -> None:
+    """Write where the balls are as the n-th camera's shutter opens and closes on them.
+
+    The rows of a rolling shutter are exposed one after the other: a ball when the row of its middle
+    is. Its own rows are taken for one.
+    """
+    balls, half = film.balls, film.half
+    for k in range(len(balls.level)):
+        place, speed = (shot.r_o, shot.dr_o) if k == 0 else (balls.begin[k], balls.velocity[k])
+        if k > 0:
+            for i in range(3):
+                place[i] = balls.start[k, i] + shot.t * speed[i]
+        late = 0.0
+        if film.readout > 0.0:
+            camera = _camera(film.optics, n, 0)
+            _, y, z = into(camera, place[0], place[1], place[2])
+            row = camera[14] + camera[12] * y / z if z > 0.0 else 0.5 * (height - 1)
+            late = film.readout * (min(max(row / (height - 1), 0.0), 1.0) - 0.5)
+        for i in range(3):
+            middle = place[i] + late * speed[i]
+            balls.begin[k, i] = middle - half * speed[i]
+            balls.end[k, i] = middle + half * speed[i]
+
+
+@kernel
+def _heat(pixels: Image, n: int, hot: NDArray[np.int64], window: Edges) -> None:
+    """Add what its hot pixels have to a window of the n-th camera's image."""
+    for k in range(len(hot)):
+        v, u = hot[k, 1], hot[k, 2]
+        inside = window[0] <= v <= window[1] and window[2] <= u <= window[3]
+        if hot[k, 0] == n and inside:
+            pixels[v, u] = np.uint8(min(pixels[v, u] + hot[k, 3], 255))
 
 
 @kernel

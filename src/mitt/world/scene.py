@@ -21,8 +21,10 @@ from mitt.world.faults import FaultPlan
 NotNegative = Annotated[float, Field(ge=0.0)]
 Share = Annotated[float, Field(ge=0.0, lt=0.5)]
 Side = Annotated[float, Field(ge=0.005, le=0.5)]
+Count = Annotated[float, Field(ge=0.0, le=100.0)]
+Grey = Annotated[float, Field(ge=0.0, le=255.0)]
 Bend = Annotated[float, Field(ge=-0.5, le=0.5)]
-SceneName = Literal["ideal", "lab", "rough"]
+SceneName = Literal["ideal", "lab", "room", "rough"]
 Material = Literal["foam", "tennis", "table-tennis", "rubber"]
 
 MOST_THROWN: Final = 2.0
@@ -45,7 +47,8 @@ class Ball(FileSettings):
         radius: Radius [m].
         mass: Mass [kg]: of a ball 2 kg at most.
         drag: Quadratic drag coefficient k [1/m].
-        brightness: Brightness above the background of 24 [grey levels]; both fit into 8 bits.
+        brightness: Brightness above the background [grey levels], negative below it; both fit into
+            8 bits.
         material: What it is made of, which gives friction and restitution of its contact; see
             :mod:`mitt.world.build`.
         sides: Length, width and height of a part in the shape of a box [m]; a ball if left out.
@@ -54,7 +57,7 @@ class Ball(FileSettings):
     radius: Annotated[float, Field(ge=0.005, le=0.06)] = 0.04
     mass: Annotated[float, Field(ge=0.001, le=50.0)] = 0.07
     drag: Annotated[float, Field(ge=0.0, le=1.0)] = 0.04
-    brightness: Annotated[float, Field(gt=0.0, le=231.0)] = 160.0
+    brightness: Annotated[float, Field(ge=-255.0, le=255.0)] = 160.0
     material: Material | None = None
     sides: Annotated[tuple[Side, Side, Side], Field(strict=False)] | None = None
 
@@ -97,8 +100,15 @@ class Sensing(FileSettings):
             arm's own encoders. Where they count in steps, velocity is the difference of counts.
         cameras: Cameras that stand still and see all, or that pan-tilt heads turn to the ball.
         exposure: How long a shutter is open [s].
+        background: Mean grey level of the background.
         texture: Standard deviation of the background's brightness [grey levels].
-        body: Grey level of the arm in the images; the background has 24.
+        slope: Amplitude of a slow change of the background from side to side [grey levels].
+        lamps: Small bright things in the background of an image, how many and their grey level.
+        windows: Large ones, a quarter of an image a side.
+        hot: Hot pixels of each camera.
+        readout: Time from the exposure of the first row to that of the last [s], which the catcher
+            knows; 0 is a global shutter.
+        body: Grey level of the arm in the images.
         hand: Grey level of the hand; that of the arm if left out.
         shading: Relative difference between the middle of arm and hand and their lit side.
         grain: Relative amplitude of the texture of arm and hand.
@@ -121,7 +131,13 @@ class Sensing(FileSettings):
     encoder_step: NotNegative | Literal["arm"] = 0.0
     cameras: Literal["fixed", "active"] = "fixed"
     exposure: Annotated[float, Field(ge=0.0, le=0.001)] = 0.0005
+    background: Annotated[float, Field(ge=0.0, le=255.0)] = 24.0
     texture: Annotated[float, Field(ge=0.0, le=8.0)] = 3.0
+    slope: Annotated[float, Field(ge=0.0, le=120.0)] = 0.0
+    lamps: Annotated[tuple[Count, Grey], Field(strict=False)] = (0.0, 220.0)
+    windows: Annotated[tuple[Count, Grey], Field(strict=False)] = (0.0, 250.0)
+    hot: Annotated[int, Field(ge=0, le=2000)] = 0
+    readout: Annotated[float, Field(ge=0.0, le=0.1)] = 0.0
     body: Annotated[float, Field(ge=0.0, le=255.0)] = 12.0
     hand: Annotated[float, Field(ge=0.0, le=255.0)] | None = None
     shading: Annotated[float, Field(ge=0.0, le=0.9)] = 0.0
@@ -252,6 +268,13 @@ class Scene(FileSettings):
     belt: Belt | None = None
     tray: Tray | None = None
     faults: FaultPlan = ()
+
+    @model_validator(mode="after")
+    def _shows(self) -> Self:
+        """Refuse a ball beyond what 8 bits show before its background."""
+        if not 0.0 <= self.sensing.background + self.ball.brightness <= 255.0:
+            raise ValueError("sensing.background + ball.brightness in 0..255")
+        return self
 
 
 #: Scene of the recorded flights: a table-tennis ball, its drag as fitted to them.
