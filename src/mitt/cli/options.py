@@ -355,7 +355,8 @@ class SimOptions(Options):
             CELL.toml file.
         throws: Number of throws; until stopped if left out.
         seed: Seed of throws, plant and noise.
-        scene: The world: ideal, lab, room or rough, or a TOML file; lab with the cell's ball if left out.
+        scene: The world: ideal, lab, room or rough, or a TOML file; lab with the cell's ball if
+            left out.
     """
 
     module: ClassVar = "cells"
