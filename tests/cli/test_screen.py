@@ -25,6 +25,7 @@ from mitt.report.style import GENERATORS, legend_above, plot
 from mitt.trials.catch_study import CATCH
 from mitt.trials.result import STATUSES
 from mitt.trials.score import Trial
+from mitt.trials.study_folder import Folder
 
 
 class Full:
@@ -213,7 +214,7 @@ def test_a_study_of_many_generators_shows_each_rate_and_force(
     rows = [{**row, "generator": x, "force_n": {"median": 30.0 + k}} for k, x in enumerate(names)]
     clean = SimpleNamespace(name="clean")
     study: Any = SimpleNamespace(kind=CATCH, name="s", generators=names, conditions=(clean,))
-    folder: Any = SimpleNamespace(summary=Path("summary.json"), trials=Path("trials.parquet"))
+    folder: Any = Folder(Path("s"))
     finished: Any = SimpleNamespace(rows=rows)
     show_study(study, folder, finished)
     out = capsys.readouterr().out
