@@ -5,6 +5,7 @@
 # make docs     build the documentation site: build/docs/index.html
 # make soak     fuzz envelope, ticks, calls and readers: COMMANDS=N TICKS=N CALLS=N FILES=N PROCESSES=N KILLS=N RUN_KILLS=N RUN_SIGNALS=N STUDY_KILLS=N SWINGS=N SEED=S
 # make thorough run further cases, as each bad value of each option: half an hour
+# make controllers  try the drivers of Franka and UR at the makers' clients, in an environment of their own: ARGS="--throws N"
 # make lint     format, lint, types, import contracts
 # make check    make lint, then make test
 # Each builds .venv with exactly pinned versions first if it is missing; Python >= 3.11 is enough.
@@ -26,7 +27,7 @@ STUDY_KILLS ?= 2
 SWINGS ?= 70
 SEED ?= 1
 
-.PHONY: catch test thorough bare extras lint check bench docs soak clean
+.PHONY: catch test thorough bare extras lint check bench docs soak controllers clean
 
 .venv/ready: pyproject.toml constraints.txt
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "mitt needs Python 3.11 or later")'
@@ -74,6 +75,18 @@ bench: .venv/complete
 
 docs: .venv/documented
 	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet --builder html docs build/docs
+
+# franka-sim wants an older NumPy and MuJoCo than mitt, and franky-sim has the arm's model.
+build/controllers/ready: pyproject.toml constraints.txt
+	$(PYTHON) -m venv build/controllers/client
+	build/controllers/client/bin/python -m pip install --quiet --constraint constraints.txt --editable ".[franka,ur]"
+	$(PYTHON) -m venv build/controllers/server
+	build/controllers/server/bin/python -m pip install --quiet franka-sim==1.1.7
+	build/controllers/server/bin/python -m pip install --quiet --no-deps franky-sim==1.0.4
+	touch build/controllers/ready
+
+controllers: build/controllers/ready
+	build/controllers/client/bin/python benchmarks/controllers/check.py --server build/controllers/server/bin/python $(ARGS)
 
 soak: .venv/complete
 	PYTHONPATH=tests $(BIN)/python -m soak --commands $(COMMANDS) --ticks $(TICKS) --calls $(CALLS) --files $(FILES) --processes $(PROCESSES) --kills $(KILLS) --run-kills $(RUN_KILLS) --run-signals $(RUN_SIGNALS) --study-kills $(STUDY_KILLS) --swings $(SWINGS) --seed $(SEED)

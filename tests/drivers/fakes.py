@@ -1,4 +1,7 @@
-"""Fakes of two vendors' clients in Python: their calls, and a simulated arm behind them."""
+"""Fakes of two vendors' clients in Python: their calls, and a simulated arm behind them.
+
+They do what their authors believe of the real ones; what is believed says docs/cell.md.
+"""
 
 from types import SimpleNamespace
 from typing import Any
@@ -23,6 +26,10 @@ class Torques:
         self.tau_J = tau_J
 
 
+class ControlException(Exception):  # noqa: N818 (the vendor's)
+    """``pylibfranka.ControlException``: a reflex, thrown once."""
+
+
 class FakeFranka:
     """``pylibfranka.Robot``, and what its ``start_torque_control`` returns.
 
@@ -37,7 +44,22 @@ class FakeFranka:
         self._places, self._still = [int(name[-1]) - 1 for name in arm.names], np.zeros(arm.n)
         self._reading: ArmState | None = None
         self.mode, self.hand, self.torques = "Idle", 0.0, list[Array]()
-        self.controlled = False
+        self.controlled, self.set = False, dict[str, Any]()
+
+    def at(self, kind: str) -> "FakeFranka":
+        """Connect."""
+        self.set["kind"] = kind
+        return self
+
+    def set_collision_behavior(self, *thresholds: list[float]) -> None:
+        """Note it."""
+        assert [len(x) for x in thresholds] == [7, 7, 6, 6]
+        self.set["collision"] = thresholds
+
+    def set_load(self, mass: float, centre: list[float], inertia: list[float]) -> None:
+        """Note it."""
+        assert (len(centre), len(inertia)) == (3, 9)
+        self.set["load"] = mass
 
     def load_model(self) -> "FakeFranka":
         """Return a model; it is this object."""
@@ -61,6 +83,7 @@ class FakeFranka:
             dq=dq.tolist(),
             robot_mode=f"RobotMode.{self.mode}",
             current_errors="[communication_constraints_violation]" if self.mode == "Reflex" else "",
+            tau_J_d=self.torques[-1].tolist() if self.torques else [0.0] * 7,
             time=SimpleNamespace(to_sec=lambda t=self._reading.t: t - self._started),
         )
 
@@ -73,8 +96,13 @@ class FakeFranka:
 
     def readOnce(self) -> tuple[Any, Any]:  # noqa: N802 (the vendor's)
         """Return the next state, and the time since the last."""
-        assert self.controlled
-        return self.read_once(), SimpleNamespace(to_sec=lambda: 0.001)
+        assert self.controlled  # libfranka waits for ever where it is asked again
+        state = self.read_once()
+        if self.mode == "Reflex":
+            raise ControlException(
+                'libfranka: motion aborted by reflex! ["communication_constraints_violation"]'
+            )
+        return state, SimpleNamespace(to_sec=lambda: 0.001)
 
     def writeOnce(self, command: Torques) -> None:  # noqa: N802 (the vendor's)
         """Let torques act, with those against the weight."""
@@ -107,7 +135,6 @@ class FakeUr:
     """``RTDEControlInterface`` and ``RTDEReceiveInterface`` in one: a state each 2 ms.
 
     Attributes:
-        kicks: How often its watchdog was kicked.
         least: What frequency the watchdog wants [Hz].
         runs: Whether the program on the robot runs.
     """
@@ -117,22 +144,21 @@ class FakeUr:
         self._local, self._started, self._taken = local, started, True
         self._speeds, self._wanted, self._limit = np.zeros(3), np.zeros(3), 1.0
         self._reading: ArmState | None = None
-        self._moves, self.hand, self.kicks, self.least = False, 0.0, 0, 0.0
+        self._moves, self.hand, self.least = False, 0.0, 0.0
         self.runs = True
 
     def getTimestamp(self) -> float:  # noqa: N802 (the vendor's, as all below)
         """Return the time of the newest state [s]; the next one comes once this was read."""
         if self._taken:
             self._taken = False
-            for _ in range(2):
-                self._tick()
+            self._tick()
         assert self._reading is not None
         return self._reading.t - self._started
 
     def _tick(self) -> None:
-        """Accelerate for a millisecond."""
+        """Accelerate for a cycle."""
         (self._reading,) = self._local.read(0.02)
-        step = self._limit * 1e-3
+        step = self._limit * 2e-3
         self._speeds += np.clip(self._wanted - self._speeds, -step, step)
         if self._moves:
             rows = np.full((4, 3), np.nan)
@@ -173,11 +199,6 @@ class FakeUr:
     def setWatchdog(self, min_frequency: float) -> bool:  # noqa: N802
         """Expect kicks."""
         self.least = min_frequency
-        return True
-
-    def kickWatchdog(self) -> bool:  # noqa: N802
-        """Count one."""
-        self.kicks += 1
         return True
 
     def isProtectiveStopped(self) -> bool:  # noqa: N802

@@ -35,13 +35,13 @@ CALLS = ("read", "points", "write", "trouble", "waits")
 FAULTS = {
     "blocks": r"does not answer: \w+ has not returned for \d+ ms",
     "holds": r"does not answer: \w+ has not returned for \d+ ms.*its process was killed",
-    "spins": r"does not answer: \w+ has not returned for \d+ ms",
+    "spins": r"ended by SIGXCPU|does not answer: \w+ has not returned for \d+ ms",
     "stops": r"does not answer: \w+ has not returned for \d+ ms.*its process was killed",
     "crashes": "has crashed: its process was ended by SIGSEGV",
     "dies": "has crashed: its process was ended by SIGKILL",
     "ends": "has ended its process, with status 3",
     "closes": "has given its link up",
-    "fails": r"RuntimeError: reflex! \[joint_velocity_violation\]",
+    "fails": r"driver 'hostile': RuntimeError: reflex! \[joint_velocity_violation\]",
     "exits": "the vendor's licence has expired",
 }
 

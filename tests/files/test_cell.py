@@ -32,7 +32,7 @@ def changed(change: Callable[[dict[str, Any]], object]) -> dict[str, Any]:
     [
         (lambda raw: raw.update(typo=1), "key 'typo'"),
         (lambda raw: raw["robot"].update(rate=125.0), "1000 or 500 or 250 Hz, got 125"),
-        (lambda raw: raw["robot"].update(rate=500.0), "1000 Hz for torques"),
+        (lambda raw: raw["robot"].update(rate=250.0), "1000 or 500 Hz for torques"),
         (lambda raw: raw["robot"].update(takes="voltage"), "robot.takes"),
         (lambda raw: raw["ball"].update(radius=40.0), "ball.radius"),
         (lambda raw: raw["source"].update(sigma=float("nan")), "source.sigma"),

@@ -7,7 +7,8 @@ from acme_client import AcmeClient, State
 
 from mitt.arm.arm import Arm
 from mitt.cell.drivers import local_robot
-from mitt.cell.prepare import prepare
+from mitt.cell.prepare import cell_map, prepare
+from mitt.cell.session import rehearse
 from mitt.errors import InputError
 from mitt.files.cell import Cell
 from mitt.signals import ArmState, Command, Sighting
@@ -24,7 +25,9 @@ def acme(cell: Cell, arm: Arm) -> "AcmeRobot":
     address = cell.robot.options.get("address")
     if address != "simulated":  # here the vendor's library connects to the address
         raise InputError("robot.options.address", "simulated: no other is there", repr(address))
-    simulated = local_robot(prepare(cell), seed=5, count=cell.throws or 1000)
+    prepared = prepare(cell)
+    rehearse(prepared, cell_map(prepared))  # a simulated arm is loaded before it keeps time
+    simulated = local_robot(prepared, seed=5, count=cell.throws or 1000)
     return AcmeRobot(AcmeClient(simulated, in_time=True), cell, arm)
 
 

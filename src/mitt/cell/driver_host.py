@@ -10,11 +10,13 @@ the robot is. A thread watches. It tells the robot to stop by ``engage_brakes``
 
 A client that holds Python's lock keeps the thread from running: the loop, which sees no answer,
 kills this process, and Linux closes its connections. If mitt is gone too an alarm of Linux, which
-the thread puts off as long as it runs, kills it.
+the thread puts off as long as it runs, kills it. Linux also ends a client that computes for 15 ms
+without a pause, where it has the priority of real time.
 """
 
 import gc
 import os
+import resource
 import signal
 import sys
 import threading
@@ -24,12 +26,13 @@ from socket import socket
 from typing import Any, final
 
 from mitt.arm.arm import Arm
-from mitt.cell.exchange import Call, Entry, Exchange
+from mitt.cell.exchange import CORE, Call, Exchange, Mark
 from mitt.cell.readings import check_reading
 from mitt.cell.robot import Robot, driver_named
-from mitt.clock import hurried, monotonic, pause, uncollected
+from mitt.clock import hurried, monotonic, pause, pinned, uncollected
+from mitt.errors import MittError
 from mitt.files.cell import Cell
-from mitt.signals import TICK, Command
+from mitt.signals import TICK, Array, Command
 
 #: Longest for which the driver is let wait for a reading, before orders are looked at [s].
 _READS = 0.002
@@ -45,8 +48,10 @@ _SLOWLY = 60.0
 _CLOSES = 0.4
 #: Share of a period for which the command that answers a reading is waited for.
 _ANSWERS = 0.8
-#: Below that of the loop, so that a client that never waits does not keep the loop from its core.
-_PRIORITY = 40
+#: Above that of the loop, on whose core it is: what comes and goes does so at once, while the loop
+#: waits. A client that computes for so long without a pause is ended by Linux [us].
+_PRIORITY = 60
+_COMPUTES_US = 15_000
 _STATUS = (Call.CONFLICT, Call.WAITS, Call.TROUBLE)
 
 
@@ -60,6 +65,7 @@ class Host:
         self._silence, self._answers = cell.robot.watchdog, _ANSWERS * cell.robot.ticks * TICK
         self._released, self._heard, self._slow, self._over = False, 0.0, True, False
         self._braking, self._ordering = threading.Lock(), threading.Lock()
+        self._ordered = 0
         self._orders, self._said = list[tuple[int, Call]](), dict[Call, tuple[bool, str]]()
         self._robot: Robot
 
@@ -73,28 +79,40 @@ class Host:
             self._exchange.ring()
             return
         self._robot = made
-        self._exchange.state["brakes"] = made.brakes
+        self._exchange.state[Mark.BRAKES] = float(made.brakes)
         self._exchange.say(Call.MAKE, "")
         self._exchange.ring()
-        with hurried(_PRIORITY), uncollected():
+        with hurried(_PRIORITY), pinned(CORE), uncollected():
             threading.Thread(target=self._watch, daemon=True).start()
-            self._slow = False
+            self._be_slow(slow=False)
             while not self._over:
                 self._cycle()
-        self._slow = True
+        self._be_slow(slow=True)
         self._ask(Call.CLOSE, made.close)
+
+    def _be_slow(self, *, slow: bool) -> None:
+        """Say whether a call may take long."""
+        self._slow = slow
+        signal.setitimer(signal.ITIMER_REAL, _SLOWLY if slow else _ALARM)
+        _, most = resource.getrlimit(resource.RLIMIT_RTTIME)
+        resource.setrlimit(resource.RLIMIT_RTTIME, (most if slow else _COMPUTES_US, most))
 
     def _ask(self, call: Call, asked: Callable[[], Any]) -> Any:  # noqa: ANN401
         """Return what the driver answers; None where it raises, which is said."""
         state = self._exchange.state
-        state["call"], state["since"] = int(call), monotonic()
+        state[Mark.CALL], state[Mark.SINCE] = float(call), monotonic()
         try:
             return asked()
         except BaseException as error:  # SystemExit too
-            self._exchange.say(call, str(error) or type(error).__name__, raised=True)
+            self._exchange.say(call, self._named(error), raised=True)
             return None
         finally:
-            state["since"] = 0.0
+            state[Mark.SINCE] = 0.0
+
+    def _named(self, error: BaseException) -> str:
+        """Return what a driver has raised, in words."""
+        kind = "" if isinstance(error, MittError) else f"{type(error).__name__}: "
+        return f"driver {self._cell.robot.driver!r}: {kind}{error}".removesuffix(": ")
 
     def _cycle(self) -> None:
         """Do what was ordered; read, publish, write what answers it; say how the robot is."""
@@ -107,12 +125,12 @@ class Host:
             exchange.wait(0.5 * _READS)
         self._ask(Call.POINTS, self._publish_points)
         for reading in readings or ():
-            exchange.readings.put(t=reading.t, q=reading.q, dq=reading.dq)
+            exchange.readings.put(reading.t, reading.q, reading.dq)
         exchange.ring()
         command = self._answer(readings[-1].t if readings else None)
         if command is not None:
-            given = command_of(command)
-            self._ask(Call.WRITE, lambda: robot.write(given, float(command["answers"])))
+            given = self._command_of(command)
+            self._ask(Call.WRITE, lambda: robot.write(given, float(command[0])))
         self._ask(Call.NEWS, self._publish_news)
         for call in _STATUS:
             self._say_status(call)
@@ -127,9 +145,7 @@ class Host:
     def _publish_points(self) -> None:
         """Publish positions of the ball."""
         for p in self._robot.points():
-            self._exchange.points.put(
-                t=p.t, found=p.found, r_o=p.r_o, covariance=p.covariance.ravel()
-            )
+            self._exchange.points.put(p.t, float(p.found), p.r_o, p.covariance)
 
     def _publish_news(self) -> None:
         """Pass on how throws ended."""
@@ -138,41 +154,50 @@ class Host:
 
     def _say_status(self, call: Call) -> None:
         """Say how the robot is where that is new."""
-        robot = self._robot
+        robot, state = self._robot, self._exchange.state
         asked = {
             Call.CONFLICT: robot.conflict,
             Call.WAITS: robot.waits,
             Call.TROUBLE: robot.trouble,
         }
         try:
-            self._exchange.state["call"], self._exchange.state["since"] = int(call), monotonic()
+            state[Mark.CALL], state[Mark.SINCE] = float(call), monotonic()
             said = False, asked[call]()
         except BaseException as error:  # SystemExit too
-            said = True, str(error) or type(error).__name__
+            said = True, self._named(error)
         finally:
-            self._exchange.state["since"] = 0.0
+            state[Mark.SINCE] = 0.0
         if self._said.get(call, (False, "")) != said:
             self._said[call] = said
             self._exchange.say(call, said[1], raised=said[0])
 
-    def _answer(self, stamp: float | None) -> Entry | None:
+    def _answer(self, stamp: float | None) -> Array | None:
         """Return the newest command; wait for the one that answers a reading with this stamp."""
         end, newest = monotonic() + self._answers, None
         while True:
             if taken := self._exchange.commands.take():
                 newest, self._heard = taken[-1], monotonic()
-            answered = newest is not None and (stamp is None or newest["answers"] >= stamp)
+            answered = newest is not None and (stamp is None or newest[0] >= stamp)
             left = end - monotonic()
             if answered or stamp is None or not self._released or left <= 0.0 or self._orders:
                 return newest
-            self._exchange.wait(left)
+            if not self._exchange.wait(left):  # mitt is gone
+                self._brake(0)
+                self._over = True
+                return None
             self._take_orders()
+
+    def _command_of(self, row: Array) -> Command:
+        """Return a command from its entry."""
+        joints = row[4:].reshape(4, self._arm.n)
+        return Command(t=float(row[1]), joints=joints, hand=float(row[2]), brakes=row[3] > 0.0)
 
     def _take_orders(self) -> None:
         """Take what was ordered."""
         with self._ordering:
             for order in self._exchange.orders.take():
-                self._orders.append((int(order["after"]), Call(int(order["call"]))))
+                self._ordered += 1
+                self._orders.append((self._ordered, Call(int(order[0]))))
 
     def _obey(self) -> None:
         """Do what was ordered."""
@@ -189,14 +214,15 @@ class Host:
     def _release(self, number: int) -> None:
         """Release the brakes; it may take long."""
         state = self._exchange.state
-        state["begun"], self._slow = number, True
-        signal.setitimer(signal.ITIMER_REAL, _SLOWLY)
+        state[Mark.BEGUN] = number
+        self._be_slow(slow=True)
         self._exchange.commands.take()
         with self._braking:
             self._ask(Call.RELEASE, self._robot.release)
         self._exchange.say(Call.WATCHDOG, "")
-        self._heard, self._released, self._slow = monotonic(), True, False
-        state["done"] = number
+        self._be_slow(slow=False)
+        self._heard, self._released = monotonic(), True
+        state[Mark.DONE] = number
         self._exchange.ring()
 
     def _brake(self, number: int) -> None:
@@ -205,15 +231,15 @@ class Host:
             return
         try:
             state = self._exchange.state
-            if 0 < number <= int(state["done"]):
+            if 0 < number <= int(state[Mark.DONE]):
                 return
-            self._released, state["begun"] = False, max(number, int(state["begun"]))
+            self._released, state[Mark.BEGUN] = False, max(number, int(state[Mark.BEGUN]))
             try:
                 said, raised = self._robot.engage_brakes() or "", False
             except BaseException as error:
-                said, raised = str(error) or type(error).__name__, True
+                said, raised = self._named(error), True
             self._exchange.say(Call.ENGAGE_BRAKES, said, raised=raised)
-            state["done"] = max(number, int(state["done"]))
+            state[Mark.DONE] = max(number, int(state[Mark.DONE]))
             self._exchange.ring()
         finally:
             self._braking.release()
@@ -223,7 +249,7 @@ class Host:
         while os.getppid() == self._parent:
             signal.setitimer(signal.ITIMER_REAL, _SLOWLY if self._slow else _ALARM)
             pause(_LOOKS)
-            now, since = monotonic(), float(self._exchange.state["since"])
+            now, since = monotonic(), self._exchange.state[Mark.SINCE]
             if self._released and not self._slow and now - self._heard > self._silence:
                 passed = 1e3 * (now - self._heard)
                 self._exchange.say(Call.WATCHDOG, f"no command for {passed:.0f} ms")
@@ -243,16 +269,6 @@ class Host:
         asked = [number for number, call in self._orders if call is Call.ENGAGE_BRAKES]
         if asked:
             self._brake(asked[-1])
-
-
-def command_of(entry: Entry) -> Command:
-    """Return a command."""
-    return Command(
-        t=float(entry["t"]),
-        joints=entry["joints"],
-        hand=float(entry["hand"]),
-        brakes=bool(entry["brakes"]),
-    )
 
 
 def serve_driver(bell: int, memory: int) -> None:

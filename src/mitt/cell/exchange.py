@@ -12,23 +12,25 @@ from enum import IntEnum
 from mmap import mmap
 from select import select
 from socket import AF_UNIX, SOCK_STREAM, socket, socketpair
-from typing import Any, TypeAlias, final
+from typing import NamedTuple, final
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from mitt.signals import ArmState, Sighting
+from mitt.signals import ArmState, Array, Sighting
 
-Entry: TypeAlias = Any
-"""An entry, a record of NumPy, or a field of one."""
-
+CORE = -1
+"""Core of the live loop and of its driver among those allowed, the last: they take turns."""
 #: Entries of the rings: a reader may be late by so many.
 _READINGS = 64
 _POINTS = 256
 _COMMANDS = 8
 _WORDS = 64
 _ORDERS = 8
-#: Longest text of a word [bytes].
+#: Longest text of a word [bytes], a multiple of 8.
 _LENGTH = 1000
+#: Numbers of a position: time, whether it was found, place, covariance.
+_POINT = 2 + 3 + 9
 
 
 class Call(IntEnum):
@@ -50,70 +52,67 @@ class Call(IntEnum):
     """Nothing that a driver is asked: what the watchdog of its process has done."""
 
 
-def _ring(*fields: Entry) -> np.dtype[Any]:
-    """Return an entry with its counts."""
-    return np.dtype([("before", np.int64), *fields, ("after", np.int64)])
+class Mark(IntEnum):
+    """Places of single numbers in the memory."""
 
-
-def _layout(n: int) -> np.dtype[Any]:
-    """Return what the memory holds for an arm of ``n`` joints."""
-    reading = _ring(("t", float), ("q", float, (n,)), ("dq", float, (n,)))
-    point = _ring(("t", float), ("found", bool), ("r_o", float, (3,)), ("covariance", float, (9,)))
-    command = _ring(
-        ("answers", float),
-        ("t", float),
-        ("joints", float, (4, n)),
-        ("hand", float),
-        ("brakes", bool),
-    )
-    word = _ring(("call", np.int64), ("raised", bool), ("text", f"S{_LENGTH}"))
-    return np.dtype(
-        [
-            ("brakes", np.int64),
-            ("call", np.int64),
-            ("since", float),
-            ("begun", np.int64),
-            ("done", np.int64),
-            ("readings", reading, (_READINGS,)),
-            ("points", point, (_POINTS,)),
-            ("words", word, (_WORDS,)),
-            ("commands", command, (_COMMANDS,)),
-            ("orders", _ring(("call", np.int64)), (_ORDERS,)),
-        ],
-        align=True,
-    )
+    BRAKES = 0
+    """Whether there are brakes."""
+    CALL = 1
+    """What the driver is asked now."""
+    SINCE = 2
+    """Since when, by the steady clock [s]; 0 where it is asked nothing."""
+    BEGUN = 3
+    """Number of the newest order that was begun."""
+    DONE = 4
+    """Number of the newest order that was done."""
 
 
 @final
 class EntryRing:
-    """Entries that one process writes and another reads."""
+    """Entries of numbers that one process writes and another reads."""
 
-    def __init__(self, slots: Entry) -> None:
-        """Take the memory of the entries."""
-        self._slots, self._size, self._count = slots, len(slots), 0
+    def __init__(self, memory: "memoryview[float]", size: int, width: int) -> None:
+        """Take the memory of ``size`` entries of ``width`` numbers."""
+        self._size, self._count = size, 0
+        self._before, self._after = memory[:size], memory[size : 2 * size]
+        self._values = np.asarray(memory[2 * size :]).reshape(size, width)
 
-    def put(self, **fields: object) -> int:
-        """Write an entry; return its count."""
+    def put(self, *parts: ArrayLike) -> int:
+        """Write an entry, its numbers in parts; return its count."""
         self._count = count = self._count + 1
-        slot = self._slots[count % self._size]
-        slot["before"] = count
-        for name, value in fields.items():
-            slot[name] = value
-        slot["after"] = count
+        k, row, at = count % self._size, self._values[count % self._size], 0
+        self._before[k] = count
+        for part in parts:
+            if isinstance(part, np.ndarray):
+                row[at : at + part.size] = part.ravel()
+                at += part.size
+            else:
+                row[at] = part
+                at += 1
+        self._after[k] = count
         return count
 
-    def take(self) -> list[Entry]:
-        """Return copies of all entries since the last call, oldest first; lost ones are left."""
-        found = list[Entry]()
+    def take(self) -> list[Array]:
+        """Return all entries since the last call, oldest first; those that were lost are left."""
+        found = list[Array]()
         while True:
-            slot = self._slots[(self._count + 1) % self._size]
-            count = int(slot["after"])
+            k = (self._count + 1) % self._size
+            count = int(self._after[k])
             if count <= self._count:
                 return found
-            copy = slot.copy()
+            row = self._values[k].copy()
             self._count = count
-            if copy["before"] == count == slot["before"]:
-                found.append(copy)
+            if self._before[k] == count == self._after[k]:
+                found.append(row)
+
+
+@final
+class Word(NamedTuple):
+    """What a driver said: on being asked what, whether it raised, and its text."""
+
+    call: Call
+    raised: bool
+    text: str
 
 
 @final
@@ -121,37 +120,49 @@ class Exchange:
     """The memory and one end of the bell.
 
     Attributes:
-        state: Single numbers: ``brakes`` (whether there are any), what the driver is asked now
-            (``call``) and since when (``since`` [s], 0 where it is asked nothing), counts of the
-            newest order that was ``begun`` and ``done``.
-        readings: From the driver.
-        points: From the driver.
-        words: From the driver: what it was asked, whether it raised, and what it said.
-        commands: To the driver.
-        orders: To the driver: brakes, release, close.
+        state: Single numbers, at the places of :class:`Mark`.
+        readings: From the driver: time, angles, speeds.
+        points: From the driver: positions of the ball.
+        commands: To the driver: stamp answered, time, hand, brakes, rows of the joints.
+        orders: To the driver: brakes, release, close, each a :class:`Call`.
     """
 
     def __init__(self, memory: int, bell: socket, n: int) -> None:
         """Take the file of the memory, an end of the bell, and the number of joints."""
-        layout = _layout(n)
-        os.truncate(memory, layout.itemsize)
+        widths = (
+            (_READINGS, 1 + 2 * n),
+            (_POINTS, _POINT),
+            (_WORDS, 3 + _LENGTH // 8),
+            (_COMMANDS, 4 + 4 * n),
+            (_ORDERS, 1),
+        )
+        whole = len(Mark) + sum(size * (2 + width) for size, width in widths)
+        os.truncate(memory, 8 * whole)
         self.memory, self.bell = memory, bell
-        self.state: Entry = np.frombuffer(mmap(memory, layout.itemsize), layout, 1)[0]
-        self.readings, self.points = (
-            EntryRing(self.state["readings"]),
-            EntryRing(self.state["points"]),
-        )
-        self.words, self.commands = (
-            EntryRing(self.state["words"]),
-            EntryRing(self.state["commands"]),
-        )
-        self.orders = EntryRing(self.state["orders"])
+        numbers = memoryview(mmap(memory, 8 * whole)).cast("B").cast("d")
+        self.state, rings, at = numbers[: len(Mark)], list[EntryRing](), len(Mark)
+        for size, width in widths:
+            rings.append(EntryRing(numbers[at : at + size * (2 + width)], size, width))
+            at += size * (2 + width)
+        self.readings, self.points, self._words, self.commands, self.orders = rings
         bell.setblocking(False)
 
     def say(self, call: Call, text: str, *, raised: bool = False) -> None:
         """Write a word."""
         said = text.encode()[:_LENGTH]
-        self.words.put(call=int(call), raised=raised, text=said)
+        letters = np.frombuffer(said.ljust(_LENGTH, b"\0"), float)
+        self._words.put(float(call), float(raised), float(len(said)), letters)
+
+    def words(self) -> list[Word]:
+        """Return what was said since the last call."""
+        return [
+            Word(
+                Call(int(row[0])),
+                bool(row[1]),
+                row[3:].tobytes()[: int(row[2])].decode(errors="replace"),
+            )
+            for row in self._words.take()
+        ]
 
     def ring(self) -> None:
         """End a wait at the other end; a bell that rings already, or whose end is gone, stays."""
@@ -183,16 +194,13 @@ def exchange_pair(n: int) -> tuple[Exchange, socket]:
     return Exchange(os.memfd_create("mitt-driver"), here, n), there
 
 
-def reading_of(entry: Entry) -> ArmState:
-    """Return a reading."""
-    return ArmState(t=float(entry["t"]), q=entry["q"], dq=entry["dq"])
+def reading_of(row: Array, n: int) -> ArmState:
+    """Return a reading of ``n`` joints."""
+    return ArmState(t=float(row[0]), q=row[1 : 1 + n], dq=row[1 + n :])
 
 
-def sighting_of(entry: Entry) -> Sighting:
+def sighting_of(row: Array) -> Sighting:
     """Return a position."""
     return Sighting(
-        t=float(entry["t"]),
-        found=bool(entry["found"]),
-        r_o=entry["r_o"],
-        covariance=entry["covariance"].reshape(3, 3),
+        t=float(row[0]), found=row[1] > 0.0, r_o=row[2:5], covariance=row[5:].reshape(3, 3)
     )

@@ -18,7 +18,7 @@ from subprocess import DEVNULL, Popen, TimeoutExpired
 from typing import final
 
 from mitt.arm.arm import Arm
-from mitt.cell.exchange import Call, exchange_pair, reading_of, sighting_of
+from mitt.cell.exchange import Call, Mark, exchange_pair, reading_of, sighting_of
 from mitt.clock import monotonic
 from mitt.errors import MittError
 from mitt.files.cell import Cell
@@ -71,6 +71,7 @@ class HostedRobot:
         self._braked = self._released = False
         self._said = dict[Call, tuple[bool, str]]()
         self._raised, self._news = dict[Call, str](), list[str]()
+        self._n = arm.n
         self._exchange, there = exchange_pair(arm.n)
         fds = (there.fileno(), self._exchange.memory)
         self._process = Popen(  # noqa: S603  # nosec B603
@@ -90,7 +91,7 @@ class HostedRobot:
         except BaseException:
             self.close()
             raise
-        self.brakes = bool(self._exchange.state["brakes"])
+        self.brakes = bool(self._exchange.state[Mark.BRAKES])
 
     def _await_made(self) -> None:
         """Wait until the driver has made its robot."""
@@ -114,7 +115,7 @@ class HostedRobot:
         """
         end = monotonic() + timeout
         while True:
-            found = [reading_of(x) for x in self._exchange.readings.take()]
+            found = [reading_of(x, self._n) for x in self._exchange.readings.take()]
             if found:
                 return found
             self._raise_of(Call.READ)
@@ -134,11 +135,7 @@ class HostedRobot:
         """Leave a command for the driver; DriverError where the last one failed."""
         self._raise_of(Call.WRITE)
         self._exchange.commands.put(
-            answers=answers,
-            t=command.t,
-            joints=command.joints,
-            hand=command.hand,
-            brakes=command.brakes,
+            answers, command.t, command.hand, float(command.brakes), command.joints
         )
         self._exchange.ring()
 
@@ -148,8 +145,8 @@ class HostedRobot:
             return self._over
         self._released, number = False, self._order(Call.ENGAGE_BRAKES)
         hangs = self._hangs(self._silence) != ""
-        begun = self._came("begun", number, _BEGUN if hangs else _BUSY)
-        if not begun or not self._came("done", number, _BRAKED):
+        begun = self._came(Mark.BEGUN, number, _BEGUN if hangs else _BUSY)
+        if not begun or not self._came(Mark.DONE, number, _BRAKED):
             return self._killed()
         self._hear()
         if Call.ENGAGE_BRAKES in self._raised:
@@ -163,7 +160,7 @@ class HostedRobot:
         self._check_there()
         self._braked = False
         number = self._order(Call.RELEASE)
-        if not self._came("done", number, _RELEASED, until=asked_to_end):
+        if not self._came(Mark.DONE, number, _RELEASED, until=asked_to_end):
             self._check_there()
             raise DriverError(self._hangs() or f"{self._name} does not release the brakes")
         self._exchange.readings.take()  # of before
@@ -201,12 +198,12 @@ class HostedRobot:
 
     def _order(self, call: Call) -> int:
         """Order something; return its number."""
-        number = self._exchange.orders.put(call=int(call))
+        number = self._exchange.orders.put(float(call))
         self._exchange.ring()
         return number
 
     def _came(
-        self, what: str, number: int, within: float, *, until: Callable[[], bool] = lambda: False
+        self, what: Mark, number: int, within: float, *, until: Callable[[], bool] = lambda: False
     ) -> bool:
         """Wait until an order is begun, or done; say whether it was in time."""
         end = monotonic() + within
@@ -214,7 +211,7 @@ class HostedRobot:
             left = end - monotonic()
             if left <= 0.0 or self._over or until():
                 return False
-            self._wait(min(left, 0.05 if what == "done" else 0.001))
+            self._wait(min(left, 0.05 if what is Mark.DONE else 0.001))
         return True
 
     def _wait(self, timeout: float) -> None:
@@ -236,11 +233,11 @@ class HostedRobot:
 
     def _hangs(self, longest: float = _SLOW) -> str:
         """Say which call has not returned for a time [s]; nothing where none is late."""
-        since = float(self._exchange.state["since"])
+        since = self._exchange.state[Mark.SINCE]
         passed = monotonic() - since
         if since == 0.0 or passed < longest:
             return ""
-        call = Call(int(self._exchange.state["call"])).name.lower()
+        call = Call(int(self._exchange.state[Mark.CALL])).name.lower()
         return f"{self._name} does not answer: {call} has not returned for {1e3 * passed:.0f} ms"
 
     def _killed(self) -> str:
@@ -264,14 +261,13 @@ class HostedRobot:
 
     def _hear(self) -> None:
         """Take in what the driver has said."""
-        for word in self._exchange.words.take():
-            call, text = Call(int(word["call"])), bytes(word["text"]).decode(errors="replace")
-            if call is Call.NEWS and not word["raised"]:
+        for call, raised, text in self._exchange.words():
+            if call is Call.NEWS and not raised:
                 self._news.append(text)
-            elif word["raised"] and call not in _STATUS:
+            elif raised and call not in _STATUS:
                 self._raised[call] = text
             else:
-                self._said[call] = bool(word["raised"]), text
+                self._said[call] = raised, text
 
     def _raise_of(self, call: Call) -> None:
         """Raise what a call raised in the driver, once; always where that is gone."""

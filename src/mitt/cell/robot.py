@@ -12,31 +12,37 @@ and before the start: from cell and arm to lines that say what the robot has to 
 nothing, and loads no maker's library.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import partial
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from math import inf
-from typing import Any, NamedTuple, ParamSpec, Protocol, TypeVar, final, runtime_checkable
+from typing import Any, NamedTuple, Protocol, final, runtime_checkable
 
 import numpy as np
 
 from mitt import checks
 from mitt.arm.arm import Arm
 from mitt.control.setpoints import Setpoints
-from mitt.errors import InputError, MittError, UnknownNameError, answered_by
+from mitt.errors import (
+    InputError,
+    MissingPackageError,
+    MittError,
+    UnknownNameError,
+)
 from mitt.files.cell import Cell
 from mitt.signals import TICK, ArmState, Array, Command, Sighting
 
 #: Groups of the entry points: drivers, and their checks.
 GROUP = "mitt.robots"
 CHECKS = "mitt.robot_checks"
-#: Where the example drivers are.
-_EXAMPLES = (
-    " (franka or ur: pip install './examples/drivers[franka]' or '[ur]' in the repository of mitt)"
+#: Drivers that come with mitt, found as those of other packages are, and before them.
+_OWN = (
+    EntryPoint("franka", "mitt.cell.franka:franka_robot", GROUP),
+    EntryPoint("franka", "mitt.cell.franka:check_franka", CHECKS),
+    EntryPoint("ur", "mitt.cell.ur:ur_robot", GROUP),
+    EntryPoint("ur", "mitt.cell.ur:check_ur", CHECKS),
 )
-P = ParamSpec("P")
-R = TypeVar("R")
 #: Time after which a setpoint says nothing of the next [s].
 _STALE = 0.05
 
@@ -203,7 +209,7 @@ def check_brakes(brakes: bool, *, unbraked: bool) -> None:
 
 
 def driver_named(name: str) -> Driver:
-    """Return a driver of another package.
+    """Return a driver of mitt or of another package; what it makes raises what its client raises.
 
     Raises:
         UnknownNameError: No driver is called that.
@@ -223,7 +229,7 @@ def check_added(cell: Cell, arm: Arm) -> list[str]:
     """
     name = cell.robot.driver
     _entry(name, GROUP)
-    if name not in {entry.name for entry in entry_points(group=CHECKS)}:
+    if name not in _entries(CHECKS):
         return []
     check: DriverCheck = _entry(name, CHECKS)
     with _libraries(f"driver {name!r}"):
@@ -235,16 +241,35 @@ def check_added(cell: Cell, arm: Arm) -> list[str]:
             raise InputError(f"driver {name!r}", "a cell that its check takes", error) from error
 
 
+def _entries(group: str) -> dict[str, EntryPoint]:
+    """Return the entry points of a group by their names; those of mitt are no other package's."""
+    own = [entry for entry in _OWN if entry.group == group]
+    return {entry.name: entry for entry in (*entry_points(group=group), *own)}
+
+
+def option_of(cell: Cell, known: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the options of a cell's robot, with what is left out as in ``known``.
+
+    Raises:
+        InputError: One is not known, or of another kind.
+    """
+    for key, value in cell.robot.options.items():
+        if key not in known:
+            raise InputError(f"robot.options.{key}", f"one of {', '.join(known)}", "another")
+        if type(value) is not type(known[key]):
+            raise InputError(f"robot.options.{key}", type(known[key]).__name__, repr(value)[:60])
+    return {**known, **cell.robot.options}
+
+
 def _entry(name: str, group: str) -> Any:  # noqa: ANN401 (whatever the package has there)
     """Return what the entry point of a driver stands for."""
-    added = {entry.name: entry for entry in entry_points(group=group)}
+    added = _entries(group)
     if name not in added:
         raise UnknownNameError(
             "robot.driver",
             name,
             ("ros2", "sim", *sorted(added)),
-            do="a driver comes with a package: pip install it into the Python of mitt"
-            + (_EXAMPLES if name in ("franka", "ur") else ""),
+            do="other drivers come with packages: pip install it into the Python of mitt",
         )
     entry, where = added[name], f"driver {name!r}"
     try:
@@ -262,6 +287,8 @@ def _libraries(where: str) -> Iterator[None]:
     """Name a library that a driver needs and that is not installed."""
     try:
         yield
+    except MissingPackageError:  # of mitt's own drivers: it names the extra
+        raise
     except ImportError as error:
         raise _lacking(where, error) from error
 
@@ -278,36 +305,6 @@ def _lacking(where: str, error: ImportError) -> InputError:
 
 
 def _added(name: str, driver: Driver, cell: Cell, arm: Arm) -> Robot:
-    """Return the robot that a driver of another package makes, its exceptions named after it."""
-    with answered_by(name), _libraries(name):
-        robot = checks.instance("robot", driver(cell, arm), Robot)
-    return _Added(name, robot)
-
-
-def _answered(name: str, method: Callable[P, R]) -> Callable[P, R]:
-    """Return a method of another package whose exceptions are named after it."""
-
-    def call(*args: P.args, **kwargs: P.kwargs) -> R:
-        with answered_by(name):
-            return method(*args, **kwargs)
-
-    return call
-
-
-@final
-class _Added:
-    """A robot of another package: the same calls, its exceptions named after it."""
-
-    def __init__(self, name: str, inner: Robot) -> None:
-        """Take what an error calls it, and the robot."""
-        self.brakes = inner.brakes
-        self.read = _answered(name, inner.read)
-        self.points = _answered(name, inner.points)
-        self.write = _answered(name, inner.write)
-        self.engage_brakes = _answered(name, inner.engage_brakes)
-        self.release = _answered(name, inner.release)
-        self.waits = _answered(name, inner.waits)
-        self.conflict = _answered(name, inner.conflict)
-        self.trouble = _answered(name, inner.trouble)
-        self.news = _answered(name, inner.news)
-        self.close = _answered(name, inner.close)
+    """Return the robot that a driver makes."""
+    with _libraries(name):
+        return checks.instance("robot", driver(cell, arm), Robot)

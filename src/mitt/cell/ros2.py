@@ -32,7 +32,7 @@ from mitt.arm.description import roll_pitch_yaw
 from mitt.cell import dds
 from mitt.cell import ros2_messages as messages
 from mitt.cell.frames import FrameWriter
-from mitt.cell.robot import ReceivedCommand, check_brakes
+from mitt.cell.robot import ReceivedCommand, check_brakes, option_of
 from mitt.cell.ros2_messages import Orders, joints_of
 from mitt.clock import monotonic
 from mitt.errors import InputError, MittError
@@ -78,13 +78,7 @@ _LEASE = 25.0
 
 def ros2_options(cell: Cell) -> dict[str, Any]:
     """Return the options of a cell's robot, with what is left out."""
-    given = cell.robot.options
-    for key, value in given.items():
-        if key not in _KNOWN:
-            raise InputError(f"robot.options.{key}", f"one of {', '.join(_KNOWN)}", "another")
-        if type(value) is not type(_KNOWN[key]):
-            raise InputError(f"robot.options.{key}", type(_KNOWN[key]).__name__, repr(value)[:60])
-    return _KNOWN | given
+    return option_of(cell, _KNOWN)
 
 
 _Places: TypeAlias = tuple[NDArray[np.int64], NDArray[np.int64]]

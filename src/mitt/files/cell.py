@@ -172,11 +172,11 @@ class RobotPart(FileSection):
     """How the robot is reached.
 
     Attributes:
-        driver: ``ros2``, ``sim`` (in the same process, without real time), or a name of the entry
-            points ``mitt.robots``.
+        driver: ``ros2``, ``franka``, ``ur``, ``sim`` (in the same process, without real time), or a
+            name of the entry points ``mitt.robots``.
         takes: What its drives are commanded; positions and velocities are setpoints that lead the
             desired motion by delay and lag.
-        rate: Readings and commands a second: 1000, without torques also 500 or 250 [Hz].
+        rate: Readings and commands a second: 1000 or 500, without torques also 250 [Hz].
         watchdog: Time without a command after which it brakes by itself [s].
         delay: Time from reading the joints until the command made then ceases to act [s].
         servo: Bandwidth of its own joint control, where it takes no torques [Hz]: measure it, by a
@@ -293,8 +293,10 @@ def cell_of(raw: Any, *, place: str, folder: Path = Path()) -> Cell:  # noqa: AN
             f"{cell.robot.rate:g}",
             do="let the driver fill in readings",
         )
-    if cell.robot.takes == "torque" and cell.robot.ticks > 1:
-        raise FileError(f"{place} key 'robot.rate'", "1000 Hz for torques", f"{cell.robot.rate:g}")
+    if cell.robot.takes == "torque" and cell.robot.ticks > 2:
+        raise FileError(
+            f"{place} key 'robot.rate'", "1000 or 500 Hz for torques", f"{cell.robot.rate:g}"
+        )
     _check_task(cell, place)
     named = {"file": _beside(folder, cell.arm.file), "limits": _beside(folder, cell.arm.limits)}
     arm = cell.arm.model_copy(update=named)

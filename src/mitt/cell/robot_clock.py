@@ -6,18 +6,14 @@ as stamps must not jump while an arm moves. Readings that are late all of a sudd
 their stamps stay as they are, so that the live loop finds them late.
 """
 
-import time
 from collections.abc import Callable
 from math import inf
 from typing import final
 
 from mitt.clock import time_of_day
 
-wait = time.sleep
-"""Waits for a time [s]."""
-
 #: How fast two clocks drift apart at most [s/s]: two quartzes of 100 ppm each.
-DRIFT = 2e-4
+_DRIFT = 2e-4
 #: For how long it is looked what came fastest [s], and by how much that may have changed since [s].
 _WINDOW = 5.0
 _MOST = 0.002
@@ -49,7 +45,7 @@ class RobotClock:
             changed = self._least - self._behind
             self._goal = self._behind if changed > _MOST else self._least
             self._least, self._until = inf, stamp + _WINDOW
-        step = DRIFT * max(stamp - self._last, 0.0)
+        step = _DRIFT * max(stamp - self._last, 0.0)
         self._behind += min(max(self._goal - self._behind, -step), step)
 
     def fix(self) -> None:
