@@ -194,7 +194,9 @@ def test_the_types_are_those_of_a_throw(
     arm: Arm, throw: Throw, monkeypatch: pytest.MonkeyPatch, pixels: bool
 ) -> None:
     """Another type, and each kernel would be compiled twice without a word."""
-    spies = {name: Spy() for name in ("perceive", "act", "refer", "undecided", "move", "capture")}
+    spies = {
+        name: Spy() for name in ("perceive", "act", "refer", "undecided", "move_motors", "capture")
+    }
     for name, spy in spies.items():
         monkeypatch.setattr(runs, name, spy)
     f = unlearned(arm, default_design(arm))
@@ -224,7 +226,7 @@ def test_the_types_are_those_of_a_throw(
         "act": (brake, state, result),
         "refer": (state, result),
         "undecided": (whole, state, result),
-        "move": (
+        "move_motors": (
             typeof(given["plant"]),
             q,
             number,

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal
+from typing import Annotated, Any, ClassVar, Final, Literal
 
 import numpy as np
 from pydantic import Field
@@ -32,7 +32,7 @@ from mitt.trials.runner import LoggedTrial, TrialRunner
 from mitt.trials.score import Trial
 from mitt.trials.scored_task import Measure, Row, ScoredTask
 from mitt.trials.source import Source, source_of, widened
-from mitt.trials.study import Chunk, Condition, Material, Study
+from mitt.trials.study import Chunk, Condition, KeptFiles, Material, Study
 from mitt.trials.study_file import (
     ConditionSettings,
     Count,
@@ -48,9 +48,6 @@ from mitt.world.flights import builtin_flights, read_flights
 from mitt.world.overlap import check_scene
 from mitt.world.scene import DEFAULT_SCENE
 from mitt.world.throws import Throw
-
-if TYPE_CHECKING:
-    from mitt.trials.study_folder import Folder
 
 _AXES: Final = ("x", "y", "z", "vx", "vy", "vz")
 #: Arms with their maps, and generators, that a worker keeps.
@@ -162,7 +159,9 @@ class CatchStudy(Study):
         chosen = [spec.read() for spec in dict.fromkeys(c.arm for c in self.conditions)]
         return [words for x in chosen for words in warnings_of(x.arm, x.design)]
 
-    def material(self, condition: CatchCondition, folder: "Folder", progress: Progress) -> Material:
+    def material(
+        self, condition: CatchCondition, folder: KeptFiles, progress: Progress
+    ) -> Material:
         """Return the map of an arm, learned once and kept in the folder, and recorded flights."""
         path = folder.map(condition.arm)
         if not path.exists():

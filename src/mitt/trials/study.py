@@ -9,12 +9,13 @@ from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, NamedTuple, final
+from typing import Annotated, Any, ClassVar, Final, NamedTuple, Protocol, final
 
 from pydantic import Field
 
 from mitt.clock import Progress, Stopwatch
 from mitt.errors import FileError
+from mitt.files.arm_file import ArmSpec
 from mitt.files.recordings import Recording
 from mitt.files.schema import FileSettings
 from mitt.files.writing import json_digest
@@ -22,9 +23,6 @@ from mitt.reading import changed_file
 from mitt.trials.scored_task import Row, ScoredTask
 from mitt.world.flights import RecordedFlight
 from mitt.world.scene import Scene
-
-if TYPE_CHECKING:
-    from mitt.trials.study_folder import Folder
 
 REFERENCE: Final = "direct"
 """The generator that all others are compared with."""
@@ -71,6 +69,16 @@ class Condition(FileSettings):
     counts: dict[str, int]
     scene: Scene
     arm_files: dict[str, str] = Field(default_factory=dict)
+
+
+class KeptFiles(Protocol):
+    """Where the folder of a study keeps what its trials need."""
+
+    def map(self, arm: ArmSpec) -> Path:
+        """Return where the map of an arm is kept."""
+
+    def flights(self, study: Any, address: str) -> Path:  # noqa: ANN401 (the study itself)
+        """Return where the recorded flights of an address are kept."""
 
 
 @final
@@ -191,7 +199,7 @@ class Study(FileSettings):
     def material(
         self,
         condition: Any,  # noqa: ANN401, ARG002 (one of its own)
-        folder: "Folder",  # noqa: ARG002
+        folder: KeptFiles,  # noqa: ARG002
         progress: Progress,  # noqa: ARG002
     ) -> Material:
         """Return what trials of a condition need of the folder, made where it is not there."""
