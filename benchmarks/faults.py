@@ -32,9 +32,8 @@ from mitt.control.health import ABORT
 from mitt.map.mapping import DirectMap
 from mitt.map.neighbourhood import learn
 from mitt.signals import Array
-from mitt.trials.result import STATUSES
 from mitt.trials.runner import TrialRunner
-from mitt.trials.score import measure
+from mitt.trials.score import STATUSES, measure
 from mitt.trials.source import aim_of
 from mitt.trials.statistics import wilson
 from mitt.world.scene import Scene

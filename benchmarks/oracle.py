@@ -18,8 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mitt.trials.result import STATUSES
-from mitt.trials.score import Trial, reason_of
+from mitt.trials.score import STATUSES, Trial, reason_of
 from mitt.trials.statistics import wilson
 
 #: The stream that a sample is drawn from.

@@ -15,8 +15,8 @@ from mitt.clock import Stopwatch
 from mitt.files.maps import save_map
 from mitt.map.learn import Learned
 from mitt.trials.catch_study import read_catch_study
-from mitt.trials.result import STATUSES, result
-from mitt.trials.score import Trial
+from mitt.trials.result import result
+from mitt.trials.score import CATCH, STATUSES, Trial
 from mitt.world.scene import read_scene
 
 ROOT = Path(__file__).parents[1]
@@ -213,7 +213,7 @@ def test_the_keys_of_a_result_are_those_of_the_document() -> None:
         "scene_changed": {},
         "clock": {},
     }
-    written = result([], Stopwatch(), head, 1)
+    written = result(CATCH, [], Stopwatch(), head, 1)
     text = section("Result")
     assert keys_of(rows(text, "key")) == sorted(written)
     assert keys_of(rows(text, "key of the summary")) == sorted(written["summary"])

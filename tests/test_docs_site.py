@@ -34,7 +34,7 @@ from mitt.report.pictures import placed_faces
 from mitt.trials.batting import STATUSES as STRUCK
 from mitt.trials.explain import LIMITS
 from mitt.trials.meeting import STATUSES as MET
-from mitt.trials.result import STATUSES as TRIED
+from mitt.trials.score import STATUSES as TRIED
 from mitt.verdict.feasibility import Outcome, judge
 from mitt.verdict.impact import shares_after
 

@@ -118,7 +118,7 @@ def test_an_interrupt_that_a_library_makes_another_error_of_is_an_interrupt(
         except KeyboardInterrupt:
             raise ImportError("initialization failed") from None
 
-    monkeypatch.setattr("mitt.cli.catching.prepare_run", load)
+    monkeypatch.setattr("mitt.cli.catching._prepared", load)
     assert main(["catch"]) == 143
     assert capsys.readouterr().err == "mitt: interrupted by SIGTERM\n"
 

@@ -20,8 +20,6 @@ NAMED = re.compile(
 MADE = re.compile(r"^(?:out|runs|DIR|tmp|package|sub)/|^callee|^caller")
 #: Most lines of a module.
 LONGEST = 800
-#: Public functions that stand in more than one module: one summary for each kind of run.
-TWINS = {"summary"}
 
 
 def committed() -> list[Path]:
@@ -118,4 +116,4 @@ def test_a_public_name_stands_once() -> None:
             if isinstance(node, ast.ClassDef | ast.FunctionDef) and not node.name.startswith("_"):
                 where.setdefault(node.name, set()).add(str(path.relative_to(ROOT)))
     twice = {name: files for name, files in where.items() if len(files) > 1}
-    assert twice.keys() == TWINS, {name: twice[name] for name in twice.keys() - TWINS}
+    assert not twice

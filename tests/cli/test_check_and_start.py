@@ -29,9 +29,9 @@ def _start(*_: object, **__: object) -> NoReturn:
 
 #: What makes each command good, and where its work begins.
 GOOD: dict[str, tuple[list[str], str]] = {
-    "catch": (["catch", "--out", "OUT"], "mitt.cli.catching._run"),
-    "meet": (["meet", "--out", "OUT"], "mitt.cli.meeting._run"),
-    "bat": (["bat", "--out", "OUT", "--shield"], "mitt.cli.batting.BatRunner"),
+    "catch": (["catch", "--out", "OUT"], "mitt.cli.running._run"),
+    "meet": (["meet", "--out", "OUT"], "mitt.cli.running._run"),
+    "bat": (["bat", "--out", "OUT", "--shield"], "mitt.cli.running._run"),
     "learn": (["learn", "--out", "NEW.json"], "mitt.cli.catching.learn_map"),
     "design": (["design", "wam", "--out", "NEW.toml"], "mitt.cli.designing.search_design"),
     "run": (["run", "wam-sim"], "mitt.cell.dds.DomainParticipant"),
@@ -48,7 +48,7 @@ GOOD: dict[str, tuple[list[str], str]] = {
     ),
     "replay": (["replay", "REC.mcap", "--out", "OUT"], "mitt.cli.replaying.played"),
     "view": (["view", "REC.mcap"], "mitt.report.viewer.served"),
-    "bench": (["bench"], "mitt.cli.measuring.measure"),
+    "bench": (["bench"], "mitt.cli.measuring.measure_all"),
     "report": (["report", "OUT"], "mitt.cli.measuring.progress"),
     "arms": (["arms"], "mitt.cli.listing.show"),
 }

@@ -466,7 +466,7 @@ def test_a_signal_keeps_what_is_finished(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """One of six done: it is printed and written, the last line says where, and the status."""
-    inner = vars(runner)[method]
+    inner = getattr(runner, method)
 
     def signalled(*given: object, **how: object) -> object:
         if given[-1] == 1:
@@ -501,7 +501,7 @@ def test_a_fault_of_ours_is_one_line_with_status_1(
         raise ZeroDivisionError("two\nlines")
 
     monkeypatch.delenv("MITT_TRACEBACK", raising=False)
-    monkeypatch.setattr("mitt.cli.catching.prepare_run", break_down)
+    monkeypatch.setattr("mitt.cli.catching._prepared", break_down)
     status, out, err = call("catch")
     assert (status, out) == (1, "")
     line = one_line(err)

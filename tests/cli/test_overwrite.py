@@ -6,6 +6,7 @@ import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,7 +21,10 @@ from mitt.files.maps import save_map
 from mitt.files.rig import write_rig
 from mitt.files.writing import file_name
 from mitt.map.learn import Learned
-from mitt.trials.result import NAME, PAGE, RESULT
+from mitt.trials.batting import BatRunner
+from mitt.trials.journal import read_kept
+from mitt.trials.meeting import MeetRunner
+from mitt.trials.scored_task import NAME, PAGE, RESULT
 
 #: The user's own files: names that mean something to one of the commands, and others.
 MINE = (
@@ -380,23 +384,36 @@ def test_a_run_that_was_broken_off_gets_its_page(
 
 @pytest.mark.parametrize("task", ["meet", "bat"])
 def test_meet_and_bat_clear_what_the_run_before_left(
-    task: str, tmp_path: Path, quick: Quick, monkeypatch: pytest.MonkeyPatch
+    task: str,
+    tmp_path: Path,
+    quick: Quick,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """Its recordings, not others; a run that was killed is known as one of theirs."""
-    count = ("--trials", 1) if task == "meet" else ("--throws", 1, "--vision", "points")
+    """Its recordings, not others; of a run that was killed the page says what had ended."""
+    count = ("--trials", 2) if task == "meet" else ("--throws", 2, "--vision", "points")
     words = (task, *count, "--out", tmp_path, "--overwrite")
-    runner = {"meet": "mitt.cli.meeting.MeetRunner.trial", "bat": "mitt.cli.batting.BatRunner.run"}
+    kind: Any = {"meet": MeetRunner, "bat": BatRunner}[task]
+    inner = kind.trial
     with monkeypatch.context() as patch:
 
-        def killed(*_: object) -> None:
-            """End as a process does that is killed: nothing more is written."""
-            raise SystemExit(9)
+        def killed(self: Any, index: int) -> object:  # noqa: ANN401 (either runner)
+            """End as a process does that is killed in its second trial."""
+            if index == 1:
+                raise SystemExit(9)
+            return inner(self, index)
 
-        patch.setattr(runner[task], killed)
+        patch.setattr(kind, "trial", killed)
         with pytest.raises(SystemExit):
             quick(*words)
+    assert not (tmp_path / RESULT).exists()
+    kept = read_kept(tmp_path)
+    assert (kept.task.name, kept.wanted, len(kept.trials)) == (task, 2, 1)
+    assert quick("report", tmp_path) == 0
+    assert "1 of them" in capsys.readouterr().out
     said = json.loads((tmp_path / RESULT).read_text())
-    assert (said["schema"], said["incomplete"], said["trials"]) == (f"mitt.{task}/1", True, [])
+    assert (said["schema"], said["incomplete"], len(said["trials"])) == (f"mitt.{task}/1", True, 1)
+    assert "<svg" in (tmp_path / PAGE).read_text()
     own, other = (tmp_path / "recordings" / f"{name}.mcap" for name in ("trial-00007", "mine"))
     own.parent.mkdir()
     own.write_bytes(MCAP)
@@ -406,9 +423,9 @@ def test_meet_and_bat_clear_what_the_run_before_left(
     assert quick(*words) == 0
     assert not own.exists()
     assert other.read_bytes() == b"mine"
-    said = json.loads((tmp_path / RESULT).read_text())
-    assert len(said["trials"]) == 1
-    assert "incomplete" not in said
+    whole = json.loads((tmp_path / RESULT).read_text())
+    assert whole["trials"][:1] == said["trials"]
+    assert (len(whole["trials"]), "incomplete" in whole) == (2, False)
     own.write_bytes(b"mine, too")
     assert quick(*words) == 2
     assert own.read_bytes() == b"mine, too"

@@ -15,16 +15,15 @@ from matplotlib.figure import Figure
 from rich.console import Console
 
 from mitt import kernels
-from mitt.cli.catching import shortfalls, table_of
+from mitt.cli.catching import CATCHING, shortfalls
 from mitt.cli.main import main
 from mitt.cli.measuring import _show_study as show_study
+from mitt.cli.running import table_of
 from mitt.cli.screen import checked, progress, show, table, tell_of_kernels, warn
 from mitt.errors import printable
 from mitt.interrupts import tell
 from mitt.report.style import GENERATORS, legend_above, plot
-from mitt.trials.catch_study import CATCH
-from mitt.trials.result import STATUSES
-from mitt.trials.score import Trial
+from mitt.trials.score import CATCH, STATUSES, Trial
 from mitt.trials.study_folder import Folder
 
 
@@ -59,7 +58,7 @@ def test_the_table_of_throws_fits_80_columns() -> None:
     )
     console = Console(width=80, file=io.StringIO())
     with console.capture() as captured:
-        console.print(table_of("a", [trial, replace(trial, binding_limit=None)]))
+        console.print(table_of(CATCHING, "a", [trial, replace(trial, binding_limit=None)]))
     lines = captured.get().splitlines()
     assert all(len(line) <= 80 for line in lines)
     text = "".join("".join(lines).split())

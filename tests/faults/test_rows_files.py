@@ -30,8 +30,8 @@ from mitt.files.maps import read_map, save_map
 from mitt.files.writing import write_text
 from mitt.map.learn import Learned
 from mitt.report.replay_3d import served
-from mitt.trials.catch_study import CATCH
 from mitt.trials.runner import TrialRunner
+from mitt.trials.score import CATCH
 from mitt.trials.study_results import columns_of, read_part
 from mitt.trials.study_run import run_study
 from mitt.world.scene import Scene, read_scene

@@ -19,7 +19,7 @@ from mitt.files.writing import (
     overlaps,
     wrote,
 )
-from mitt.trials.result import LEAVES as OF_CATCH
+from mitt.trials.score import CATCH
 
 LEAVES = Leaves(
     command="mitt try",
@@ -185,11 +185,11 @@ def test_only_what_says_so_is_taken_for_ours(tmp_path: Path) -> None:
         put(tmp_path, name, content)
         assert not wrote(tmp_path / name)
     put(tmp_path, "result.json", "{}")
-    assert not OF_CATCH.owns(tmp_path)
+    assert not CATCH.leaves.owns(tmp_path)
     with pytest.raises(InputError, match="did not write"):
-        check_ours(tmp_path, OF_CATCH)
+        check_ours(tmp_path, CATCH.leaves)
     put(tmp_path, "result.json", '{\n "schema": "mitt.catch/1",\n')
-    assert OF_CATCH.owns(tmp_path)
+    assert CATCH.leaves.owns(tmp_path)
 
 
 def test_an_output_is_never_an_input(tmp_path: Path) -> None:

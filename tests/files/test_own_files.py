@@ -71,8 +71,7 @@ SYSTEM = {
     "kernels.py _delete_old": "compiled kernels, in a folder that only those have; no link",
     "reading.py read_bytes": "reads",
     "report/__init__.py": "a new temporary folder",
-    "trials/log.py keep_recording": "a folder in the claimed one",
-    "trials/result.py Journal.__init__": "a file that must be new",
+    "trials/journal.py Journal.__init__": "a file that must be new",
     "trials/study_run.py record_trial": "a new temporary folder",
     "trials/study_run.py _is_done": "a part of this study, in its own folder, that is not whole",
 }
@@ -88,15 +87,14 @@ WRITERS = {
     "report/bat_page.py": "claim_folder",
     "report/design_page.py": "cli: check_new_files",
     "report/meet_page.py": "claim_folder",
-    "report/outputs.py": "claim_folder",
     "report/pictures.py": "cli: check_new_files or claim_folder",
     "report/recording_page.py": "cli: check_ours",
     "report/run_page.py": "claim_folder",
     "report/study_page.py": "cli: check_own; replays in the folder of the study",
-    "trials/result.py": "claim_folder",
+    "trials/journal.py": "claim_folder",
     "trials/study_folder.py": "claim_folder",
     "trials/study_run.py": "Folder.claim",
-    "trials/task_folder.py": "run_folder",
+    "trials/task_run.py": "claim_folder",
 }
 
 

@@ -1,10 +1,8 @@
 """What a run leaves in its folder: the result as the contract says, and no strangers touched."""
 
 import json
-import shutil
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import pytest
@@ -15,11 +13,14 @@ from mitt.clock import Stopwatch
 from mitt.errors import InputError, MittError
 from mitt.files.maps import read_map, save_map
 from mitt.map.learn import Learned
-from mitt.report.outputs import keeping, write_outputs
-from mitt.trials.result import MAP, NAME, PAGE, RESULT, STATUSES, read_kept, result
-from mitt.trials.runs import FinishedRun, run
-from mitt.trials.score import Trial
+from mitt.report.outputs import write_page
+from mitt.trials.journal import read_kept
+from mitt.trials.result import result
+from mitt.trials.runs import Prepared, ThrownBalls
+from mitt.trials.score import CATCH, MAP, STATUSES, Trial
+from mitt.trials.scored_task import NAME, PAGE, RESULT
 from mitt.trials.statistics import wilson
+from mitt.trials.task_run import FinishedRun, keeping, run_trials, write_result
 
 #: How a page begins.
 PAGE_TEXT = "<!doctype html>\n<title>mitt: 2 balls</title>"
@@ -31,23 +32,28 @@ def quiet(_name: str, _done: int, _of: int) -> None:
 
 
 @pytest.fixture(scope="module")
-def thrown(tmp_path_factory: pytest.TempPathFactory, learned: Learned) -> FinishedRun:
-    """A finished run of two throws."""
+def prepared(tmp_path_factory: pytest.TempPathFactory, learned: Learned) -> Prepared:
+    """A run of two throws."""
     place = tmp_path_factory.mktemp("thrown")
     save_map(place / "map.json", learned, version="0.1.0")
     job = CatchOptions(throws=2, seed=5, map=place / "map.json", vision="points", out=place / "out")
-    prepared = prepare_run(job)
-    return run(prepared, progress=quiet, keeping=partial(keeping, prepared))
+    return prepare_run(job)
 
 
 @pytest.fixture
-def finished(thrown: FinishedRun, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> FinishedRun:
+def here(prepared: Prepared, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Prepared:
     """That run in a folder of the test's own; its report is not drawn."""
     monkeypatch.setattr(
         "mitt.report.outputs.write_report", lambda path, _: path.write_text(PAGE_TEXT)
     )
-    out = shutil.copytree(thrown.prepared.out, tmp_path / "out")
-    return replace(thrown, prepared=replace(thrown.prepared, out=out))
+    return replace(prepared, out=tmp_path / "out")
+
+
+def whole(run: Prepared) -> FinishedRun:
+    """Run it and write all that it leaves."""
+    finished = run_trials(run, progress=quiet)
+    write_page(finished, write_result(finished), progress=quiet)
+    return finished
 
 
 def trial(index: int, status: str) -> Trial:
@@ -72,67 +78,64 @@ def trial(index: int, status: str) -> Trial:
 def summary(statuses: Sequence[str]) -> dict[str, object]:
     """Return the summary of trials with some statuses."""
     trials = [trial(k, status) for k, status in enumerate(statuses)]
-    out: dict[str, object] = result(trials, Stopwatch(), HEAD)["summary"]
+    out: dict[str, object] = result(CATCH, trials, Stopwatch(), HEAD)["summary"]
     return out
 
 
-def test_a_run_leaves_result_map_report_and_the_first_recording(finished: FinishedRun) -> None:
+def test_a_run_leaves_result_map_report_and_the_first_recording(here: Prepared) -> None:
     """Exactly those names, and both files read back as what was run."""
-    out = finished.prepared.out
-    write_outputs(finished, progress=quiet)
+    finished, out = whole(here), here.out
     assert {path.name for path in out.iterdir()} == {NAME, RESULT, MAP, PAGE, "recordings"}
     assert json.loads((out / "result.json").read_text()) == finished.result
-    again = read_map(out / "map.json", finished.prepared.arm)
-    assert (again.map.alpha == finished.learned.map.alpha).all()
+    again = read_map(out / "map.json", here.arm)
+    assert isinstance(finished.runner, ThrownBalls)
+    assert (again.map.alpha == finished.runner.learned.map.alpha).all()
     recorded = {path.name for path in (out / "recordings").iterdir()}
     failures = {f"throw-{t.index:05d}.mcap" for t in finished.trials if t.status != "caught"}
     assert recorded == {"throw-00000.mcap"} | failures
 
 
 @pytest.mark.parametrize(("record", "count"), [("none", 0), ("all", 2)])
-def test_recordings_are_as_many_as_asked(finished: FinishedRun, record: str, count: int) -> None:
+def test_recordings_are_as_many_as_asked(here: Prepared, record: str, count: int) -> None:
     """None at all, or each throw."""
-    settings = replace(finished.prepared.settings, record=record)  # type: ignore[arg-type]  # a name
-    told = replace(finished, prepared=replace(finished.prepared, settings=settings))
-    write_outputs(told, progress=quiet)
-    assert len(list(told.prepared.out.glob("recordings/*.mcap"))) == count
+    settings = replace(here.settings, record=record)  # type: ignore[arg-type]  # a name
+    whole(replace(here, settings=settings))
+    assert len(list(here.out.glob("recordings/*.mcap"))) == count
 
 
-def test_strangers_are_refused_and_with_overwrite_left_alone(finished: FinishedRun) -> None:
+def test_strangers_are_refused_and_with_overwrite_left_alone(here: Prepared) -> None:
     """A folder with files is not used; with --overwrite only what a run wrote is replaced."""
-    out = finished.prepared.out
-    write_outputs(finished, progress=quiet)
+    finished, out = whole(here), here.out
     (out / "recordings" / "old.mcap").write_text("old")
     (out / "notes.txt").write_text("mine")
-    with (
-        pytest.raises(InputError, match="--overwrite"),
-        keeping(finished.prepared, finished.learned),
-    ):
+    with pytest.raises(InputError, match="--overwrite"), keeping(here, finished.runner):
         pass
-    settings = replace(finished.prepared.settings, overwrite=True)
-    with keeping(replace(finished.prepared, settings=settings), finished.learned) as keep:
+    settings = replace(here.settings, overwrite=True, record="none")
+    with keeping(replace(here, settings=settings), finished.runner) as keep:
         keep(finished.trials[0])
     assert (out / "notes.txt").read_text() == "mine"
     assert [path.name for path in (out / "recordings").iterdir()] == ["old.mcap"]
     assert read_kept(out).result["trials"] == finished.result["trials"][:1]
 
 
-def test_a_run_without_trials_leaves_a_valid_result(finished: FinishedRun) -> None:
+def test_a_run_without_trials_leaves_a_valid_result(here: Prepared) -> None:
     """Interrupted before its first throw: an empty result, and no page about nothing."""
-    empty = replace(finished, trials=[], interrupt=130)
-    write_outputs(empty, progress=quiet)
-    out = empty.prepared.out
-    assert json.loads((out / "result.json").read_text())["trials"] == []
-    assert not (out / "report.html").exists()
+
+    def stop(name: str, _done: int, _of: int) -> None:
+        if name == "throwing":
+            raise KeyboardInterrupt
+
+    finished = run_trials(here, progress=stop)
+    write_result(finished)
+    assert not finished.whole
+    assert json.loads((here.out / "result.json").read_text())["trials"] == []
 
 
-def test_a_place_that_cannot_be_written_is_an_error_of_ours(finished: FinishedRun) -> None:
+def test_a_place_that_cannot_be_written_is_an_error_of_ours(here: Prepared) -> None:
     """A path below a file: one line, no OSError."""
-    place = finished.prepared.out / "result.json" / "below"
-    write_outputs(finished, progress=quiet)
-    told = replace(finished.prepared, out=place)
-    with pytest.raises(MittError) as caught, keeping(told, finished.learned):
-        pass
+    here.out.write_text("")
+    with pytest.raises(MittError) as caught:
+        run_trials(replace(here, out=here.out / "below"), progress=quiet)
     assert "\n" not in str(caught.value)
 
 

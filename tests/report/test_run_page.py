@@ -15,6 +15,7 @@ from mitt.map.learn import Learned
 from mitt.report.run_page import ReportContent, report, result_summary, write_report
 from mitt.trials.result import result
 from mitt.trials.runner import LoggedTrial
+from mitt.trials.score import CATCH
 from mitt.trials.statistics import wilson
 from mitt.world.scene import Scene
 
@@ -105,7 +106,7 @@ def _result(direct: LoggedTrial, **head: object) -> dict[str, Any]:
         velocity_error_m_s=None,
         peak_contact_force_n=None,
     )
-    return result([caught, dropped, missed], Stopwatch(), {**_HEAD, **head})
+    return result(CATCH, [caught, dropped, missed], Stopwatch(), {**_HEAD, **head})
 
 
 @pytest.fixture(scope="module")
@@ -235,7 +236,7 @@ def test_a_report_without_logs_still_stands(content: ReportContent, direct: Logg
 
 def test_an_interrupted_run_without_throws_has_a_report(content: ReportContent) -> None:
     """Nothing thrown is a result too."""
-    empty = result([], Stopwatch(), dict(_HEAD))
+    empty = result(CATCH, [], Stopwatch(), dict(_HEAD))
     page = report(ReportContent(result=empty, arm=content.arm, scene=content.scene))
     assert "0 of 0 balls caught" in page
     assert "nan" not in page

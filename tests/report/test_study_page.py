@@ -12,7 +12,8 @@ from mitt.errors import FileError
 from mitt.files.writing import write_json
 from mitt.map.learn import Learned
 from mitt.report.study_page import break_even, paired_tests, sweeps_of, write_study_page
-from mitt.trials.catch_study import CATCH, CatchStudy
+from mitt.trials.catch_study import CatchStudy
+from mitt.trials.score import CATCH
 from mitt.trials.study_folder import Folder
 from mitt.trials.study_results import read_result
 from mitt.trials.study_run import run_study

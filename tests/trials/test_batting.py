@@ -14,7 +14,7 @@ from mitt.ball.flight import advance
 from mitt.cli.main import main
 from mitt.errors import InputError, ModelError
 from mitt.files.arm_file import load_arm
-from mitt.files.recordings import Recorded
+from mitt.files.recordings import Recorded, write_recording
 from mitt.signals import BallState, Sighting
 from mitt.trials.bat_station import BatStation, bat_station
 from mitt.trials.batting import (
@@ -26,7 +26,6 @@ from mitt.trials.batting import (
     returned_velocity,
     true_scene,
 )
-from mitt.trials.log import keep_recording
 from mitt.trials.replayed import changed, replay
 from mitt.trials.source import source_of
 from mitt.verdict.feasibility import Outcome
@@ -134,8 +133,8 @@ def test_a_trial_is_replayed_to_the_bit(tmp_path: Path) -> None:
     s = station()
     source = source_of(s.arm, seed=1, drag=s.scene.ball.drag, count=1)
     of = BatRunner(s, source, keeps=True)
-    keep_recording("all", "hit", of, tmp_path, of.trial(0))
-    recorded = Recorded(tmp_path / "recordings" / "trial-00000.mcap")
+    write_recording(tmp_path / "trial.mcap", of.recording(of.trial(0)))
+    recorded = Recorded(tmp_path / "trial.mcap")
     assert recorded.has_images
     assert replay(recorded).identical
     with pytest.raises(InputError, match="batting"):

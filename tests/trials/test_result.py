@@ -18,8 +18,10 @@ from mitt.errors import FileError, InputError
 from mitt.files.maps import save_map
 from mitt.files.writing import LOCK, locked
 from mitt.map.learn import Learned
-from mitt.trials.result import NAME, PAGE, RESULT, Journal, died, read_kept, result
-from mitt.trials.score import Trial
+from mitt.trials.journal import Journal, died, read_kept
+from mitt.trials.result import result
+from mitt.trials.score import CATCH, Trial
+from mitt.trials.scored_task import NAME, PAGE, RESULT
 
 HEAD = {"version": "0", "arm": "wam", "seed": 3}
 #: How long a process may go on after a signal [s]: a second is promised, on a machine of its own.
@@ -98,11 +100,11 @@ def until_lines(path: Path, count: int) -> None:
 
 def test_what_is_kept_comes_back_as_the_result_of_the_same_throws(tmp_path: Path) -> None:
     """Whole lines only: of a line that breaks off nothing is taken, and all before it stays."""
-    with Journal(tmp_path, dict(HEAD), 5) as journal:
+    with Journal(tmp_path, CATCH, dict(HEAD), 5) as journal:
         for k in range(3):
             journal.add(trial(k))
     assert died(tmp_path)
-    wanted = result([trial(k) for k in range(3)], Stopwatch(), dict(HEAD), 5)
+    wanted = result(CATCH, [trial(k) for k in range(3)], Stopwatch(), dict(HEAD), 5)
     assert read_kept(tmp_path).result == wanted
     assert wanted["incomplete"] is True
     whole = (tmp_path / NAME).read_bytes()
@@ -114,7 +116,7 @@ def test_what_is_kept_comes_back_as_the_result_of_the_same_throws(tmp_path: Path
 
 def test_each_throw_is_on_disk_as_soon_as_it_is_kept(tmp_path: Path) -> None:
     """Nothing waits in a buffer for the next one."""
-    with Journal(tmp_path, dict(HEAD), 2) as journal:
+    with Journal(tmp_path, CATCH, dict(HEAD), 2) as journal:
         for k in range(2):
             journal.add(trial(k))
             assert len((tmp_path / NAME).read_text().splitlines()) == k + 2
@@ -123,7 +125,7 @@ def test_each_throw_is_on_disk_as_soon_as_it_is_kept(tmp_path: Path) -> None:
 def test_numbers_that_are_not_finite_are_null(tmp_path: Path) -> None:
     """NaN and infinity are no JSON: neither in the list of throws nor in the result."""
     odd = replace(trial(0), demand_cost=float("nan"), peak_torque_ratio=[float("inf"), 1.0])
-    with Journal(tmp_path, dict(HEAD), 1) as journal:
+    with Journal(tmp_path, CATCH, dict(HEAD), 1) as journal:
         journal.add(odd)
         journal.last_words()
     for name in (NAME, RESULT):

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
@@ -28,11 +29,8 @@ from mitt.trials import play as loop
 from mitt.trials import runs
 from mitt.trials.registry import make_generator
 from mitt.trials.runner import TrialRunner
-from mitt.trials.runs import (
-    FinishedRun,
-    Prepared,
-    run,
-)
+from mitt.trials.runs import Prepared
+from mitt.trials.task_run import FinishedRun, run_trials
 from mitt.world.scene import Scene
 from mitt.world.throws import Throw
 
@@ -57,6 +55,11 @@ def quiet(_name: str, _done: int, _of: int) -> None:
     """Report nothing."""
 
 
+def nothing(*_: object) -> AbstractContextManager[Callable[[object], None]]:
+    """Keep nothing."""
+    return nullcontext(lambda _: None)
+
+
 def timeless(finished: FinishedRun) -> str:
     """Return the result as JSON without wall-clock figures."""
     result = finished.result
@@ -74,10 +77,12 @@ def test_preparing_writes_nothing(job: CatchOptions, prepared: Prepared) -> None
 
 def test_a_run_repeats_itself_and_each_throw_stands_alone(prepared: Prepared) -> None:
     """Twice the same result; the second throw alone is the second throw of the run."""
-    first, again = (run(prepared, progress=quiet) for _ in range(2))
+    first, again = (run_trials(prepared, progress=quiet, keeps=nothing) for _ in range(2))
     assert timeless(first) == timeless(again)
     bench_trials = first.trials
-    alone = run(replace(prepared, source=replace(prepared.source, count=1)), progress=quiet)
+    alone = run_trials(
+        replace(prepared, source=replace(prepared.source, count=1)), progress=quiet, keeps=nothing
+    )
     assert alone.trials == bench_trials[:1]
     assert first.status == 0
 
@@ -85,7 +90,7 @@ def test_a_run_repeats_itself_and_each_throw_stands_alone(prepared: Prepared) ->
 def test_progress_counts_up_to_the_end(prepared: Prepared) -> None:
     """Learning and throwing are told from 0 to all."""
     told: list[tuple[str, int, int]] = []
-    run(prepared, progress=lambda *x: told.append(x))
+    run_trials(prepared, progress=lambda *x: told.append(x), keeps=nothing)
     assert told == [
         ("learning", 0, 1),
         ("learning", 1, 1),
@@ -108,7 +113,7 @@ def test_an_interrupt_keeps_what_is_finished(
         if (name, done) == ("throwing", 1):
             raise signal
 
-    finished = run(prepared, progress=stop)
+    finished = run_trials(prepared, progress=stop, keeps=nothing)
     assert finished.status == status
     assert len(finished.trials) == 1
     assert finished.result["summary"]["throws"] == 1
@@ -119,8 +124,9 @@ def test_throwing_again_gives_the_same_trial(prepared: Prepared) -> None:
     """A recording is made by throwing once more: it is the very same trial."""
     from mitt.trials.runs import make_runner  # noqa: PLC0415 (beside its use)
 
-    finished = run(prepared, progress=quiet)
-    bench = make_runner(prepared, finished.learned, generator="direct")
+    finished = run_trials(prepared, progress=quiet, keeps=nothing)
+    assert isinstance(finished.runner, runs.ThrownBalls)
+    bench = make_runner(prepared, finished.runner.learned, generator="direct")
     assert bench.throw(prepared.source, 1, log=True).trial == finished.trials[1]
     assert bench.throw(prepared.source, 0, log=True).trial == finished.trials[0]
 

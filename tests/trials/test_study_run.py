@@ -14,7 +14,8 @@ from mitt.errors import FileError, InputError
 from mitt.files.writing import locked, write_json
 from mitt.map.learn import Learned
 from mitt.trials import registry
-from mitt.trials.catch_study import CATCH, CatchStudy
+from mitt.trials.catch_study import CatchStudy
+from mitt.trials.score import CATCH
 from mitt.trials.study_folder import Folder
 from mitt.trials.study_results import columns_of, read_part
 from mitt.trials.study_run import FinishedStudy, all_chunks, run_study

@@ -12,9 +12,9 @@ import pytest
 from mitt.cli.measuring import _rate
 from mitt.clock import Stopwatch
 from mitt.control.health import Reason, State, StoppedBy
-from mitt.trials.catch_study import CATCH, CatchCondition, CatchStudy
-from mitt.trials.result import force_words, summary
-from mitt.trials.score import Trial, reason_of, stop_as_json
+from mitt.trials.catch_study import CatchCondition, CatchStudy
+from mitt.trials.result import force_words, run_summary
+from mitt.trials.score import CATCH, Trial, reason_of, stop_as_json
 from mitt.trials.statistics import wilson
 from mitt.trials.study import Player
 from mitt.trials.study_results import (
@@ -79,7 +79,7 @@ def test_forces_stand_beside_the_rate(tmp_path: Path, study: CatchStudy) -> None
     assert (row["catch_rate"], row["over_force"]) == (0.8, 1)
     assert row["force_n"] == {"median": 25.0, "p95": pytest.approx(344.5)}
     assert _rate(CATCH, row) == "80.0, 25!"
-    mine = summary(trials, Stopwatch())
+    mine = run_summary(CATCH, trials, Stopwatch())
     assert (mine["force_n"], mine["over_force"]) == (row["force_n"], 1)
     assert force_words(mine["force_n"], 1) == (
         "contact force 25 N median, 95 % 344 N, 1 beyond what hand or arm take"

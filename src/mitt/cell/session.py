@@ -37,8 +37,8 @@ from mitt.cell.simulated import Port, SimulatedCell
 from mitt.clock import hurried, monotonic, pinned, sleep_until, time_of_day, uncollected
 from mitt.interrupts import SIGNALS, ask_to_end, notice
 from mitt.signals import TICK
-from mitt.trials.result import STATUSES as THROWN
-from mitt.trials.result import spread_of
+from mitt.trials.score import STATUSES as THROWN
+from mitt.trials.statistics import spread_of
 from mitt.world.scene import Scene
 
 #: Time between two lines on what is waited for [s].

@@ -2,16 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields, replace
-from functools import partial
 from pathlib import Path
-from typing import Any
-
-from rich.table import Table
+from typing import Any, Final
 
 import mitt
-from mitt import checks
-from mitt.cli.line import parse
 from mitt.cli.options import ArmOptions, CatchOptions, LearnOptions
+from mitt.cli.running import RunCommand, run_of
 from mitt.cli.screen import (
     check_new_files,
     checked,
@@ -20,32 +16,27 @@ from mitt.cli.screen import (
     rate_words,
     repeated,
     run_folder,
-    say,
     show,
     table,
     table_number,
-    tell_of_kernels,
     warn,
-    worth_a_row,
 )
-from mitt.clock import Progress
-from mitt.errors import FileError, InputError
+from mitt.errors import InputError
 from mitt.files.arm_file import ArmSpec
 from mitt.files.maps import read_map, save_map
-from mitt.files.writing import check_ours, locked
-from mitt.interrupts import notice, status_of, words_of
+from mitt.files.writing import check_ours
 from mitt.map.learn import Learned
 from mitt.map.map_design import warnings_of
 from mitt.map.mapping import unlearned
 from mitt.map.neighbourhood import LEARNING_SEED, Neighbourhood
 from mitt.map.neighbourhood import learn as learn_map
-from mitt.reading import changed_file, noted
+from mitt.reading import noted
 from mitt.trials.registry import check_generator
-from mitt.trials.result import LEAVES, MAP, STATUSES, Kept, force_words, kept_words
-from mitt.trials.runs import FinishedRun, Prepared, RunSettings
-from mitt.trials.runs import run as run_throws
-from mitt.trials.score import Trial, reason_of
+from mitt.trials.result import force_words
+from mitt.trials.runs import Prepared, RunSettings, ThrownBalls
+from mitt.trials.score import CATCH, MAP, STATUSES, Trial, reason_of
 from mitt.trials.source import source_of, widened
+from mitt.trials.task_run import FinishedRun
 from mitt.world.overlap import check_scene
 from mitt.world.scene import DEFAULT_SCENE, read_scene
 
@@ -57,24 +48,7 @@ _OF_THE_MAP = ("catch_joint", "q_catch", "kappa", "inward", "order")
 
 def catch_command(options: CatchOptions) -> int:
     """Run ``mitt catch``; return its exit status."""
-    prepared = prepare_run(options)
-    warn(warnings_of(prepared.arm, prepared.design), json=options.json)
-    if options.check:
-        return checked(f"{prepared.source.count} throws, output to {prepared.out}")
-    with locked(prepared.out):
-        tell_of_kernels()
-        with progress() as report:
-            finished = _run(prepared, report)
-    if options.json:
-        print_json(finished.result)
-    else:
-        _show(finished)
-    if finished.clock is not None and finished.clock.warning:
-        warn([finished.clock.warning], json=options.json)
-    if finished.interrupt is not None:
-        kept = kept_words(len(finished.trials), prepared.source.count, prepared.out)
-        say(f"{words_of(finished.interrupt)}; {kept}")
-    return finished.status
+    return run_of(CATCHING, options)
 
 
 def spec_of(options: ArmOptions) -> ArmSpec:
@@ -95,24 +69,10 @@ def prepare_run(options: CatchOptions) -> Prepared:
     return replace(prepared, again={"words": repeated(options, files=_FILES), "read": read})
 
 
-def prepared_again(folder: Path, kept: Kept) -> Prepared:
-    """Return a run once more, from what its list of throws says, with the map in its folder.
-
-    Raises:
-        InputError: A file that it read holds something else now; MittError: one is not there.
-    """
-    words, read = kept.again.get("words"), kept.again.get("read")
-    if not isinstance(words, list) or not isinstance(read, dict):
-        raise FileError(str(folder), "a run that says what makes it again", "one that does not")
-    if (version := kept.head.get("version")) != mitt.__version__:
-        raise FileError(str(folder), f"a run of mitt {mitt.__version__}", f"one of {version}")
-    _, options = parse(["catch", *map(str, words)])
-    options = checks.instance("options", options, CatchOptions)
+def _anew(options: CatchOptions, folder: Path) -> CatchOptions:
+    """Return the options of a run again, with the map in its folder."""
     less: dict[str, Any] = dict.fromkeys(_OF_THE_MAP)
-    prepared = prepare_run(replace(options, map=folder / MAP, out=folder, overwrite=True, **less))
-    if changed := changed_file(read, prepared.again["read"]):
-        raise FileError(changed, "the file that the run read", "another content")
-    return prepared
+    return replace(options, map=folder / MAP, out=folder, overwrite=True, **less)
 
 
 def _prepared(options: CatchOptions) -> Prepared:
@@ -157,7 +117,7 @@ def _prepared(options: CatchOptions) -> Prepared:
     source = source if chosen.throws is None else widened(source, chosen.throws)
     out = run_folder(options, f"{options.seed}-{options.generator}")
     if not options.check:
-        check_ours(out, LEAVES)
+        check_ours(out, CATCH.leaves)
     said = asdict(options)
     settings = RunSettings(**{x.name: said[x.name] for x in fields(RunSettings)})
     return Prepared(
@@ -171,44 +131,27 @@ def _prepared(options: CatchOptions) -> Prepared:
     )
 
 
-def _run(prepared: Prepared, report: Progress) -> FinishedRun:
-    """Throw and write; an interrupt that comes while pages are drawn leaves the result."""
-    from mitt.report.outputs import keeping, write_outputs  # noqa: PLC0415 (plots: when written)
-
-    finished = run_throws(prepared, progress=report, keeping=partial(keeping, prepared))
-    try:
-        write_outputs(finished, progress=report)
-    except KeyboardInterrupt as stop:
-        notice()
-        return replace(finished, interrupt=status_of(stop))
-    return finished
-
-
-def _show(finished: FinishedRun) -> None:
-    """Print the table of a run, and what it comes to."""
-    head, summary = finished.prepared.head, finished.result["summary"]
+def _title(finished: FinishedRun) -> str:
+    """Return what is above the table of a run."""
+    head = finished.run.head
     scene = f"scene {head['scene']}" + (", changed" if "scene_changed" in head else "")
-    title = (
-        f"{head['arm']}, limits {head['limits']}, {head['generator']}, {head['vision']}, {scene}"
-    )
-    shown = worth_a_row(finished.trials, "caught")
-    show(table_of(title, shown))
-    if len(shown) < len(finished.trials):
-        show(f"{len(finished.trials) - len(shown)} more throws, all in result.json")
+    return f"{head['arm']}, limits {head['limits']}, {head['generator']}, {head['vision']}, {scene}"
+
+
+def _lines(finished: FinishedRun, summary: dict[str, Any]) -> list[str]:
+    """Return what the throws of a run come to, a line each."""
     stops = (trial.stopped_by for trial in finished.trials)
-    for hint in dict.fromkeys(str(stop["hint"]) for stop in stops if stop and stop["hint"]):
-        show(f"stopped: {hint}")
-    whole = finished.trials and finished.interrupt is None
-    page = "report.html" if whole else "result.json"
+    hints = dict.fromkeys(str(stop["hint"]) for stop in stops if stop and stop["hint"])
     failed = shortfalls(summary, finished.trials)
-    show(
+    clock = finished.runner.clock if isinstance(finished.runner, ThrownBalls) else None
+    return [
+        *(f"stopped: {hint}" for hint in hints),
         f"caught {rate_words(summary, 'caught', 'throws')}",
         *([", ".join(failed)] if failed else []),
         f"{force_words(summary['force_n'], summary['over_force'])}; "
         f"tick {summary['tick_us']['p50']:.0f} us median",
-        *([] if finished.clock is None else [finished.clock.words]),
-        f"written: {finished.prepared.out / page}",
-    )
+        *([] if clock is None else [clock.words]),
+    ]
 
 
 def shortfalls(summary: Mapping[str, Any], trials: Sequence[Trial]) -> list[str]:
@@ -216,28 +159,6 @@ def shortfalls(summary: Mapping[str, Any], trials: Sequence[Trial]) -> list[str]
     words = [f"{summary[status]} {status}" for status in STATUSES[1:] if summary[status]]
     beyond = sum(trial.limit_violations > 0 for trial in trials)
     return [*words, f"{beyond} beyond a limit"] if beyond else words
-
-
-def table_of(title: str, trials: Sequence[Trial]) -> Table:
-    """Return the table of some throws."""
-    out = table(
-        title,
-        (
-            "throw",
-            "status",
-            "catch [s]",
-            "miss [mm]",
-            "rel. [m/s]",
-            "force [N]",
-            "speed [%]",
-            "asks most, stopped by",
-        ),
-        left=("status", "asks most, stopped by"),
-        no_wrap=True,
-    )
-    for trial in trials:
-        out.add_row(*_row(trial))
-    return out
 
 
 def _row(trial: Trial) -> tuple[str, ...]:
@@ -252,6 +173,27 @@ def _row(trial: Trial) -> tuple[str, ...]:
         f"{100 * max(trial.peak_speed_ratio):.0f}",
         reason_of(trial.stopped_by) or trial.binding_limit or "",
     )
+
+
+CATCHING: Final = RunCommand(
+    prepare=prepare_run,
+    anew=_anew,
+    title=_title,
+    columns=(
+        "throw",
+        "status",
+        "catch [s]",
+        "miss [mm]",
+        "rel. [m/s]",
+        "force [N]",
+        "speed [%]",
+        "asks most, stopped by",
+    ),
+    left=("status", "asks most, stopped by"),
+    row=_row,
+    lines=_lines,
+)
+"""What ``mitt catch`` says of its task."""
 
 
 def learn_command(options: LearnOptions) -> int:

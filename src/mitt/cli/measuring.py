@@ -3,11 +3,14 @@
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from mitt.bench.measure import QUICK, BenchSettings, measure_all
-from mitt.cli.catching import prepared_again
+from mitt.cli.batting import BATS
+from mitt.cli.catching import CATCHING
+from mitt.cli.meeting import MEETINGS
 from mitt.cli.options import BenchOptions, ReportOptions, StudyOptions
+from mitt.cli.running import prepared_again
 from mitt.cli.screen import (
     checked,
     print_json,
@@ -18,18 +21,20 @@ from mitt.cli.screen import (
     tell_of_kernels,
     warn,
 )
-from mitt.clock import Stopwatch
 from mitt.errors import FileError, InputError
 from mitt.files.writing import check_folder, check_own, locked, write_json
 from mitt.interrupts import tell, words_of
 from mitt.reading import read_json
-from mitt.trials.result import MAX_BYTES, NAME, PAGE, RESULT, died, read_kept
-from mitt.trials.runs import FinishedRun
-from mitt.trials.scored_task import ScoredTask
+from mitt.trials.journal import MAX_BYTES, died, read_kept
+from mitt.trials.scored_task import NAME, PAGE, RESULT, ScoredTask
 from mitt.trials.studies import read_study
 from mitt.trials.study import Study, extent, planned
 from mitt.trials.study_folder import MANIFEST, Folder
+from mitt.trials.task_run import FinishedRun
 from mitt.trials.workers import check_engine, engine_of
+
+#: Commands that run trials, by task.
+RUNS: Final = {"catch": CATCHING, "meet": MEETINGS, "bat": BATS}
 
 if TYPE_CHECKING:
     from mitt.trials.study_run import FinishedStudy
@@ -147,15 +152,16 @@ def _page_of_study(options: ReportOptions) -> int:
 
 
 def _page_of_run(options: ReportOptions) -> int:
-    """Write the page of a run of ``mitt catch`` that was broken off, and its result if it died."""
+    """Write the page of a run that was broken off, and its result if it died."""
     folder, kept = options.folder, read_kept(options.folder)
+    task = kept.task
     if (folder / PAGE).exists():
         raise FileError(
             str(folder),
             "the folder of a study, or of a run that was broken off",
-            f"one of mitt catch; its page is {folder / PAGE}",
+            f"one of mitt {task.name}; its page is {folder / PAGE}",
         )
-    said = f"{len(kept.trials)} throws of a run that was broken off"
+    said = f"{len(kept.trials)} {task.in_result} of a run that was broken off"
     if options.check:
         return checked(said)
     from mitt.report.outputs import write_page  # noqa: PLC0415 (plots: when written)
@@ -168,21 +174,12 @@ def _page_of_run(options: ReportOptions) -> int:
         if not isinstance(result, dict) or not {"trials", "summary"} <= result.keys():
             raise FileError(str(folder / RESULT), "the result of the run", "another file")
         if not kept.trials:
-            raise FileError(str(folder), "a run with a throw that ended", "none")
-        prepared = prepared_again(folder, kept)
-        if prepared.learned is None:
-            raise FileError(str(folder), "the map of the run", "none")
-        done = FinishedRun(
-            prepared=prepared,
-            learned=prepared.learned,
-            trials=kept.trials,
-            stopwatch=Stopwatch(),
-            interrupt=None,
-        )
+            raise FileError(str(folder), f"a run with one of its {task.trials} ended", "none")
+        run = prepared_again(RUNS[task.name], folder, kept)
+        done = FinishedRun(run=run, runner=run.begin(report), trials=kept.trials)
         write_page(done, result, progress=report)
-    return _written(
-        options, folder / PAGE, f"{said}, {result['summary']['caught']} of them caught; "
-    )
+    done_words = f"{result['summary'][task.success]} of them {task.success}"
+    return _written(options, folder / PAGE, f"{said}, {done_words}; ")
 
 
 def _written(options: ReportOptions, path: Path, said: str) -> int:

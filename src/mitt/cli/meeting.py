@@ -1,42 +1,33 @@
 """``mitt meet``: meet what moves on a belt or in a hand, and take it."""
 
-import shlex
-from collections.abc import Callable
-from dataclasses import asdict, replace
-from functools import partial
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final, final
 
 import mitt
 from mitt.arm.tools import TOOLS
 from mitt.cli.options import MeetOptions
+from mitt.cli.running import RunCommand, run_of
 from mitt.cli.screen import (
     beyond_words,
     check_record,
-    checked,
-    print_json,
-    progress,
     rate_words,
     repeated,
     run_folder,
-    say,
-    show,
-    table,
     table_number,
-    tell_of_kernels,
-    worth_a_row,
 )
 from mitt.clock import Progress
 from mitt.errors import FileError, InputError, meant
 from mitt.files.arm_file import joint_names
-from mitt.files.writing import check_ours, locked
-from mitt.interrupts import notice, status_of, words_of
+from mitt.files.writing import check_ours
+from mitt.reading import noted
 from mitt.rivals.meeting import PLANNERS
-from mitt.trials.log import keep_recording
-from mitt.trials.meeting import SCHEMA, Course, MeetRunner, MeetTrial, summary
-from mitt.trials.result import PAGE, RESULT, finite, kept_words
+from mitt.trials.meeting import MEET, MeetRunner, MeetTrial
+from mitt.trials.result import finite
+from mitt.trials.scored_task import ScoredTask
 from mitt.trials.station import PARTS_SCENE, TARGETS, Station, station
-from mitt.trials.task_folder import MEETING, incomplete, kept_result
+from mitt.trials.task_run import FinishedRun, recorded_as
 from mitt.world.flights import RecordedFlight, read_flights
 from mitt.world.scene import read_scene
 
@@ -53,6 +44,85 @@ _LONGEST = 60.0
 
 def meet_command(options: MeetOptions) -> int:
     """Run ``mitt meet``; return its exit status."""
+    return run_of(MEETINGS, options)
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeetRun:
+    """A run of meetings that can start.
+
+    Attributes:
+        options: What was said.
+        runner: What runs the trials.
+        at: The arm where it meets things.
+        count: Number of trials.
+        out: Folder to write.
+        again: What makes the run again, as JSON: its options, and what it read.
+    """
+
+    options: MeetOptions
+    runner: MeetRunner
+    at: Station
+    count: int
+    out: Path
+    again: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def task(self) -> ScoredTask:
+        """What is run."""
+        return MEET
+
+    @property
+    def overwrite(self) -> bool:
+        """Whether a folder with files in it may be used."""
+        return self.options.overwrite
+
+    @property
+    def warnings(self) -> Sequence[str]:
+        """Nothing is odd that is not refused."""
+        return ()
+
+    @property
+    def head(self) -> dict[str, object]:
+        """What the result says of the run."""
+        of = self.options
+        return {
+            "version": mitt.__version__,
+            "arm": self.at.arm.model.name,
+            "limits": self.at.arm.limits.name,
+            "tool": of.tool,
+            "gripper_delay_s": of.gripper_delay,
+            "target": of.target,
+            "speed_m_s": _speed(of) if of.target in TARGETS else None,
+            "tool_speed_m_s": finite(_tool_speed(of)),
+            "generator": of.generator,
+            **({"plan_rate_hz": of.plan_rate} if of.generator in PLANNERS else {}),
+            "seed": of.seed,
+        }
+
+    def begin(self, progress: Progress) -> MeetRunner:  # noqa: ARG002
+        """Return what runs the trials: there is nothing to be learned."""
+        return self.runner
+
+    def records(self, trial: MeetTrial) -> bool:
+        """Say whether a trial is to be recorded."""
+        return recorded_as(self.options.record, MEET, trial)
+
+
+def prepare_meetings(options: MeetOptions) -> MeetRun:
+    """Read and check all that a run needs.
+
+    Raises:
+        MittError: An input cannot be used.
+    """
+    with noted() as read:
+        run = _prepared(options)
+    return replace(run, again={"words": repeated(options, files=_FILES), "read": read})
+
+
+def _prepared(options: MeetOptions) -> MeetRun:
+    """Read and check all that a run needs."""
     recordings = _recordings(options.target)
     count = options.trials or len(recordings) or _TRIALS
     out = run_folder(options, f"meet-{options.seed}-{Path(options.target).stem}")
@@ -73,67 +143,14 @@ def meet_command(options: MeetOptions) -> int:
         at, seed=options.seed, speed=_speed(options), generator=generator, recordings=recordings
     )
     check_record(options)
-    if options.check:
-        return checked(f"{count} trials, output to {out}")
-    check_ours(out, MEETING)
-    trials = list[MeetTrial]()
-
-    def said() -> dict[str, Any]:
-        head = _head(options, at) | incomplete(len(trials), count)
-        return head | {
-            "trials": [finite(asdict(t)) for t in trials],
-            "summary": summary(trials, runner.stopwatch),
-        }
-
-    with locked(out):
-        tell_of_kernels()
-        with progress() as report:
-            with kept_result(out, MEETING, said, count, overwrite=options.overwrite) as kept:
-                keep = partial(keep_recording, options.record, "met", runner, out)
-                course, stopped = _run(runner, count, report, trials, keep, kept)
-            result, page = said(), RESULT
-            if course is not None and not stopped:
-                from mitt.report.meet_page import write_meet_page  # noqa: PLC0415 (plots)
-
-                page = PAGE
-                report("report", 0, 1)
-                typed = shlex.join(["mitt", "meet", *repeated(options, files=_FILES)])
-                write_meet_page(out / page, result, course, command=typed)
-                report("report", 1, 1)
-    if options.json:
-        print_json(result)
-    else:
-        _show(options, trials, result["summary"], out / page)
-    if stopped:
-        say(f"{words_of(stopped)}; {kept_words(len(trials), count, out)}")
-    return stopped
+    if not options.check:
+        check_ours(out, MEET.leaves)
+    return MeetRun(options=options, runner=runner, at=at, count=count, out=out)
 
 
-def _run(
-    runner: MeetRunner,
-    count: int,
-    report: Progress,
-    trials: list[MeetTrial],
-    keep: Callable[[MeetTrial], None],
-    kept: Callable[[], None],
-) -> tuple[Course | None, int]:
-    """Run the trials, each kept when it ends.
-
-    Returns the course of the first, and the status of an interrupt or 0.
-    """
-    course = None
-    try:
-        for k in range(count):
-            report("meeting", k, count)
-            trials.append(runner.trial(k))
-            keep(trials[-1])
-            kept()
-            course = course or runner.course
-        report("meeting", count, count)
-    except KeyboardInterrupt as stop:
-        notice()
-        return course, status_of(stop)
-    return course, 0
+def _anew(options: MeetOptions, folder: Path) -> MeetOptions:
+    """Return the options of a run again, in its folder."""
+    return replace(options, out=folder, overwrite=True)
 
 
 def _recordings(target: str) -> tuple[RecordedFlight, ...]:
@@ -168,59 +185,57 @@ def _tool_speed(options: MeetOptions) -> float:
     return float("inf") if options.target == "belt" else _NEAR_PERSON
 
 
-def _head(options: MeetOptions, at: Station) -> dict[str, Any]:
-    """Return what the result says of the run."""
-    return {
-        "schema": SCHEMA,
-        "version": mitt.__version__,
-        "arm": at.arm.model.name,
-        "limits": at.arm.limits.name,
-        "tool": options.tool,
-        "gripper_delay_s": options.gripper_delay,
-        "target": options.target,
-        "speed_m_s": _speed(options) if options.target in TARGETS else None,
-        "tool_speed_m_s": finite(_tool_speed(options)),
-        "generator": options.generator,
-        **({"plan_rate_hz": options.plan_rate} if options.generator in PLANNERS else {}),
-        "seed": options.seed,
-    }
+def _title(finished: FinishedRun) -> str:
+    """Return what is above the table of a run."""
+    head = finished.run.head
+    return f"{head['arm']}, {head['tool']}, {Path(str(head['target'])).name}, {head['generator']}"
 
 
-def _show(options: MeetOptions, trials: list[MeetTrial], said: dict[str, Any], page: Path) -> None:
-    """Print the table of a run, and what it comes to."""
-    rows = table(
-        f"{options.arm}, {options.tool}, {Path(options.target).name}, {options.generator}",
-        (
-            "trial",
-            "status",
-            "beyond [ms]",
-            "t [s]",
-            "in step [ms]",
-            "off [mm]",
-            "rel. [m/s]",
-            "[N]",
-            "why",
-        ),
-        left=("status", "why"),
-        no_wrap=True,
+def _row(t: MeetTrial) -> tuple[str, ...]:
+    """Return a trial as cells of the table."""
+    why = t.binding_limit or ""
+    if t.status == "met":
+        why = "not placed" if t.placed is False else ""
+    return (
+        str(t.index),
+        t.status,
+        str(t.limit_violations),
+        table_number(t.t_met_s, 2),
+        f"{1e3 * t.in_sync_s:.0f}",
+        table_number(t.position_error_mm, 1),
+        table_number(t.velocity_error_m_s, 2),
+        table_number(t.peak_contact_force_n, 0) + ("!" if t.over_force else ""),
+        why,
     )
-    for t in worth_a_row(trials, "met"):
-        cells = (
-            table_number(t.t_met_s, 2),
-            f"{1e3 * t.in_sync_s:.0f}",
-            table_number(t.position_error_mm, 1),
-            table_number(t.velocity_error_m_s, 2),
-            table_number(t.peak_contact_force_n, 0) + ("!" if t.over_force else ""),
-        )
-        why = t.binding_limit or ""
-        if t.status == "met":
-            why = "not placed" if t.placed is False else ""
-        rows.add_row(str(t.index), t.status, str(t.limit_violations), *cells, why)
-    show(rows)
+
+
+def _lines(finished: FinishedRun, said: dict[str, Any]) -> list[str]:
+    """Return what the trials of a run come to, a line each."""
     hand = said["hand_force_n"]
-    show(
+    return [
         f"met {rate_words(said, 'met', 'trials')}; placed {said['placed']}",
-        *beyond_words(trials),
+        *beyond_words(finished.trials),
         *([] if hand is None else [f"force on the hand: at most {hand:.0f} N"]),
-        f"written: {page}",
-    )
+    ]
+
+
+MEETINGS: Final = RunCommand(
+    prepare=prepare_meetings,
+    anew=_anew,
+    title=_title,
+    columns=(
+        "trial",
+        "status",
+        "beyond [ms]",
+        "t [s]",
+        "in step [ms]",
+        "off [mm]",
+        "rel. [m/s]",
+        "[N]",
+        "why",
+    ),
+    left=("status", "why"),
+    row=_row,
+    lines=_lines,
+)
+"""What ``mitt meet`` says of its task."""

@@ -30,9 +30,9 @@ from mitt.report.run_figures import (
 from mitt.report.style import STATUS, Plot
 from mitt.signals import TICK, Array
 from mitt.trials.log import TrialLog
-from mitt.trials.result import STATUSES, spread_of
 from mitt.trials.runner import LoggedTrial
-from mitt.trials.score import reason_of
+from mitt.trials.score import STATUSES, reason_of
+from mitt.trials.statistics import spread_of
 from mitt.world.scene import Scene
 
 #: Width of the window over which the hand's acceleration is averaged [ticks].

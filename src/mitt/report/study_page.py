@@ -27,9 +27,9 @@ from mitt.report.study_figures import (
 from mitt.report.style import Plot
 from mitt.signals import Array
 from mitt.trials.bat_study import BatStudy
-from mitt.trials.catch_study import CATCH, CatchStudy, throw_again
-from mitt.trials.result import PAGE
-from mitt.trials.scored_task import Measure, Row, ScoredTask
+from mitt.trials.catch_study import CatchStudy, throw_again
+from mitt.trials.score import CATCH
+from mitt.trials.scored_task import PAGE, Measure, Row, ScoredTask
 from mitt.trials.study import REFERENCE, Chunk, Study, extent
 from mitt.trials.study_results import StudyResult, columns_of, read_trials
 from mitt.trials.study_run import all_chunks, by_cell

@@ -31,8 +31,8 @@ from mitt.trials.bat_station import (
     coming,
     throw_ranges,
 )
-from mitt.trials.batting import STATUSES, BatRunner, BatTrial
-from mitt.trials.scored_task import Measure, Row, ScoredTask
+from mitt.trials.batting import BAT, BatRunner
+from mitt.trials.scored_task import Row, ScoredTask
 from mitt.trials.source import source_of
 from mitt.trials.study import REFERENCE, Chunk, Condition, Study, check_files
 from mitt.trials.study_file import (
@@ -46,24 +46,6 @@ from mitt.trials.study_file import (
     spelled,
     spelled_as,
 )
-
-BAT: Final = ScoredTask(
-    name="bat",
-    schema="mitt.bat-study/1",
-    trial=BatTrial,
-    trials="trials",
-    statuses=STATUSES,
-    rate="hit_rate",
-    counted="balls hit",
-    measures={
-        "miss_cm": Measure("miss at the target [cm]", "miss_m", 1, factor=100.0),
-        "off_middle_mm": Measure("off the paddle's middle [mm]", "off_middle_mm", 1),
-        "acceleration": Measure("peak acceleration [rad/s^2]", "peak_acceleration", 0),
-        "force_n": Measure("force on the ball [N]", "peak_contact_force_n", 0),
-    },
-    medians={},
-)
-"""The task."""
 
 AXES: Final = ("away", "to the left", "up")
 """Directions in which the target is moved: x, y, z."""

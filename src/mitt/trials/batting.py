@@ -7,7 +7,7 @@ and the joints' encoders. So it gets to know the restitution of this ball on thi
 data sheet says to the per cent, from hit to hit; trials of a run follow one another in that order.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass
 from math import inf
@@ -23,7 +23,6 @@ from mitt.catcher.catcher import Catcher
 from mitt.catcher.generators import Generator
 from mitt.catcher.settings import Phase
 from mitt.catcher.state import Result
-from mitt.clock import Stopwatch
 from mitt.errors import InputError, ModelError
 from mitt.eyes.eyes import Eyes
 from mitt.files.about import About
@@ -33,11 +32,11 @@ from mitt.rivals.batting import ORACLE, make_batter
 from mitt.signals import GRAVITY, TICK, Array, Senses, Sighting
 from mitt.trials.bat_station import BatStation
 from mitt.trials.catcher_settings import eyes_settings
-from mitt.trials.log import recording_of
+from mitt.trials.log import TrialLog, recording_of
 from mitt.trials.runner import cameras_of
 from mitt.trials.score import measure, reason_of, stop_as_json
+from mitt.trials.scored_task import Measure, ScoredTask
 from mitt.trials.source import Source
-from mitt.trials.statistics import wilson
 from mitt.trials.task_runner import TaskRunner
 from mitt.world.build import restitution_on
 from mitt.world.engine import BALL_ANY, BALL_ARM, BALL_FLOOR, BALL_HAND
@@ -47,7 +46,6 @@ from mitt.world.simulation import World
 from mitt.world.throws import Throw
 from mitt.world.truth import Trace
 
-SCHEMA: Final = "mitt.bat/1"
 STATUSES: Final = ("hit", "missed", "unreachable", "stopped", "aborted")
 
 #: By how much the restitution of a run differs from the one that the catcher is told, at most and
@@ -147,11 +145,27 @@ class BatRunner(TaskRunner[BatTrial]):
         self._eyes = Eyes(s.rig, eyes_settings(s.scene))
         self._believed = told
         self._hit: Hit | None = None
+        self._hit_log: TrialLog | None = None
+        self._next = 0
 
     def run(self) -> Iterator[BatTrial]:
         """Run all trials of the source, one after the other, and learn from each hit."""
         for index in range(self._source.count):
             yield self.trial(index)
+
+    @property
+    def scene(self) -> Scene:
+        """The world as the catcher is told of it."""
+        return self._station.scene
+
+    def log_of_hit(self, index: int) -> TrialLog:
+        """Return the log of the first trial that was hit, by its number.
+
+        Where it was not run here, all up to it are, as each learns from those before.
+        """
+        while self._hit_log is None and self._next <= index:
+            self.trial(self._next)
+        return self.log() if self._hit_log is None else self._hit_log
 
     def draw(self, index: int) -> tuple[Throw | BallPath, int]:
         """Return the ball of a trial, and its seed."""
@@ -236,6 +250,9 @@ class BatRunner(TaskRunner[BatTrial]):
         why = reason_of(stopped) or ("unseen" if verdict is None else verdict.binding_limit)
         status = _status(world, catcher, hit)
         score = hit if status == "hit" else None
+        self._next = index + 1
+        if score is not None and self._hit_log is None:
+            self._hit_log = self.log()
         until = len(ticks.scalars) if contact is None else int(contact.t / TICK)
         return BatTrial(
             index=index,
@@ -503,27 +520,42 @@ def returned_velocity(seen: list[Sighting], apart: float, drag: float) -> Array 
     return np.asarray(start[1])
 
 
-def summary(trials: list[BatTrial], stopwatch: Stopwatch) -> dict[str, Any]:
-    """Return counts, the rate with its 95 % Wilson interval, misses, and times of ticks."""
-    counts = {status: sum(t.status == status for t in trials) for status in STATUSES}
-    low, high = wilson(counts["hit"], len(trials))
+def _share(values: list[float], percent: float) -> float | None:
+    """Return a percentile; None of nothing."""
+    return float(np.percentile(values, percent)) if values else None
+
+
+def _more(trials: Sequence[BatTrial]) -> dict[str, Any]:
+    """Return what the summary of a run says beside counts and rate."""
     misses = [t.miss_m for t in trials if t.miss_m is not None]
     later = [t.miss_m for t in trials[20:] if t.miss_m is not None]
     speeds = [t.return_speed_m_s for t in trials if t.return_speed_m_s is not None]
     return {
-        "throws": len(trials),
-        **counts,
-        "hit_rate": counts["hit"] / len(trials) if trials else 0.0,
-        "ci95": [low, high],
         "median_miss_m": _share(misses, 50.0),
         "p90_miss_m": _share(misses, 90.0),
         "median_miss_after_20_m": _share(later, 50.0),
         "median_return_speed_m_s": _share(speeds, 50.0),
         "limit_violations": sum(t.limit_violations for t in trials),
-        "tick_us": stopwatch.percentiles_us(),
     }
 
 
-def _share(values: list[float], percent: float) -> float | None:
-    """Return a percentile; None of nothing."""
-    return float(np.percentile(values, percent)) if values else None
+BAT: Final = ScoredTask(
+    name="bat",
+    schema="mitt.bat-study/1",
+    trial=BatTrial,
+    trials="trials",
+    doing="batting",
+    in_result="throws",
+    statuses=STATUSES,
+    rate="hit_rate",
+    counted="balls hit",
+    measures={
+        "miss_cm": Measure("miss at the target [cm]", "miss_m", 1, factor=100.0),
+        "off_middle_mm": Measure("off the paddle's middle [mm]", "off_middle_mm", 1),
+        "acceleration": Measure("peak acceleration [rad/s^2]", "peak_acceleration", 0),
+        "force_n": Measure("force on the ball [N]", "peak_contact_force_n", 0),
+    },
+    medians={},
+    more=_more,
+)
+"""The task."""

@@ -27,10 +27,9 @@ from mitt.map.neighbourhood import learn
 from mitt.reading import read_bytes, read_json
 from mitt.trials.log import recording_of
 from mitt.trials.registry import available, check_generator, make_generator, origin_of
-from mitt.trials.result import STATUSES
 from mitt.trials.runner import LoggedTrial, TrialRunner
-from mitt.trials.score import Trial
-from mitt.trials.scored_task import Measure, Row, ScoredTask
+from mitt.trials.score import CATCH, STATE_AXES
+from mitt.trials.scored_task import Row, ScoredTask
 from mitt.trials.source import Source, source_of, widened
 from mitt.trials.study import Chunk, Condition, KeptFiles, Material, Study
 from mitt.trials.study_file import (
@@ -49,37 +48,8 @@ from mitt.world.overlap import check_scene
 from mitt.world.scene import DEFAULT_SCENE
 from mitt.world.throws import Throw
 
-_AXES: Final = ("x", "y", "z", "vx", "vy", "vz")
 #: Arms with their maps, and generators, that a worker keeps.
 _KEPT: Final = 16
-
-CATCH: Final = ScoredTask(
-    name="catch",
-    schema="mitt.study/1",
-    trial=Trial,
-    trials="throws",
-    statuses=STATUSES,
-    rate="catch_rate",
-    counted="balls caught",
-    measures={
-        "force_n": Measure("contact force [N]", "peak_contact_force_n", 0, percent=95),
-    },
-    medians={
-        "position_error_mm": Measure("position [mm]", "position_error_mm", 1),
-        "velocity_error_m_s": Measure("velocity [m/s]", "velocity_error_m_s", 2),
-        "peak_contact_force_n": Measure("contact force [N]", "peak_contact_force_n", None),
-        "energy_j": Measure("work [J]", "energy_j", 0),
-        "demand_cost": Measure("cost (22)", "demand_cost", None),
-        "peak_torque_ratio": Measure("share of a torque limit", "peak_torque_ratio", None),
-        "peak_speed_ratio": Measure("share of a speed limit", "peak_speed_ratio", None),
-        "effort_s": Measure("effort [s]", "effort_s", None),
-        "jerk_rad_s3": Measure("jerk [rad/s^3]", "jerk_rad_s3", None),
-    },
-    extra=("energy_j", *(f"{x}_{axis}" for x in ("release", "passing") for axis in _AXES)),
-)
-"""The task: ``energy_j`` is the work of the joints, counted positive both ways [J]; ``release`` and
-``passing`` are position and velocity [m, m/s] at release, and where the undisturbed ball is nearest
-to the waiting hand."""
 
 
 class CatchConditionSettings(ConditionSettings):
@@ -263,7 +233,7 @@ def _thrown(runner: TrialRunner, source: Source, arm: Arm, index: int) -> dict[s
     passing = np.concatenate(flight.at(flight.nearest()))
     row = asdict(trial) | {"energy_j": energy_j}
     for name, state in (("release", release), ("passing", passing)):
-        row |= {f"{name}_{axis}": float(x) for axis, x in zip(_AXES, state, strict=True)}
+        row |= {f"{name}_{axis}": float(x) for axis, x in zip(STATE_AXES, state, strict=True)}
     return row
 
 

@@ -3,7 +3,6 @@
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
@@ -14,7 +13,7 @@ from mitt.catcher.settings import PHASES, Phase
 from mitt.catcher.state import Result
 from mitt.files.about import About
 from mitt.files.messages import CATCH_POINT, EVENT, TRUTH, clock_call, tick_rows
-from mitt.files.recordings import Notice, Recording, Track, heading_of, write_recording
+from mitt.files.recordings import Notice, Recording, Track, heading_of
 from mitt.signals import Array, Frame, Senses
 from mitt.trials.result import finite, plain_fields
 from mitt.trials.score import reason_of
@@ -176,32 +175,6 @@ def recording_of(
         ),
         notices=_events(log, trial),
     )
-
-
-class TrialLogger(Protocol):
-    """What runs trials and can say all of the last one."""
-
-    def recording(self, trial: Any) -> Recording:  # noqa: ANN401 (a trial of its task)
-        """Return the recording of the last trial."""
-        ...
-
-
-def keep_recording(
-    wanted: str, success: str, runner: TrialLogger, out: Path, trial: Scored
-) -> None:
-    """Write the recording of the last trial into a folder, if it is wanted.
-
-    Args:
-        wanted: Which are: none, failures or all.
-        success: Status of a trial that has not failed.
-        runner: What ran it.
-        out: The folder of the run.
-        trial: The trial.
-    """
-    if wanted == "all" or (wanted == "failures" and trial.status != success):
-        (out / "recordings").mkdir(exist_ok=True)
-        path = out / "recordings" / f"trial-{trial.index:05d}.mcap"
-        write_recording(path, runner.recording(trial))
 
 
 def _events(log: TrialLog, trial: Scored) -> tuple[Notice, ...]:

@@ -8,7 +8,7 @@ from dataclasses import asdict, replace
 from functools import lru_cache
 from pathlib import Path
 from threading import get_ident
-from typing import Annotated, Any, ClassVar, Final, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -20,8 +20,8 @@ from mitt.files.recordings import Recording
 from mitt.files.schema import FileSettings
 from mitt.reading import noted
 from mitt.rivals.meeting import LINES, MEETERS, PLANNERS
-from mitt.trials.meeting import STATUSES, MeetRunner, MeetTrial
-from mitt.trials.scored_task import Measure, ScoredTask
+from mitt.trials.meeting import MEET, MeetRunner
+from mitt.trials.scored_task import ScoredTask
 from mitt.trials.station import Station, arm_with_tool, station
 from mitt.trials.study import Chunk, Condition, Player, Study, check_files
 from mitt.trials.study_file import (
@@ -33,25 +33,6 @@ from mitt.trials.study_file import (
     read_settings,
     spelled,
 )
-
-MEET: Final = ScoredTask(
-    name="meet",
-    schema="mitt.meet-study/1",
-    trial=MeetTrial,
-    trials="trials",
-    statuses=STATUSES,
-    rate="meet_rate",
-    counted="targets met",
-    measures={
-        "error_mm": Measure("error at the grasp [mm]", "position_error_mm", 1),
-        "velocity_m_s": Measure("relative speed [m/s]", "velocity_error_m_s", 3),
-        "acceleration": Measure("peak acceleration [rad/s^2]", "peak_acceleration", 0),
-        "force_n": Measure("force on the part [N]", "peak_contact_force_n", 0),
-        "in_sync_s": Measure("in step [s]", "in_sync_s", 3, more=True),
-    },
-    medians={},
-)
-"""The task."""
 
 Speed = Annotated[float, Field(ge=0.01, le=5.0)]
 """Mean speed of a belt, or largest of a hand [m/s]."""

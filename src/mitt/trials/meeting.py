@@ -10,9 +10,10 @@ and the tool open, is part of what is scored as ``placed``.
 """
 
 import json
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
-from typing import Any, NamedTuple, final
+from typing import Any, Final, NamedTuple, final
 
 import numpy as np
 
@@ -21,7 +22,6 @@ from mitt.catcher.generators import Generator
 from mitt.catcher.meeting import Meeting
 from mitt.catcher.settings import Phase
 from mitt.catcher.state import gathered
-from mitt.clock import Stopwatch
 from mitt.control.health import Reason
 from mitt.errors import InputError
 from mitt.eyes.camera import fixed_rig
@@ -35,8 +35,8 @@ from mitt.signals import TICK, Array, Senses
 from mitt.trials.placing import Placing, backed, carried, placing_of
 from mitt.trials.result import finite
 from mitt.trials.score import measure, reason_of, stop_as_json
+from mitt.trials.scored_task import Measure, ScoredTask
 from mitt.trials.station import Station
-from mitt.trials.statistics import wilson
 from mitt.trials.task_runner import TaskRunner
 from mitt.verdict.feasibility import Outcome
 from mitt.world.engine import BALL_HAND
@@ -45,7 +45,6 @@ from mitt.world.simulation import World
 from mitt.world.targets import InHand, RecordedMotion, Ride, recorded
 from mitt.world.truth import Trace
 
-SCHEMA = "mitt.meet/1"
 STATUSES = ("met", "slipped", "missed", "unreachable", "stopped", "aborted")
 
 #: Longest time from the start of a trial to the meeting [s], and from the end of a recording.
@@ -198,7 +197,17 @@ class MeetRunner(TaskRunner[MeetTrial]):
         world = World(scene, station.arm.model, limits=station.arm.limits)
         super().__init__(station.arm, world)
         self.course: Course | None = None
+        self._first_course: Course | None = None
         self._longest, self._ending = _LONGEST, _Ending(None, None, None)
+
+    @property
+    def first_course(self) -> Course:
+        """How the first trial went, which is run now where it was not."""
+        if self._first_course is None:
+            self.trial(0)
+        if self._first_course is None:
+            raise RuntimeError("a trial has a course")
+        return self._first_course
 
     def target(self, index: int) -> Ride | InHand:
         """Return what comes by in a trial."""
@@ -369,6 +378,8 @@ class MeetRunner(TaskRunner[MeetTrial]):
         why = reason_of(stopped) or (None if verdict is None else verdict.binding_limit)
         touched = None if contact is None else contact.t
         self.course = Course(truth.t, gap, slip, truth.force, touched, closed)
+        if index == 0:
+            self._first_course = self.course
         status = self._status(catcher, truth, closed)
         return MeetTrial(
             index=index,
@@ -420,24 +431,40 @@ def _longest(inside: Array) -> int:
     return int(np.max(ends[1::2] - ends[::2], initial=0))
 
 
-def summary(trials: list[MeetTrial], stopwatch: Stopwatch) -> dict[str, Any]:
-    """Return counts, the rate with its 95 % Wilson interval, and times of ticks."""
-    counts = {status: sum(t.status == status for t in trials) for status in STATUSES}
-    low, high = wilson(counts["met"], len(trials))
+def _more(trials: Sequence[MeetTrial]) -> dict[str, Any]:
+    """Return what the summary of a run says beside counts and rate."""
     sync = [t.in_sync_s for t in trials]
     force = [t.peak_contact_force_n for t in trials if t.peak_contact_force_n is not None]
     hand = [t.hand_force_n for t in trials if t.hand_force_n is not None]
     return {
-        "trials": len(trials),
-        **counts,
         "placed": sum(t.placed is True for t in trials),
-        "meet_rate": counts["met"] / len(trials) if trials else 0.0,
-        "ci95": [low, high],
         "in_sync_s_p50": float(np.median(sync)) if sync else None,
         "force_n": max(force, default=None),
         "hand_force_n": max(hand, default=None),
         "over_force": sum(t.over_force is True for t in trials),
         "at_rest": sum(t.at_rest for t in trials),
         "limit_violations": sum(t.limit_violations for t in trials),
-        "tick_us": stopwatch.percentiles_us(),
     }
+
+
+MEET: Final = ScoredTask(
+    name="meet",
+    schema="mitt.meet-study/1",
+    trial=MeetTrial,
+    trials="trials",
+    doing="meeting",
+    in_result="trials",
+    statuses=STATUSES,
+    rate="meet_rate",
+    counted="targets met",
+    measures={
+        "error_mm": Measure("error at the grasp [mm]", "position_error_mm", 1),
+        "velocity_m_s": Measure("relative speed [m/s]", "velocity_error_m_s", 3),
+        "acceleration": Measure("peak acceleration [rad/s^2]", "peak_acceleration", 0),
+        "force_n": Measure("force on the part [N]", "peak_contact_force_n", 0),
+        "in_sync_s": Measure("in step [s]", "in_sync_s", 3, more=True),
+    },
+    medians={},
+    more=_more,
+)
+"""The task."""

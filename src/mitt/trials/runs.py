@@ -4,8 +4,8 @@ All that a throw needs is compiled in two processes at once, before the first ba
 """
 
 import signal
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from multiprocessing import get_context
 from multiprocessing.sharedctypes import Synchronized
@@ -27,24 +27,25 @@ from mitt.catcher.loading import load_decisions
 from mitt.catcher.planner import undecided
 from mitt.catcher.settings import CatcherSettings
 from mitt.catcher.tick import act, perceive, refer
-from mitt.clock import Progress, Stopwatch, settled
+from mitt.clock import Progress, Stopwatch
 from mitt.errors import InputError, StoppedError
 from mitt.eyes.clock_offset import ClockOffset, LearnedClock, caught_offset
 from mitt.files.about import About
-from mitt.files.recordings import write_recording
-from mitt.interrupts import end_with_parent, notice, safe_path, status_of
+from mitt.files.maps import save_map
+from mitt.files.recordings import Recording, write_recording
+from mitt.interrupts import end_with_parent, safe_path
 from mitt.kernels import cache_folder, is_cold
 from mitt.map.learn import Learned
-from mitt.map.map_design import MapDesign
+from mitt.map.map_design import MapDesign, warnings_of
 from mitt.map.mapping import DirectMap, unlearned
 from mitt.map.neighbourhood import learn, neighbourhood_of_ball
 from mitt.signals import TICK, ArmState, Senses, Sighting
 from mitt.trials.log import recording_of
 from mitt.trials.play import NOTHING, capture, sight_of
 from mitt.trials.registry import make_generator
-from mitt.trials.result import result
 from mitt.trials.runner import TrialRunner
-from mitt.trials.score import Trial, reason_of
+from mitt.trials.score import CATCH, MAP, Trial, reason_of
+from mitt.trials.scored_task import ScoredTask
 from mitt.trials.source import Source, source_of
 from mitt.trials.task_runner import LOOKS
 from mitt.world.flights import BallPath
@@ -240,29 +241,103 @@ class Prepared:
             **({"scene_changed": changes} if changes else {}),
         }
 
+    @property
+    def task(self) -> ScoredTask:
+        """What is run: throws to be caught."""
+        return CATCH
+
+    @property
+    def overwrite(self) -> bool:
+        """Whether a folder with files in it may be used."""
+        return self.settings.overwrite
+
+    @property
+    def count(self) -> int:
+        """Number of throws."""
+        return self.source.count
+
+    @property
+    def warnings(self) -> Sequence[str]:
+        """What is odd about arm and map, in words."""
+        return warnings_of(self.arm, self.design)
+
+    def records(self, trial: Trial) -> bool:
+        """Say whether a throw is to be recorded: of failures the first is there for comparison."""
+        failed = trial.index == 0 or trial.status != CATCH.success
+        return self.settings.record == "all" or (self.settings.record == "failures" and failed)
+
+    def begin(self, progress: Progress) -> "ThrownBalls":
+        """Compile and learn what is not there yet, and throw once before all others."""
+        # A ball that no throw has comes first, so that compiling is not measured.
+        ball, pixels = self.source.ball(2**31), self.settings.vision == "pixels"
+        parts = self.arm, self.design, self.scene, ball
+        with warming(*parts, pixels=pixels, progress=progress):
+            progress("learning", 0, 1)
+            learned = self.learned or learn(
+                self.arm,
+                design=self.design,
+                around=neighbourhood_of_ball(self.scene.ball.drag),
+            )
+            progress("learning", 1, 1)
+        throws = ThrownBalls(self, learned)
+        throws.runner.run(-1, ball, seed=0)
+        throws.runner.stopwatch.clear()
+        return throws
+
 
 @final
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FinishedRun:
-    """A run that is over, by itself or because it was interrupted."""
+class ThrownBalls:
+    """What throws the balls of a run, one after the other.
 
-    prepared: Prepared
-    learned: Learned
-    trials: list[Trial]
-    stopwatch: Stopwatch
-    interrupt: int | None
-    clock: LearnedClock | None = None
+    Attributes:
+        learned: The map.
+        runner: What throws.
+        clock: What is learned of the clock of the eyes; None where it is not learned.
+    """
+
+    def __init__(self, prepared: Prepared, learned: Learned) -> None:
+        """Build the runner of a run."""
+        self._prepared, self.learned = prepared, learned
+        self.runner = make_runner(prepared, learned, generator=prepared.settings.generator)
+        self.clock = LearnedClock() if prepared.settings.learn_clock else None
+        self._again: TrialRunner | None = None
 
     @property
-    def status(self) -> int:
-        """Exit status of the command."""
-        return 0 if self.interrupt is None else self.interrupt
+    def stopwatch(self) -> Stopwatch:
+        """Times of the catcher's ticks."""
+        return self.runner.stopwatch
 
     @property
-    def result(self) -> dict[str, Any]:
-        """The result as the contract writes it."""
-        head = self.prepared.head | ({} if self.clock is None else {"clock": self.clock.figures})
-        return result(self.trials, self.stopwatch, head, self.prepared.source.count)
+    def said(self) -> dict[str, object]:
+        """What the result says of a clock that was learned."""
+        return {} if self.clock is None else {"clock": self.clock.figures}
+
+    @property
+    def warning(self) -> str | None:
+        """What is odd about a clock that was learned."""
+        return None if self.clock is None else self.clock.warning or None
+
+    def trial(self, index: int) -> Trial:
+        """Throw a ball."""
+        return _thrown(self.runner, self._prepared.source, index, self.clock)
+
+    def recording(self, trial: Trial) -> Recording:
+        """Throw a ball once more, which gives the same trial, and return its recording."""
+        p = self._prepared
+        if self._again is None:
+            self._again = make_runner(p, self.learned, generator=p.settings.generator)
+        offset = None if trial.clock is None else trial.clock["offset_s"]
+        self._again.clock_offset = float(offset or 0.0)
+        images = p.settings.record_images and p.settings.vision == "pixels"
+        outcome = self._again.throw(p.source, trial.index, log=True, images=images)
+        if outcome.log is None:
+            raise RuntimeError("a throw left no log")
+        about = self._again.about(p.settings.generator, self.learned.map)
+        return recording_of(outcome.log, outcome.trial, about, p.head)
+
+    def keep(self, folder: Path) -> None:
+        """Write the map."""
+        save_map(folder / MAP, self.learned)
 
 
 def make_runner(prepared: Prepared, learned: Learned, *, generator: str) -> TrialRunner:
@@ -276,56 +351,6 @@ def runner_for(prepared: Prepared, generator: Generator) -> TrialRunner:
     """Return the runner of a run, for any generator."""
     pixels = prepared.settings.vision == "pixels"
     return TrialRunner(prepared.arm, generator, prepared.scene, pixels=pixels)
-
-
-def run(
-    prepared: Prepared,
-    *,
-    progress: Progress,
-    keeping: Callable[[Learned], AbstractContextManager[Callable[[Trial], None]]] | None = None,
-) -> FinishedRun:
-    """Learn if no map was given, and throw; an interrupt ends the run and keeps what is done.
-
-    ``keeping`` is called when the first ball is about to be thrown, and gives what keeps each throw
-    that has ended.
-    """
-    count = prepared.source.count
-    # A ball that no throw has is thrown once before the others, so that compiling is not measured.
-    ball, pixels = prepared.source.ball(2**31), prepared.settings.vision == "pixels"
-    parts = prepared.arm, prepared.design, prepared.scene, ball
-    with warming(*parts, pixels=pixels, progress=progress):
-        progress("learning", 0, 1)
-        learned = prepared.learned or learn(
-            prepared.arm,
-            design=prepared.design,
-            around=neighbourhood_of_ball(prepared.scene.ball.drag),
-        )
-        progress("learning", 1, 1)
-    runner = make_runner(prepared, learned, generator=prepared.settings.generator)
-    runner.run(-1, ball, seed=0)
-    runner.stopwatch.clear()
-    clock = LearnedClock() if prepared.settings.learn_clock else None
-    trials: list[Trial] = []
-    interrupt = None
-    try:
-        with settled(), keeping(learned) if keeping else nullcontext(lambda _: None) as keep:
-            for index in range(count):
-                progress("throwing", index, count)
-                trial = _thrown(runner, prepared.source, index, clock)
-                keep(trial)
-                trials.append(trial)
-        progress("throwing", count, count)
-    except KeyboardInterrupt as stop:
-        notice()
-        interrupt = status_of(stop)
-    return FinishedRun(
-        prepared=prepared,
-        learned=learned,
-        trials=trials,
-        stopwatch=runner.stopwatch,
-        interrupt=interrupt,
-        clock=clock,
-    )
 
 
 def _thrown(runner: TrialRunner, source: Source, index: int, clock: LearnedClock | None) -> Trial:

@@ -7,6 +7,7 @@ joint 2: a torque limit is one of motors, so the holding torques count.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,8 @@ from mitt.control.health import Plain, StoppedBy
 from mitt.kernels import Record, kernel
 from mitt.map.demand import demand
 from mitt.signals import TICK, Array
+from mitt.trials.scored_task import Measure, ScoredTask
+from mitt.trials.statistics import spread_of
 from mitt.verdict.feasibility import Verdict
 from mitt.world.engine import ARM_FLOOR, BALL_HAND, SELF
 from mitt.world.simulation import World
@@ -174,6 +177,49 @@ class Trial:
     stopped_by: dict[str, Plain] | None = None
     over_force: bool | None = None
     clock: dict[str, float | str | None] | None = None
+
+
+STATUSES: Final = ("caught", "dropped", "missed", "unreachable", "stopped", "aborted")
+"""How throws end."""
+MAP: Final = "map.json"
+"""What the map is called in the folder of a run."""
+STATE_AXES: Final = ("x", "y", "z", "vx", "vy", "vz")
+"""Parts of position and velocity, as columns are called after them."""
+
+CATCH: Final = ScoredTask(
+    name="catch",
+    schema="mitt.study/1",
+    trial=Trial,
+    trials="throws",
+    doing="throwing",
+    in_result="throws",
+    statuses=STATUSES,
+    rate="catch_rate",
+    counted="balls caught",
+    measures={
+        "force_n": Measure("contact force [N]", "peak_contact_force_n", 0, percent=95),
+    },
+    medians={
+        "position_error_mm": Measure("position [mm]", "position_error_mm", 1),
+        "velocity_error_m_s": Measure("velocity [m/s]", "velocity_error_m_s", 2),
+        "peak_contact_force_n": Measure("contact force [N]", "peak_contact_force_n", None),
+        "energy_j": Measure("work [J]", "energy_j", 0),
+        "demand_cost": Measure("cost (22)", "demand_cost", None),
+        "peak_torque_ratio": Measure("share of a torque limit", "peak_torque_ratio", None),
+        "peak_speed_ratio": Measure("share of a speed limit", "peak_speed_ratio", None),
+        "effort_s": Measure("effort [s]", "effort_s", None),
+        "jerk_rad_s3": Measure("jerk [rad/s^3]", "jerk_rad_s3", None),
+    },
+    more=lambda trials: {
+        "force_n": spread_of([t.peak_contact_force_n for t in trials]),
+        "over_force": sum(t.over_force is True for t in trials),
+    },
+    keeps=(MAP,),
+    extra=("energy_j", *(f"{x}_{axis}" for x in ("release", "passing") for axis in STATE_AXES)),
+)
+"""The task: ``energy_j`` is the work of the joints, counted positive both ways [J]; ``release`` and
+``passing`` are position and velocity [m, m/s] at release, and where the undisturbed ball is nearest
+to the waiting hand."""
 
 
 def certificate_of(verdict: Verdict | None) -> dict[str, str | float | None] | None:

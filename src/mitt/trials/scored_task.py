@@ -3,9 +3,17 @@
 Tables, summaries, pages and the tests between generators of a study follow from this.
 """
 
-from collections.abc import Mapping
+import re
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, final
+
+from mitt.files.writing import Leaves
+
+NAME = "trials.jsonl"
+RESULT = "result.json"
+PAGE = "report.html"
+"""What the trials are called in the folder of a run, the result and the page."""
 
 Row = Mapping[str, Any]
 """A trial, by the columns of its table."""
@@ -52,30 +60,58 @@ class ScoredTask:
         name: What files call it.
         schema: Of the summary of a study.
         trial: Its trials, a dataclass.
-        trials: What they are called.
+        trials: What they are called in a study.
+        doing: What is done in one, for the bar: ``throwing``.
+        in_result: What the summary of a run calls their number.
         statuses: How they end, the successful one first.
         rate: Name of the share of the successful ones.
         counted: In words, what succeeded.
         measures: What is compared between generators in each trial, by name.
         medians: Of what else a summary gives medians, by name.
+        more: Returns what the summary of a run says of its trials beside counts and rate.
         extra: Numbers that a study adds to the fields of each trial.
+        keeps: Names of files that a run leaves beside throws, result, page and recordings.
     """
 
     name: str
     schema: str
     trial: type
     trials: str
+    doing: str
+    in_result: str
     statuses: tuple[str, ...]
     rate: str
     counted: str
     measures: Mapping[str, Measure]
     medians: Mapping[str, Measure]
+    more: Callable[[Sequence[Any]], dict[str, Any]]
     extra: tuple[str, ...] = ()
+    keeps: tuple[str, ...] = ()
 
     @property
     def success(self) -> str:
         """Status of a trial that did what it was to do."""
         return self.statuses[0]
+
+    @property
+    def result_schema(self) -> str:
+        """Schema of the result of a run."""
+        return f"mitt.{self.name}/1"
+
+    def recording(self, index: int) -> str:
+        """Return where the recording of a trial is in the folder of a run."""
+        return f"recordings/{self.trials.removesuffix('s')}-{index:05d}.mcap"
+
+    @property
+    def leaves(self) -> Leaves:
+        """All that a run leaves in its folder."""
+        recordings = rf"recordings/{self.trials.removesuffix('s')}-\d{{5,}}\.mcap"
+        return Leaves(
+            command=f"mitt {self.name}",
+            schema=self.result_schema,
+            manifests=(NAME, RESULT),
+            names=(*map(re.escape, (NAME, RESULT, PAGE, *self.keeps)), recordings),
+        )
 
     @property
     def figures(self) -> Mapping[str, Measure]:

@@ -1,8 +1,10 @@
 """Statistics of success rates, and of their differences on paired throws."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from math import comb, exp, log, sqrt
 from statistics import NormalDist, fmean, stdev
+
+import numpy as np
 
 
 def wilson(successes: int, trials: int, *, confidence: float = 0.95) -> tuple[float, float]:
@@ -85,6 +87,15 @@ def ratio_of_means(
     half = z * stdev(logs) / sqrt(len(logs))
     centre = fmean(logs)
     return exp(centre), exp(centre - half), exp(centre + half)
+
+
+def spread_of(values: Iterable[float | None], percent: int = 95) -> dict[str, float] | None:
+    """Return ``median`` and a percentile, as ``p95``, of what is known; None where nothing is."""
+    known = [x for x in values if x is not None]
+    if not known:
+        return None
+    median, most = np.percentile(known, [50.0, percent])
+    return {"median": float(median), f"p{percent}": float(most)}
 
 
 def holm(p: Sequence[float]) -> list[float]:

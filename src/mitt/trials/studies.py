@@ -7,8 +7,9 @@ from typing import Final, NamedTuple
 from mitt.errors import UnknownNameError
 from mitt.reading import read_toml
 from mitt.trials.bat_study import BatStudy, read_bat_study
-from mitt.trials.catch_study import CATCH, CatchStudy, read_catch_study
+from mitt.trials.catch_study import CatchStudy, read_catch_study
 from mitt.trials.meet_study import MeetStudy, read_meet_study
+from mitt.trials.score import CATCH
 from mitt.trials.study import Study
 from mitt.trials.study_file import study_path
 from mitt.trials.study_folder import read_manifest, task_of_folder

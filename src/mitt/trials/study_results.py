@@ -18,10 +18,16 @@ import numpy as np
 
 from mitt import checks
 from mitt.errors import FileError, MissingPackageError
-from mitt.trials.result import spread_of
 from mitt.trials.score import reason_of
 from mitt.trials.scored_task import Row, ScoredTask
-from mitt.trials.statistics import holm, mcnemar, paired_difference, ratio_of_means, wilson
+from mitt.trials.statistics import (
+    holm,
+    mcnemar,
+    paired_difference,
+    ratio_of_means,
+    spread_of,
+    wilson,
+)
 from mitt.trials.studies import study_of_folder
 from mitt.trials.study import REFERENCE, Condition, Player, Study
 from mitt.trials.study_folder import Folder

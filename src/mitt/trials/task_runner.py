@@ -7,6 +7,7 @@ think. What is scored is taken from the true states of the world.
 
 from abc import ABC, abstractmethod
 from dataclasses import replace
+from pathlib import Path
 from typing import Generic, TypeVar
 
 from mitt.arm.arm import Arm
@@ -97,6 +98,19 @@ class TaskRunner(ABC, Generic[AnyTrial]):
         catcher = self.release(ball, seed=seed)
         self.play(catcher)
         return self.score(index, catcher)
+
+    @property
+    def said(self) -> dict[str, object]:
+        """What the result of a run says of what was learned on the way."""
+        return {}
+
+    @property
+    def warning(self) -> str | None:
+        """What is odd about what was learned on the way; None where nothing is."""
+        return None
+
+    def keep(self, folder: Path) -> None:
+        """Write what a run keeps beside its trials, before the first."""
 
     def catcher(self) -> Catcher:
         """Return a fresh catcher."""
