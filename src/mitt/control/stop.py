@@ -3,7 +3,7 @@
 **In each tick**, whether the drives can stop the arm from a motion, and at which decelerations
 (:func:`choose_stop`). All joints brake at once, each at a constant rate. The torque that this takes
 is that of the model, gravity, coupling and Coriolis forces included, looked at so often on the way
-to standstill that no joint turns by more than 0.3 rad in between. A joint that has room brakes
+to standstill that no joint turns by more than 0.2 rad in between. A joint that has room brakes
 gently, one that is short of it as hard as it must: the least that any stop within the ranges takes.
 The torque is that of the arm with its load and without it: in between it is no larger, as it is
 linear in the mass. So the deceleration that a joint is trusted with follows from the torque that is
@@ -63,7 +63,7 @@ _KINDS = len(_HARD) + len(_MILD)
 #: Largest turn of a joint between two instants of a stop at constant rates at which its torque is
 #: looked at [rad], how far before and after a joint's rest it is, in times of its way there, and
 #: the most looks; a stop that takes more is not made.
-_TURN = 0.3
+_TURN = 0.2
 _BESIDE = 1e-9
 _LOOKS = 100
 
