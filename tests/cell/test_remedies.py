@@ -7,12 +7,14 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from socket import if_nameindex
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import pytest
 from ros2_cell import ARM, NAMES, cell_with
 
 from mitt.cell import ros2_messages as messages
+from mitt.cell import ur
 from mitt.cell.frames import FrameWriter
 from mitt.cell.prepare import prepare, scene_of_cell
 from mitt.cell.robot import RobotLink
@@ -87,6 +89,14 @@ def joints_said(cell: Cell, *told: Sequence[str], angle: float = 0.0) -> str:
 def robot_of(cell: Cell, **given: Any) -> Cell:  # noqa: ANN401
     """Return a cell with other settings of its robot."""
     return cell.model_copy(update={"robot": cell.robot.model_copy(update=given)})
+
+
+def ur_said(*, rate: float = 500.0, **options: object) -> str:
+    """Return what is wrong with a cell for the driver of a UR, whose library is there."""
+    joints = list(ur.NAMES[: ARM.n])
+    cell = robot_of(cell_with("x"), joints=joints, rate=rate, options=options)
+    with patch.object(ur, "check_package"):
+        return line_of(lambda: ur.check_ur(cell, ARM))
 
 
 def source_of(cell: Cell, **given: Any) -> Cell:  # noqa: ANN401
@@ -203,6 +213,11 @@ REMEDIES: dict[str, tuple[Callable[[], str], Callable[[], str]]] = {
     "robot.options.interface": (
         lambda: line_of(lambda: dds.Node("eth77")),
         lambda: line_of(lambda: dds.Node(if_nameindex()[0][1]).close()),
+    ),
+    "robot.options.address": (ur_said, lambda: ur_said(address="192.0.2.1")),
+    "robot.rate": (
+        lambda: ur_said(address="192.0.2.1", rate=1000.0),
+        lambda: ur_said(address="192.0.2.1"),
     ),
     "robot.options.unbraked": (
         lambda: line_of(lambda: RobotLink(Brakeless())),  # type: ignore[arg-type]

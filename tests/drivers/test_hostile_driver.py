@@ -35,7 +35,7 @@ CALLS = ("read", "points", "write", "trouble", "waits")
 FAULTS = {
     "blocks": r"does not answer: \w+ has not returned for \d+ ms",
     "holds": r"does not answer: \w+ has not returned for \d+ ms.*its process was killed",
-    "spins": r"ended by SIGXCPU|does not answer: \w+ has not returned for \d+ ms",
+    "spins": r"computed too long without a pause|does not answer: \w+ has not returned for \d+ ms",
     "stops": r"does not answer: \w+ has not returned for \d+ ms.*its process was killed",
     "crashes": "has crashed: its process was ended by SIGSEGV",
     "dies": "has crashed: its process was ended by SIGKILL",

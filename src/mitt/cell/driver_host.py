@@ -49,9 +49,10 @@ _CLOSES = 0.4
 #: Share of a period for which the command that answers a reading is waited for.
 _ANSWERS = 0.8
 #: Above that of the loop, on whose core it is: what comes and goes does so at once, while the loop
-#: waits. A client that computes for so long without a pause is ended by Linux [us].
+#: waits. A client that computes for so long without a pause is ended by Linux, once the brakes are
+#: released [us].
 _PRIORITY = 60
-_COMPUTES_US = 15_000
+_COMPUTES_US = 25_000
 _STATUS = (Call.CONFLICT, Call.WAITS, Call.TROUBLE)
 
 
@@ -95,7 +96,8 @@ class Host:
         self._slow = slow
         signal.setitimer(signal.ITIMER_REAL, _SLOWLY if slow else _ALARM)
         _, most = resource.getrlimit(resource.RLIMIT_RTTIME)
-        resource.setrlimit(resource.RLIMIT_RTTIME, (most if slow else _COMPUTES_US, most))
+        bound = most if slow or not self._released else _COMPUTES_US
+        resource.setrlimit(resource.RLIMIT_RTTIME, (bound, most))
 
     def _ask(self, call: Call, asked: Callable[[], Any]) -> Any:  # noqa: ANN401
         """Return what the driver answers; None where it raises, which is said."""
@@ -220,8 +222,8 @@ class Host:
         with self._braking:
             self._ask(Call.RELEASE, self._robot.release)
         self._exchange.say(Call.WATCHDOG, "")
-        self._be_slow(slow=False)
         self._heard, self._released = monotonic(), True
+        self._be_slow(slow=False)
         state[Mark.DONE] = number
         self._exchange.ring()
 

@@ -13,7 +13,7 @@ import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from multiprocessing.connection import Connection
-from signal import Signals
+from signal import SIGXCPU, Signals
 from subprocess import DEVNULL, Popen, TimeoutExpired
 from typing import final
 
@@ -22,7 +22,7 @@ from mitt.cell.exchange import Call, Mark, exchange_pair, reading_of, sighting_o
 from mitt.clock import monotonic
 from mitt.errors import MittError
 from mitt.files.cell import Cell
-from mitt.interrupts import asked_to_end
+from mitt.interrupts import asked_to_end, safe_path
 from mitt.signals import ArmState, Command, Sighting
 
 #: Time in which a driver has to be made and to connect; in which it has to release the brakes,
@@ -74,12 +74,13 @@ class HostedRobot:
         self._n = arm.n
         self._exchange, there = exchange_pair(arm.n)
         fds = (there.fileno(), self._exchange.memory)
-        self._process = Popen(  # noqa: S603  # nosec B603
-            [sys.executable, "-P", "-m", "mitt.cell.driver_host", *map(str, fds)],
-            pass_fds=fds,
-            stdin=DEVNULL,
-            start_new_session=True,  # the keyboard's signals are for mitt
-        )
+        with safe_path():
+            self._process = Popen(  # noqa: S603  # nosec B603
+                [sys.executable, "-P", "-m", "mitt.cell.driver_host", *map(str, fds)],
+                pass_fds=fds,
+                stdin=DEVNULL,
+                start_new_session=True,  # the keyboard's signals are for mitt
+            )
         there.close()
         atexit.register(self._kill)
         try:
@@ -227,6 +228,10 @@ class HostedRobot:
         status = self._process.poll()
         if status is None:
             return f"{self._name} has given its link up"
+        if status == -SIGXCPU:
+            return (
+                f"{self._name} has computed too long without a pause: Linux has ended its process"
+            )
         if status < 0:
             return f"{self._name} has crashed: its process was ended by {Signals(-status).name}"
         return f"{self._name} has ended its process, with status {status}"
