@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support import thorough
 
 from mitt.arm.arm import Arm
 from mitt.catcher.generators import Direct
@@ -141,7 +142,7 @@ except mitt.MittError as error:
 """
 
 
-@pytest.mark.parametrize("victim", ["loop", "writer"])
+@pytest.mark.parametrize("victim", thorough(["loop"], ["writer"]))
 def test_a_file_survives_whoever_is_killed(tmp_path: Path, about: About, victim: str) -> None:
     """Killed with -9: the loop's death ends the file well, the writer's costs its last chunk."""
     seed, path = tmp_path / "seed.mcap", tmp_path / "x.mcap"

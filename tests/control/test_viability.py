@@ -8,6 +8,7 @@ from exact_plant import ExactPlant
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from stages import SafetyFilter, Tracker
+from support import thorough
 
 from mitt.arm.arm import Arm
 from mitt.arm.description import Capsule
@@ -258,7 +259,7 @@ def with_jerk(arm: Arm, seconds: float) -> Arm:
     return Arm(arm.model, replace(arm.limits, acceleration=most, jerk=most / seconds))
 
 
-@pytest.mark.parametrize("seconds", [0.002, 0.06])
+@pytest.mark.parametrize("seconds", thorough([0.002], [0.06]))
 @given(seed=seeds, size=st.sampled_from([0.3, 3.0, 1e3]), hold=st.integers(1, 150))
 def test_an_arm_with_jerk_can_stop_clear_of_everything(
     arm: Arm, seconds: float, seed: int, size: float, hold: int

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from documents import is_part
-from support import install
+from support import install, thorough
 
 from mitt.cell.prepare import prepare
 from mitt.cell.robot import Robot, driver_named
@@ -98,7 +98,7 @@ def test_the_driver_catches_at_its_simulated_arm(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("mistake", ["order", "radians", "torque", "sense"])
+@pytest.mark.parametrize("mistake", thorough(["order", "sense"], ["radians", "torque"]))
 def test_a_mistake_is_told_as_the_page_says(
     mistake: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

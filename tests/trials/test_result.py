@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from support import thorough
 
 from mitt.cli.main import main
 from mitt.clock import Stopwatch
@@ -179,7 +180,9 @@ def test_kill_9_loses_at_most_the_throw_under_way(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("number", "status"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129)])
+@pytest.mark.parametrize(
+    ("number", "status"), thorough([(signal.SIGTERM, 143)], [(signal.SIGHUP, 129)])
+)
 def test_a_signal_ends_a_run_at_once_and_keeps_its_throws(
     a_map: Path, tmp_path: Path, number: signal.Signals, status: int
 ) -> None:

@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from support import thorough
 
 from mitt.arm.description import Capsule
 from mitt.arm.shapes import MARGIN, Surroundings, clearance, shapes_of
@@ -67,7 +68,7 @@ def test_wherever_a_thing_is_met_the_arm_is_clear_and_not_singular(
         assert clearance(a.bodies, q, shapes.table, shapes.pairs, shapes.ends) > MARGIN
 
 
-@pytest.mark.parametrize("direction", [0.0, 0.75 * np.pi])
+@pytest.mark.parametrize("direction", thorough([0.75 * np.pi], [0.0]))
 def test_the_work_area_goes_along_the_belt_wherever_it_leads(direction: float) -> None:
     """For at least 0.3 m, all of it in reach; a part that comes along is met and put away."""
     belt = Belt(middle=(0.55, 0.0), direction=direction)
