@@ -55,7 +55,7 @@ RUNS: dict[str, tuple[int, str, str]] = {
     "mitt catch --arm mine.toml": (0, "written: ", ""),
     "mitt sim ur5e-sim --throws 5 --seed 1": (2, "mitt[ros2]", ""),
     "mitt run ur5e-sim --throws 5 --yes": (2, "mitt[ros2]", ""),
-    "mitt run CELL.toml --check": (2, "got 'ur'", ""),
+    "mitt run CELL.toml --check": (2, "mitt[ur]", ""),
     "mitt catch --flights FLIGHTS.csv": (0, "written: runs/0-direct", ""),
     "mitt catch --generator quintic": (0, "quintic", ""),
     "mitt learn --out MAP.json": (0, "written: MAP.json", ""),
@@ -175,7 +175,9 @@ def prepared(folder: Path) -> None:
     shutil.copy(data / "designs" / "ur5e.toml", folder / "mine.toml")
     (folder / "ur.toml").write_text('base = "lab"\n[actuation]\ntakes = "velocity"\ndelay = 3\n')
     sim = (data / "cells" / "ur5e-sim.toml").read_text()
-    (folder / "CELL.toml").write_text(sim.replace('driver = "ros2"', 'driver = "ur"'))
+    before, after = sim.split("[robot.options]")
+    own = '[robot.options]\naddress = "192.0.2.1"\n\n[motion]' + after.split("[motion]")[1]
+    (folder / "CELL.toml").write_text(before.replace('driver = "ros2"', 'driver = "ur"') + own)
     flights = (data / "flights" / "tennicam.csv").read_text()
     (folder / "FLIGHTS.csv").write_text(flights)
     (folder / "THROWS.csv").write_text("x,y,z,vx,vy,vz\n3.5,0.1,0.2,-6,0,1.5\n")
