@@ -1,20 +1,18 @@
 """``mitt bat``: hit thrown balls back to a target, or stop them."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final, final
+from typing import Any, ClassVar, Final, final
 
 import numpy as np
 
 import mitt
 from mitt.cli.options import BatOptions
-from mitt.cli.running import RunCommand, run_of
+from mitt.cli.running import OptionsRun, RunCommand, run_of, with_origin
 from mitt.cli.screen import (
     beyond_words,
     check_record,
     rate_words,
-    repeated,
     run_folder,
     table_number,
 )
@@ -22,7 +20,7 @@ from mitt.clock import Progress
 from mitt.errors import InputError
 from mitt.files.arm_file import arm_of_task
 from mitt.files.writing import check_ours
-from mitt.reading import noted, reals_of
+from mitt.reading import reals_of
 from mitt.signals import Array
 from mitt.trials.bat_station import (
     TARGET,
@@ -35,7 +33,7 @@ from mitt.trials.bat_station import (
 from mitt.trials.batting import BAT, BatRunner, BatTrial
 from mitt.trials.scored_task import ScoredTask
 from mitt.trials.source import Source, source_of
-from mitt.trials.task_run import FinishedRun, recorded_as
+from mitt.trials.task_run import FinishedRun
 from mitt.world.flights import RecordedFlight, builtin_flights, read_flights
 from mitt.world.scene import DEFAULT_SCENE, Scene, read_scene
 
@@ -54,48 +52,29 @@ def bat_command(options: BatOptions) -> int:
 
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BatRun:
+class BatRun(OptionsRun):
     """A run of throws to be hit back that can start.
 
     Attributes:
-        options: What was said.
         target: Where balls are sent [m], shape (3,); None for a shield.
         speed: Least and largest speed of the balls [m/s]; that of default throws where None.
         recordings: Recorded flights instead of throws; none where none are.
         station: The arm where it bats, its map not learned yet.
         source: What is thrown.
-        out: Folder to write.
-        again: What makes the run again, as JSON: its options, and what it read.
     """
 
+    task: ClassVar[ScoredTask] = BAT
     options: BatOptions
     target: Array | None
     speed: tuple[float, float] | None
     recordings: tuple[RecordedFlight, ...]
     station: BatStation
     source: Source
-    out: Path
-    again: Mapping[str, Any] = field(default_factory=dict)
-
-    @property
-    def task(self) -> ScoredTask:
-        """What is run."""
-        return BAT
-
-    @property
-    def overwrite(self) -> bool:
-        """Whether a folder with files in it may be used."""
-        return self.options.overwrite
 
     @property
     def count(self) -> int:
         """Number of throws."""
         return self.source.count
-
-    @property
-    def warnings(self) -> Sequence[str]:
-        """Nothing is odd that is not refused."""
-        return ()
 
     @property
     def head(self) -> dict[str, object]:
@@ -129,10 +108,6 @@ class BatRun:
             keeps=of.record != "none",
         )
 
-    def records(self, trial: BatTrial) -> bool:
-        """Say whether a trial is to be recorded."""
-        return recorded_as(self.options.record, BAT, trial)
-
 
 def _station(
     options: BatOptions,
@@ -160,9 +135,7 @@ def prepare_bats(options: BatOptions) -> BatRun:
     Raises:
         MittError: An input cannot be used.
     """
-    with noted() as read:
-        run = _prepared(options)
-    return replace(run, again={"words": repeated(options, files=_FILES), "read": read})
+    return with_origin(_prepared, options, _FILES)
 
 
 def _prepared(options: BatOptions) -> BatRun:
@@ -206,11 +179,6 @@ def _prepared(options: BatOptions) -> BatRun:
         source=replace(source, shares=tuple(strike_share(x) for x in recordings)),
         out=out,
     )
-
-
-def _anew(options: BatOptions, folder: Path) -> BatOptions:
-    """Return the options of a run again, in its folder."""
-    return replace(options, out=folder, overwrite=True)
 
 
 def _limits(options: BatOptions) -> str | None:
@@ -261,7 +229,6 @@ def _lines(finished: FinishedRun, said: dict[str, Any]) -> list[str]:
 
 BATS: Final = RunCommand(
     prepare=prepare_bats,
-    anew=_anew,
     title=_title,
     columns=("trial", "status", "beyond [ms]", "t [s]", "miss [cm]", "back [m/s]", "[N]", "why"),
     left=("status", "why"),

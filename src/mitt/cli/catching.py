@@ -7,14 +7,13 @@ from typing import Any, Final
 
 import mitt
 from mitt.cli.options import ArmOptions, CatchOptions, LearnOptions
-from mitt.cli.running import RunCommand, run_of
+from mitt.cli.running import RunCommand, run_of, with_origin
 from mitt.cli.screen import (
     check_new_files,
     checked,
     print_json,
     progress,
     rate_words,
-    repeated,
     run_folder,
     show,
     table,
@@ -30,7 +29,6 @@ from mitt.map.map_design import warnings_of
 from mitt.map.mapping import unlearned
 from mitt.map.neighbourhood import LEARNING_SEED, Neighbourhood
 from mitt.map.neighbourhood import learn as learn_map
-from mitt.reading import noted
 from mitt.trials.registry import check_generator
 from mitt.trials.result import force_words
 from mitt.trials.runs import Prepared, RunSettings, ThrownBalls
@@ -63,10 +61,7 @@ def prepare_run(options: CatchOptions) -> Prepared:
     Raises:
         MittError: An input cannot be used.
     """
-    with noted() as read:
-        prepared = _prepared(options)
-    read.pop(str(options.map), None)  # a run keeps its map
-    return replace(prepared, again={"words": repeated(options, files=_FILES), "read": read})
+    return with_origin(_prepared, options, _FILES, kept=str(options.map))
 
 
 def _anew(options: CatchOptions, folder: Path) -> CatchOptions:

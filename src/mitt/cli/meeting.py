@@ -1,19 +1,17 @@
 """``mitt meet``: meet what moves on a belt or in a hand, and take it."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final, final
+from typing import Any, ClassVar, Final, final
 
 import mitt
 from mitt.arm.tools import TOOLS
 from mitt.cli.options import MeetOptions
-from mitt.cli.running import RunCommand, run_of
+from mitt.cli.running import OptionsRun, RunCommand, run_of, with_origin
 from mitt.cli.screen import (
     beyond_words,
     check_record,
     rate_words,
-    repeated,
     run_folder,
     table_number,
 )
@@ -21,13 +19,12 @@ from mitt.clock import Progress
 from mitt.errors import FileError, InputError, meant
 from mitt.files.arm_file import joint_names
 from mitt.files.writing import check_ours
-from mitt.reading import noted
 from mitt.rivals.meeting import PLANNERS
 from mitt.trials.meeting import MEET, MeetRunner, MeetTrial
 from mitt.trials.result import finite
 from mitt.trials.scored_task import ScoredTask
 from mitt.trials.station import PARTS_SCENE, TARGETS, Station, station
-from mitt.trials.task_run import FinishedRun, recorded_as
+from mitt.trials.task_run import FinishedRun
 from mitt.world.flights import RecordedFlight, read_flights
 from mitt.world.scene import read_scene
 
@@ -49,39 +46,20 @@ def meet_command(options: MeetOptions) -> int:
 
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MeetRun:
+class MeetRun(OptionsRun):
     """A run of meetings that can start.
 
     Attributes:
-        options: What was said.
         runner: What runs the trials.
         at: The arm where it meets things.
         count: Number of trials.
-        out: Folder to write.
-        again: What makes the run again, as JSON: its options, and what it read.
     """
 
+    task: ClassVar[ScoredTask] = MEET
     options: MeetOptions
     runner: MeetRunner
     at: Station
     count: int
-    out: Path
-    again: Mapping[str, Any] = field(default_factory=dict)
-
-    @property
-    def task(self) -> ScoredTask:
-        """What is run."""
-        return MEET
-
-    @property
-    def overwrite(self) -> bool:
-        """Whether a folder with files in it may be used."""
-        return self.options.overwrite
-
-    @property
-    def warnings(self) -> Sequence[str]:
-        """Nothing is odd that is not refused."""
-        return ()
 
     @property
     def head(self) -> dict[str, object]:
@@ -105,10 +83,6 @@ class MeetRun:
         """Return what runs the trials: there is nothing to be learned."""
         return self.runner
 
-    def records(self, trial: MeetTrial) -> bool:
-        """Say whether a trial is to be recorded."""
-        return recorded_as(self.options.record, MEET, trial)
-
 
 def prepare_meetings(options: MeetOptions) -> MeetRun:
     """Read and check all that a run needs.
@@ -116,9 +90,7 @@ def prepare_meetings(options: MeetOptions) -> MeetRun:
     Raises:
         MittError: An input cannot be used.
     """
-    with noted() as read:
-        run = _prepared(options)
-    return replace(run, again={"words": repeated(options, files=_FILES), "read": read})
+    return with_origin(_prepared, options, _FILES)
 
 
 def _prepared(options: MeetOptions) -> MeetRun:
@@ -146,11 +118,6 @@ def _prepared(options: MeetOptions) -> MeetRun:
     if not options.check:
         check_ours(out, MEET.leaves)
     return MeetRun(options=options, runner=runner, at=at, count=count, out=out)
-
-
-def _anew(options: MeetOptions, folder: Path) -> MeetOptions:
-    """Return the options of a run again, in its folder."""
-    return replace(options, out=folder, overwrite=True)
 
 
 def _recordings(target: str) -> tuple[RecordedFlight, ...]:
@@ -221,7 +188,6 @@ def _lines(finished: FinishedRun, said: dict[str, Any]) -> list[str]:
 
 MEETINGS: Final = RunCommand(
     prepare=prepare_meetings,
-    anew=_anew,
     title=_title,
     columns=(
         "trial",

@@ -1,9 +1,9 @@
 """What ``mitt catch``, ``mitt meet`` and ``mitt bat`` do: prepare, run, keep, show."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol, TypeVar
 
 from rich.table import Table
 
@@ -13,6 +13,7 @@ from mitt.cli.screen import (
     checked,
     print_json,
     progress,
+    repeated,
     say,
     show,
     table,
@@ -24,11 +25,11 @@ from mitt.clock import Progress
 from mitt.errors import FileError
 from mitt.files.writing import locked
 from mitt.interrupts import notice, status_of, words_of
-from mitt.reading import changed_file
+from mitt.reading import changed_file, noted
 from mitt.trials.journal import Kept
 from mitt.trials.result import kept_words
-from mitt.trials.scored_task import PAGE, RESULT
-from mitt.trials.task_run import FinishedRun, TaskRun, run_trials, write_result
+from mitt.trials.scored_task import PAGE, RESULT, ScoredTask
+from mitt.trials.task_run import FinishedRun, TaskRun, recorded_as, run_trials, write_result
 
 
 class PreparedRun(TaskRun, Protocol):
@@ -41,26 +42,88 @@ class PreparedRun(TaskRun, Protocol):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class OptionsRun:
+    """What a run says that keeps the options of its command.
+
+    Attributes:
+        task: What is run.
+        options: What was said.
+        out: Folder to write.
+        again: What makes the run again, as JSON: its options, and what it read.
+    """
+
+    task: ClassVar[ScoredTask]
+    options: Any
+    out: Path
+    again: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def overwrite(self) -> bool:
+        """Whether a folder with files in it may be used."""
+        return bool(self.options.overwrite)
+
+    @property
+    def warnings(self) -> Sequence[str]:
+        """Nothing is odd that is not refused."""
+        return ()
+
+    def records(self, trial: Any) -> bool:  # noqa: ANN401 (one of its task)
+        """Say whether a trial is to be recorded."""
+        return recorded_as(self.options.record, self.task, trial)
+
+
+_Options = TypeVar("_Options")
+_Run = TypeVar("_Run")
+
+
+def with_origin(
+    prepare: Callable[[_Options], _Run],
+    options: _Options,
+    files: Sequence[str],
+    *,
+    kept: str = "",
+) -> _Run:
+    """Return a prepared run that says what makes it again: its options, and the files it read.
+
+    Args:
+        prepare: Reads and checks all that the options name.
+        options: What was said.
+        files: Options that may name a file.
+        kept: A file that need not be there again, as the run keeps what it says.
+    """
+    with noted() as read:
+        run = prepare(options)
+    read.pop(kept, None)
+    again = {"words": repeated(options, files=files), "read": read}
+    return replace(run, again=again)  # type: ignore[type-var]
+
+
+def in_folder(options: Any, folder: Path) -> Any:  # noqa: ANN401 (those of a command)
+    """Return the options of a run again, in its folder."""
+    return replace(options, out=folder, overwrite=True)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RunCommand:
     """What a command says of its task.
 
     Attributes:
         prepare: Reads and checks all that the options name.
-        anew: Returns the options of a run again, in its folder.
         title: Of the table.
         columns: Its columns, the first two trial and status.
         left: Columns that are aligned to the left.
         row: Returns a trial as cells.
         lines: What the trials come to, and hints, a line each.
+        anew: Returns the options of a run again, in its folder.
     """
 
     prepare: Callable[[Any], PreparedRun]
-    anew: Callable[[Any, Path], Any]
     title: Callable[[FinishedRun], str]
     columns: Sequence[str]
     left: Sequence[str]
     row: Callable[[Any], tuple[str, ...]]
     lines: Callable[[FinishedRun, dict[str, Any]], Sequence[str]]
+    anew: Callable[[Any, Path], Any] = in_folder
 
 
 def run_of(command: RunCommand, options: Any) -> int:  # noqa: ANN401 (those of the command)

@@ -11,9 +11,11 @@ from typing import Any, NamedTuple, final
 from mitt.files.writing import Leaves
 
 NAME = "trials.jsonl"
+"""What the list of trials is called in the folder of a run."""
 RESULT = "result.json"
+"""What the result is called there."""
 PAGE = "report.html"
-"""What the trials are called in the folder of a run, the result and the page."""
+"""What the page is called there."""
 
 Row = Mapping[str, Any]
 """A trial, by the columns of its table."""

@@ -157,7 +157,7 @@ def run_trials(
     progress: Progress,
     keeps: Callable[[TaskRun, Trials], AbstractContextManager[Keep]] = keeping,
 ) -> FinishedRun:
-    """Run all trials, and write the result; an interrupt keeps what is done.
+    """Run all trials, each kept as it ends; an interrupt keeps those that are done.
 
     Args:
         run: The run.
