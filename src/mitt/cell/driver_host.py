@@ -101,13 +101,20 @@ class Host:
 
     def _ask(self, call: Call, asked: Callable[[], Any]) -> Any:  # noqa: ANN401
         """Return what the driver answers; None where it raises, which is said."""
+        raised, answer = self._answered(call, asked)
+        if raised:
+            self._exchange.say(call, answer, raised=True)
+            return None
+        return answer
+
+    def _answered(self, call: Call, asked: Callable[[], Any]) -> tuple[bool, Any]:
+        """Return whether the driver raised, and its answer, or in words what it raised."""
         state = self._exchange.state
         state[Mark.CALL], state[Mark.SINCE] = float(call), monotonic()
         try:
-            return asked()
+            return False, asked()
         except BaseException as error:  # SystemExit too
-            self._exchange.say(call, self._named(error), raised=True)
-            return None
+            return True, self._named(error)
         finally:
             state[Mark.SINCE] = 0.0
 
@@ -156,19 +163,13 @@ class Host:
 
     def _say_status(self, call: Call) -> None:
         """Say how the robot is where that is new."""
-        robot, state = self._robot, self._exchange.state
+        robot = self._robot
         asked = {
             Call.CONFLICT: robot.conflict,
             Call.WAITS: robot.waits,
             Call.TROUBLE: robot.trouble,
         }
-        try:
-            state[Mark.CALL], state[Mark.SINCE] = float(call), monotonic()
-            said = False, asked[call]()
-        except BaseException as error:  # SystemExit too
-            said = True, self._named(error)
-        finally:
-            state[Mark.SINCE] = 0.0
+        said = self._answered(call, asked[call])
         if self._said.get(call, (False, "")) != said:
             self._said[call] = said
             self._exchange.say(call, said[1], raised=said[0])
