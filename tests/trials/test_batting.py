@@ -103,6 +103,16 @@ def test_a_run_has_a_restitution_of_its_own() -> None:
     assert np.ptp(shares) > DOUBT
 
 
+def test_the_readout_of_the_scenes_shutters_is_known() -> None:
+    """Else what the two cameras see is not brought to one instant."""
+    scene = named_scene("lab")
+    sensing = scene.sensing.model_copy(update={"readout": 0.02})
+    rolling = scene.model_copy(update={"sensing": sensing})
+    at = bat_station("wam", scene=rolling, target=TARGET, limits="wam-48v", learns=False)
+    assert [camera.readout for camera in at.rig.cameras] == [0.02, 0.02]
+    assert [camera.readout for camera in station().rig.cameras] == [0.0, 0.0]
+
+
 def test_an_arm_without_a_paddle_does_not_bat() -> None:
     """It is told."""
     with pytest.raises(ModelError, match="a paddle"):

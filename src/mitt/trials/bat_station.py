@@ -24,7 +24,7 @@ from mitt.map.map_design import MapDesign
 from mitt.map.neighbourhood import Neighbourhood
 from mitt.map.striking import Impact
 from mitt.signals import Array
-from mitt.trials.catcher_settings import catcher_settings
+from mitt.trials.catcher_settings import catcher_settings, rig_in
 from mitt.trials.source import ranges_of
 from mitt.trials.strikes import STRUCK, learn_strikes
 from mitt.world.build import TOUCH, restitution_on
@@ -172,7 +172,9 @@ def bat_station(
     if learns:
         g = learn_strikes(g, settings, place, around=replace(around, box=_BOX))[0]
     batting = Batting(map=g, settings=settings, tolerance=stance.tolerance)
-    return BatStation(arm=arm, batting=batting, scene=scene, target=target, rig=bat_rig(place))
+    return BatStation(
+        arm=arm, batting=batting, scene=scene, target=target, rig=rig_in(bat_rig(place), scene)
+    )
 
 
 def bat_rig(place: Array) -> Rig:

@@ -11,6 +11,7 @@ from mitt.arm.tools import Paddle
 from mitt.ball.filter import FilterConfig
 from mitt.catcher.settings import CatcherSettings
 from mitt.control.encoders import Encoders
+from mitt.eyes.camera import Rig
 from mitt.eyes.eyes import EyesConfig
 from mitt.eyes.triangulation import TriangulatorConfig
 from mitt.signals import TICK
@@ -56,6 +57,12 @@ def eyes_settings(scene: Scene) -> EyesConfig:
     return EyesConfig(
         ball_radius=scene.ball.radius, triangulator=TriangulatorConfig(sigma_floor=floor)
     )
+
+
+def rig_in(rig: Rig, scene: Scene) -> Rig:
+    """Return the cameras as a catcher knows them in a scene: with the readout of its shutters."""
+    rolling = (replace(camera, readout=scene.sensing.readout) for camera in rig.cameras)
+    return replace(rig, cameras=tuple(rolling))
 
 
 def driven(arm: Arm, scene: Scene) -> Arm:

@@ -21,7 +21,7 @@ from mitt.files.about import About
 from mitt.map.mapping import DirectMap
 from mitt.rivals.clairvoyant import Clairvoyant
 from mitt.signals import ArmState, Senses, Sighting
-from mitt.trials.catcher_settings import catcher_settings, driven, eyes_settings
+from mitt.trials.catcher_settings import catcher_settings, driven, eyes_settings, rig_in
 from mitt.trials.log import TrialLog, announced_catch_time
 from mitt.trials.play import play_out
 from mitt.trials.score import (
@@ -82,8 +82,7 @@ class TrialRunner(TaskRunner[Trial]):
         check_scene(arm, scene)
         self._generator, self._scene, self._pixels = generator, scene, pixels
         rig = active_rig() if scene.sensing.cameras == "active" else fixed_rig()
-        rolling = [replace(c, readout=scene.sensing.readout) for c in rig.cameras]
-        self.rig = replace(rig, cameras=tuple(rolling))
+        self.rig = rig_in(rig, scene)
         cameras = cameras_of(self.rig, scene) if pixels else None
         super().__init__(arm, World(scene, arm.model, cameras=cameras, limits=arm.limits))
         self.keeps_images = False
