@@ -224,6 +224,24 @@ def _is_certified(s: Safety, motion: Array) -> bool:
 
 
 @kernel
+def _moves(motion: Array) -> bool:
+    """Say whether a joint moves."""
+    moves = False
+    for k in range(motion.shape[1]):
+        moves |= motion[1, k] != 0.0
+    return bool(moves)
+
+
+@kernel
+def _has_jerk_limit(b: Record) -> bool:
+    """Say whether a joint has a jerk limit."""
+    limited = False
+    for k in range(len(b)):
+        limited |= not np.isinf(b[k].jerk)
+    return bool(limited)
+
+
+@kernel
 def find_stop(s: Safety, motion: Array, estimated: Array) -> bool:
     """Say whether a stop is found that the drives can make and that is clear: ``s.stop.rates``.
 
@@ -235,14 +253,11 @@ def find_stop(s: Safety, motion: Array, estimated: Array) -> bool:
     Where joints have a jerk limit, the stop is that of :func:`mitt.control.envelope.slow_down`, and
     its torque that of any kind.
     """
-    b, n, moves, smooth = s.bounds, motion.shape[1], False, False
-    for k in range(n):
-        moves |= motion[1, k] != 0.0
-        smooth |= not np.isinf(b[k].jerk)
-    if smooth:
-        if moves and choose_stop(s.arm, s.loaded, b, motion, EASIEST, s.stop) > SHARE:
+    moves = _moves(motion)
+    if _has_jerk_limit(s.bounds):
+        if moves and choose_stop(s.arm, s.loaded, s.bounds, motion, EASIEST, s.stop) > SHARE:
             return False
-        return bool(_stops_clear(s, motion))
+        return bool(_stops_clear_smoothly(s, motion))
     for kind in (_BEFORE, _GENTLE):
         _write_rates(s, motion, kind)
         if not _both_stop_clear(s, motion, estimated):
@@ -297,15 +312,13 @@ def _both_stop_clear(s: Safety, motion: Array, estimated: Array) -> bool:
     The arm begins it where it is, and as fast as it is or as the motion, to which it is driven. One
     that stands too close already is led by the command alone, which is clear.
     """
-    if not _stops_clear(s, motion):
+    rates, led = s.stop.rates, s.led
+    if not _stops_clear_at(s, motion, rates, s.measured):
         return False
-    rates, led, moves = s.stop.rates, s.led, False
     copy(estimated[0], led[0])
     copy(motion[1], led[1])
-    for k in range(motion.shape[1]):
-        moves |= motion[1, k] != 0.0
     clear = _stops_clear_at(s, led, rates, s.near) and _stops_clear_at(s, estimated, rates, s.near)
-    if clear or not moves:
+    if clear or not _moves(motion):
         return True
     nearest = np.inf
     for i in range(len(s.pairs)):
@@ -316,9 +329,8 @@ def _both_stop_clear(s: Safety, motion: Array, estimated: Array) -> bool:
 @kernel
 def _stops_clear(s: Safety, motion: Array) -> bool:
     """Say whether the stop from q, dq, ddq at ``s.stop.rates`` keeps ``STOP_CLEARANCE``."""
-    for k in range(motion.shape[1]):
-        if not np.isinf(s.bounds[k].jerk):
-            return bool(_stops_clear_smoothly(s, motion))
+    if _has_jerk_limit(s.bounds):
+        return bool(_stops_clear_smoothly(s, motion))
     return bool(_stops_clear_at(s, motion, s.stop.rates, s.measured))
 
 
