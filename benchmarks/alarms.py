@@ -24,16 +24,16 @@ from typing import Any
 import numpy as np
 from arms import SETUPS, WAM, named
 
-from mitt.arm.arm import Arm
-from mitt.catcher.generators import Direct, Unoptimised
-from mitt.map.mapping import DirectMap, unlearned
-from mitt.map.neighbourhood import learn
-from mitt.trials.runner import TrialRunner
-from mitt.trials.score import reason_of
-from mitt.trials.source import aim_of
-from mitt.trials.statistics import wilson
-from mitt.world.scene import Scene
-from mitt.world.throws import default_throw
+from mitt.core.arm.arm import Arm
+from mitt.core.catcher.generators import Direct, Unoptimised
+from mitt.core.map.mapping import DirectMap, unlearned
+from mitt.core.map.neighbourhood import learn
+from mitt.lab.trials.runner import TrialRunner
+from mitt.lab.trials.score import reason_of
+from mitt.lab.trials.source import aim_of
+from mitt.lab.trials.statistics import wilson
+from mitt.lab.world.scene import Scene
+from mitt.lab.world.throws import default_throw
 
 SEED = 9000
 #: Throws with one plant's widths, and with one process.

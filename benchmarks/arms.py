@@ -9,10 +9,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from sysconfig import get_paths
 
-from mitt.arm.arm import Arm
-from mitt.arm.hands import HandModel
-from mitt.arm.load import build_arm
-from mitt.map.map_design import MapDesign
+from mitt.core.arm.arm import Arm
+from mitt.core.arm.hands import HandModel
+from mitt.core.map.map_design import MapDesign
+from mitt.io.load import build_arm
 
 _ROBOTS = Path(get_paths()["purelib"]) / "cmeel.prefix/share/example-robot-data/robots"
 #: Limit sets of the WAM, which are names of arms here.

@@ -17,13 +17,13 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from exact_plant import SETTINGS
 from thrower_hands import KINDS, thrown
 
-from mitt.catcher.catcher import Catcher
-from mitt.catcher.generators import Direct
-from mitt.files.arm_file import load_arm
-from mitt.map.neighbourhood import learn
-from mitt.trials.source import source_of
-from mitt.trials.statistics import wilson
-from mitt.world.throws import Throw
+from mitt.core.catcher.catcher import Catcher
+from mitt.core.catcher.generators import Direct
+from mitt.core.map.neighbourhood import learn
+from mitt.io.arm_file import load_arm
+from mitt.lab.trials.source import source_of
+from mitt.lab.trials.statistics import wilson
+from mitt.lab.world.throws import Throw
 
 
 def main() -> None:

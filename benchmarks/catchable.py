@@ -25,17 +25,17 @@ from pathlib import Path
 
 from oracle import Row, counted, is_sampled, judged, parallel
 
-from mitt.catcher.generators import Generator
-from mitt.files.arm_file import ArmSpec, ThrowSettings
-from mitt.map.learn import Learned
-from mitt.map.neighbourhood import learn, neighbourhood_of_ball
-from mitt.rivals.clairvoyant import make_clairvoyant
-from mitt.trials.catch_study import CatchCondition, read_catch_study
-from mitt.trials.registry import make_generator
-from mitt.trials.runner import TrialRunner
-from mitt.trials.score import Trial
-from mitt.trials.source import source_of, widened
-from mitt.world.scene import read_scene
+from mitt.core.catcher.generators import Generator
+from mitt.core.map.learn import Learned
+from mitt.core.map.neighbourhood import learn, neighbourhood_of_ball
+from mitt.io.arm_file import ArmSpec, ThrowSettings
+from mitt.lab.rivals.clairvoyant import make_clairvoyant
+from mitt.lab.trials.catch_study import CatchCondition, read_catch_study
+from mitt.lab.trials.registry import make_generator
+from mitt.lab.trials.runner import TrialRunner
+from mitt.lab.trials.score import Trial
+from mitt.lab.trials.source import source_of, widened
+from mitt.lab.world.scene import read_scene
 
 #: Share of the throws that the map catches which are given to the clairvoyant as well.
 SAMPLE = 0.05

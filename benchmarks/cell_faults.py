@@ -28,13 +28,13 @@ from typing import Any
 
 import numpy as np
 
-from mitt.cell.prepare import PreparedCell, feed_of, prepare, scene_of_cell
-from mitt.cell.robot import ReceivedCommand
-from mitt.cell.session import Server
-from mitt.control.stop import plan_brake
-from mitt.files.cell import read_cell
+from mitt.core.control.stop import plan_brake
+from mitt.core.signals import TICK, Array, Image
 from mitt.interrupts import tell
-from mitt.signals import TICK, Array, Image
+from mitt.io.cell import read_cell
+from mitt.robot.cell.prepare import PreparedCell, feed_of, prepare, scene_of_cell
+from mitt.robot.cell.robot import ReceivedCommand
+from mitt.robot.cell.session import Server
 
 #: Speed that counts as moving and as at rest [rad/s]; how long rest has to last, and how long it is
 #: watched how the arm sags onto its brakes then [s].
@@ -60,7 +60,7 @@ class FaultyPort:
 
     def __init__(self, prepared: PreparedCell, lose: float) -> None:
         """Join the network; ``lose`` is the share of messages that is lost either way."""
-        from mitt.cell.ros2 import Ros2Cell  # noqa: PLC0415 (after the loop is hurried)
+        from mitt.robot.cell.ros2 import Ros2Cell  # noqa: PLC0415 (after the loop is hurried)
 
         self._inner, self._arm = Ros2Cell(prepared.cell, prepared.arm), prepared.arm
         self._lose, self._rng = lose, np.random.default_rng(80100)

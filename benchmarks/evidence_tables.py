@@ -12,7 +12,7 @@ from typing import Any
 
 import pyarrow.parquet as pq
 
-from mitt.trials.study_results import against
+from mitt.lab.trials.study_results import against
 
 BEGIN = "<!-- tables -->"
 END = "<!-- end of tables -->"

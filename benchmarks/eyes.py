@@ -11,13 +11,13 @@ import argparse
 
 import numpy as np
 
-from mitt.ball.filter import THROWN_BALL, BallFilter
-from mitt.ball.flight import advance
-from mitt.eyes.camera import Rig, fixed_rig
-from mitt.eyes.eyes import Eyes, EyesStatus
-from mitt.eyes.head import active_rig
-from mitt.signals import Array
-from mitt.world.imaging import Imager, ImageSensor
+from mitt.core.ball.filter import THROWN_BALL, BallFilter
+from mitt.core.ball.flight import advance
+from mitt.core.eyes.camera import Rig, fixed_rig
+from mitt.core.eyes.eyes import Eyes, EyesStatus
+from mitt.core.eyes.head import active_rig
+from mitt.core.signals import Array
+from mitt.lab.world.imaging import Imager, ImageSensor
 
 Rows = dict[str, list[tuple[float, float]]]
 

@@ -25,20 +25,20 @@ from typing import Any
 import numpy as np
 from arms import WAM, named
 
-from mitt.arm.arm import Arm
-from mitt.catcher.generators import Direct
-from mitt.catcher.state import REASONS, Result, ticks_between
-from mitt.control.health import ABORT
-from mitt.map.mapping import DirectMap
-from mitt.map.neighbourhood import learn
-from mitt.signals import Array
-from mitt.trials.runner import TrialRunner
-from mitt.trials.score import STATUSES, measure
-from mitt.trials.source import aim_of
-from mitt.trials.statistics import wilson
-from mitt.world.scene import Scene
-from mitt.world.throws import Throw, default_throw
-from mitt.world.truth import Trace
+from mitt.core.arm.arm import Arm
+from mitt.core.catcher.generators import Direct
+from mitt.core.catcher.state import REASONS, Result, ticks_between
+from mitt.core.control.health import ABORT
+from mitt.core.map.mapping import DirectMap
+from mitt.core.map.neighbourhood import learn
+from mitt.core.signals import Array
+from mitt.lab.trials.runner import TrialRunner
+from mitt.lab.trials.score import STATUSES, measure
+from mitt.lab.trials.source import aim_of
+from mitt.lab.trials.statistics import wilson
+from mitt.lab.world.scene import Scene
+from mitt.lab.world.throws import Throw, default_throw
+from mitt.lab.world.truth import Trace
 
 SEED = 9000
 #: Moments at which a fault begins, after release [s].

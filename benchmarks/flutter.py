@@ -14,7 +14,7 @@ from typing import Any
 import matplotlib
 from matplotlib.figure import Figure
 
-from mitt.report.style import GENERATORS, RC, UNNAMED
+from mitt.lab.report.style import GENERATORS, RC, UNNAMED
 
 #: Names of the conditions that are drawn.
 _CONDITION = re.compile(r"flutter (\d+) ms")

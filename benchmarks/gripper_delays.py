@@ -17,11 +17,11 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from mitt.arm.tools import TOOLS
-from mitt.report.style import BLUE, GREEN, ORANGE, RC
-from mitt.trials.meeting import MeetRunner
-from mitt.trials.station import PARTS_SCENE, station
-from mitt.trials.statistics import wilson
+from mitt.core.arm.tools import TOOLS
+from mitt.lab.report.style import BLUE, GREEN, ORANGE, RC
+from mitt.lab.trials.meeting import MeetRunner
+from mitt.lab.trials.station import PARTS_SCENE, station
+from mitt.lab.trials.statistics import wilson
 
 #: Time from the command until the tool acts [s], mean speeds of the belt [m/s], and the time for
 #: which a tool has to be in step [s].

@@ -21,14 +21,14 @@ import time
 from collections import Counter
 from collections.abc import Sequence
 
-from mitt.catcher.loading import load_decisions
-from mitt.cell.drivers import LocalRobot, local_connection, local_robot
-from mitt.cell.live import LiveLoop, Mode
-from mitt.cell.prepare import cell_about, cell_generator, cell_map, prepare
-from mitt.cell.session import loop_of
-from mitt.files.cell import read_cell
-from mitt.signals import TICK, ArmState
-from mitt.trials.statistics import wilson
+from mitt.core.catcher.loading import load_decisions
+from mitt.core.signals import TICK, ArmState
+from mitt.io.cell import read_cell
+from mitt.lab.trials.statistics import wilson
+from mitt.robot.cell.drivers import LocalRobot, local_connection, local_robot
+from mitt.robot.cell.live import LiveLoop, Mode
+from mitt.robot.cell.prepare import cell_about, cell_generator, cell_map, prepare
+from mitt.robot.cell.session import loop_of
 
 #: Longest time that is given to what has come [s], and to a session [s].
 LONGEST = 40.0

@@ -24,16 +24,16 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from exact_plant import SETTINGS, Change, as_read, each, throw
 from franka_design import panda_file
 
-from mitt.arm.arm import Arm
-from mitt.catcher.catcher import Catcher
-from mitt.catcher.generators import Direct
-from mitt.files.arm_file import load_arm, read_arm_file
-from mitt.map.mapping import DirectMap
-from mitt.map.neighbourhood import learn
-from mitt.signals import TICK, ArmState, Array
-from mitt.trials.source import Source, source_of, widened
-from mitt.trials.statistics import wilson
-from mitt.world.throws import Throw
+from mitt.core.arm.arm import Arm
+from mitt.core.catcher.catcher import Catcher
+from mitt.core.catcher.generators import Direct
+from mitt.core.map.mapping import DirectMap
+from mitt.core.map.neighbourhood import learn
+from mitt.core.signals import TICK, ArmState, Array
+from mitt.io.arm_file import load_arm, read_arm_file
+from mitt.lab.trials.source import Source, source_of, widened
+from mitt.lab.trials.statistics import wilson
+from mitt.lab.world.throws import Throw
 
 SEED = 9000
 ARMS = ("paper", "wam-48v", "panda")

@@ -17,10 +17,14 @@ from pathlib import Path
 from rich import _export_format
 from rich.console import Console
 
-from mitt.cell.drivers import connect_robot
-from mitt.cell.live import Mode
-from mitt.cell.prepare import cell_map, prepare
-from mitt.cell.session import (
+from mitt.cli.screen import picture
+from mitt.clock import hurried, uncollected
+from mitt.interrupts import tell
+from mitt.io.cell import read_cell
+from mitt.robot.cell.drivers import connect_robot
+from mitt.robot.cell.live import Mode
+from mitt.robot.cell.prepare import cell_map, prepare
+from mitt.robot.cell.session import (
     SHOWN,
     STATES,
     Numbers,
@@ -30,10 +34,6 @@ from mitt.cell.session import (
     rehearse,
     shared_numbers,
 )
-from mitt.cli.screen import picture
-from mitt.clock import hurried, uncollected
-from mitt.files.cell import read_cell
-from mitt.interrupts import tell
 
 #: Domain of the two, throws, and number of the throw in which the picture is made, from 0.
 DOMAIN = "174"

@@ -20,22 +20,22 @@ from typing import ParamSpec, TypeVar
 
 import numpy as np
 
-from mitt.arm.arm import Arm
-from mitt.catcher.catcher import Catcher
-from mitt.catcher.generators import Generator
-from mitt.catcher.loading import load_decisions
-from mitt.catcher.settings import CatcherSettings, Phase
 from mitt.clock import uncollected
-from mitt.control.slow_motion import slow_motion
-from mitt.files.arm_file import ArmSpec
+from mitt.core.arm.arm import Arm
+from mitt.core.catcher.catcher import Catcher
+from mitt.core.catcher.generators import Generator
+from mitt.core.catcher.loading import load_decisions
+from mitt.core.catcher.settings import CatcherSettings, Phase
+from mitt.core.map.neighbourhood import learn
+from mitt.core.verdict.pieces import Pieces
 from mitt.interrupts import tell
-from mitt.map.neighbourhood import learn
-from mitt.trials.registry import make_generator
-from mitt.trials.runner import TrialRunner
-from mitt.trials.source import Source, source_of, widened
-from mitt.verdict.pieces import Pieces
-from mitt.world.scene import Scene, scene_of
-from mitt.world.throws import Throw
+from mitt.io.arm_file import ArmSpec
+from mitt.lab.trials.registry import make_generator
+from mitt.lab.trials.runner import TrialRunner
+from mitt.lab.trials.slow_motion import slow_motion
+from mitt.lab.trials.source import Source, source_of, widened
+from mitt.lab.world.scene import Scene, scene_of
+from mitt.lab.world.throws import Throw
 
 _P = ParamSpec("_P")
 _T = TypeVar("_T")

@@ -18,8 +18,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mitt.trials.score import STATUSES, Trial, reason_of
-from mitt.trials.statistics import wilson
+from mitt.lab.trials.score import STATUSES, Trial, reason_of
+from mitt.lab.trials.statistics import wilson
 
 #: The stream that a sample is drawn from.
 _STREAM = 7

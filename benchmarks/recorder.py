@@ -14,14 +14,14 @@ from time import perf_counter_ns, sleep
 import numpy as np
 
 import mitt
-from mitt.catcher.generators import Direct
-from mitt.cell.recorder import Recorder
 from mitt.clock import uncollected
-from mitt.map.mapping import DirectMap
-from mitt.trials.runner import LONGEST, TrialRunner
-from mitt.trials.score import HELD_AFTER
-from mitt.trials.source import source_of
-from mitt.world.scene import read_scene
+from mitt.core.catcher.generators import Direct
+from mitt.core.map.mapping import DirectMap
+from mitt.lab.trials.runner import LONGEST, TrialRunner
+from mitt.lab.trials.score import HELD_AFTER
+from mitt.lab.trials.source import source_of
+from mitt.lab.world.scene import read_scene
+from mitt.robot.cell.recorder import Recorder
 
 SEED = 80_000
 

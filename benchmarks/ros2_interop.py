@@ -20,8 +20,8 @@ from pathlib import Path
 import numpy as np
 
 from mitt.clock import hurried, uncollected
-from mitt.files.cell import arm_of, read_cell
-from mitt.signals import Command
+from mitt.core.signals import Command
+from mitt.io.cell import arm_of, read_cell
 
 HERE = Path(__file__).parent / "interop"
 #: Domain of the two, and where commands go.
@@ -69,7 +69,7 @@ def work(folder: Path, *words: str) -> None:
 def exchange(peer: Path, count: int) -> dict[str, int]:
     """Let the peer send so many joint states, answer each, and return both sides' counts."""
     os.environ["ROS_DOMAIN_ID"] = DOMAIN
-    from mitt.cell.ros2 import Ros2Robot  # noqa: PLC0415 (reads the domain)
+    from mitt.robot.cell.ros2 import Ros2Robot  # noqa: PLC0415 (reads the domain)
 
     cell = read_cell("wam-sim")
     options = {"command": COMMANDS, "unbraked": True}

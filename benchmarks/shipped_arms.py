@@ -18,10 +18,10 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from mitt.arm.basket import Basket
-from mitt.files.shipped_arms import FIGURES, SCHEMA, Figures, ShippedArm, arm_digest, shipped_arms
-from mitt.files.writing import write_text
+from mitt.core.arm.basket import Basket
 from mitt.interrupts import tell
+from mitt.io.shipped_arms import FIGURES, SCHEMA, Figures, ShippedArm, arm_digest, shipped_arms
+from mitt.io.writing import write_text
 
 #: Number of throws, and their seed: none that a search or another benchmark throws.
 THROWS = 200

@@ -19,12 +19,13 @@ from itertools import islice
 import numpy as np
 from scipy.optimize import least_squares
 
-from mitt.arm.arm import Arm
-from mitt.arm.load import build_arm
-from mitt.ball.flight import acceleration
-from mitt.design.task import BOX, FAR
-from mitt.files.arm_file import ThrowSettings
-from mitt.rivals.clairvoyant import (
+from mitt.core.arm.arm import Arm
+from mitt.core.ball.flight import acceleration
+from mitt.core.signals import Array
+from mitt.io.arm_file import ThrowSettings
+from mitt.io.load import build_arm
+from mitt.lab.design.task import BOX, FAR
+from mitt.lab.rivals.clairvoyant import (
     PARTS,
     Symbolic,
     casadi,
@@ -33,11 +34,10 @@ from mitt.rivals.clairvoyant import (
     steps,
     symbolic,
 )
-from mitt.signals import Array
-from mitt.trials.source import source_of, widened
-from mitt.world.flights import BallPath
-from mitt.world.scene import read_scene
-from mitt.world.throws import Throw, fly
+from mitt.lab.trials.source import source_of, widened
+from mitt.lab.world.flights import BallPath
+from mitt.lab.world.scene import read_scene
+from mitt.lab.world.throws import Throw, fly
 
 #: Time after the release at which the arm begins [s], and how much earlier or later than the ball
 #: is nearest to the aim it may be met [s].

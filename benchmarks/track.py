@@ -13,12 +13,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from mitt.ball.filter import BallFilter, FilterConfig
-from mitt.cameras.filtering import UNKNOWN_BALL, filter_flight
-from mitt.signals import Array, Sighting
-from mitt.trials.catcher_settings import filter_settings
-from mitt.world.flights import RecordedFlight, builtin_flights
-from mitt.world.throws import fly
+from mitt.core.ball.filter import BallFilter, FilterConfig
+from mitt.core.signals import Array, Sighting
+from mitt.lab.trials.catcher_settings import filter_settings
+from mitt.lab.world.flights import RecordedFlight, builtin_flights
+from mitt.lab.world.throws import fly
+from mitt.robot.cameras.filtering import UNKNOWN_BALL, filter_flight
 
 SEED = 8000
 H = 1e-3

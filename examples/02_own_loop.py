@@ -8,7 +8,7 @@ begins where the arm is, eq. (8).
 import numpy as np
 
 import mitt
-from mitt.ball.flight import forecast
+from mitt.core.ball.flight import forecast
 
 arm = mitt.load_arm("wam")
 direct_map = mitt.learn(arm).map

@@ -7,7 +7,7 @@ that differs from its model, fingers that hold by contact alone.
 import numpy as np
 
 import mitt
-from mitt.trials.statistics import wilson
+from mitt.lab.trials.statistics import wilson
 
 arm = mitt.load_arm("wam", limits="paper")
 trials = mitt.simulate(mitt.learn(arm).map, throws=20, seed=1)

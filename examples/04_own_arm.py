@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 import mitt
-from mitt.map.neighbourhood import Neighbourhood
+from mitt.core.map.neighbourhood import Neighbourhood
 
 urdf = Path(__file__).with_name("own_arm.urdf")
 arm = mitt.load_arm(urdf, tip="palm", joints=["yaw", "pitch", "elbow"])

@@ -5,11 +5,11 @@ The images are rendered here; hand in your own as ``Frame`` objects, one a camer
 
 import numpy as np
 
-from mitt.ball.filter import THROWN_BALL, BallFilter
-from mitt.ball.flight import advance
-from mitt.eyes.camera import fixed_rig
-from mitt.eyes.eyes import Eyes
-from mitt.world.imaging import Imager, ImageSensor
+from mitt.core.ball.filter import THROWN_BALL, BallFilter
+from mitt.core.ball.flight import advance
+from mitt.core.eyes.camera import fixed_rig
+from mitt.core.eyes.eyes import Eyes
+from mitt.lab.world.imaging import Imager, ImageSensor
 
 RADIUS = 0.04
 DRAG = 0.04

@@ -7,9 +7,9 @@ cannot be known, and shows in the largest error but not in the median.
 import numpy as np
 
 import mitt
-from mitt.ball.filter import TABLE_TENNIS_BALL, BallFilter
-from mitt.signals import Array, Sighting
-from mitt.world.flights import RecordedFlight, builtin_flights
+from mitt.core.ball.filter import TABLE_TENNIS_BALL, BallFilter
+from mitt.core.signals import Array, Sighting
+from mitt.lab.world.flights import RecordedFlight, builtin_flights
 
 AHEAD = 0.05  # [s]
 NOISE = np.diag([1.6e-3, 0.6e-3, 0.85e-3]) ** 2  # of the recording [m^2]

@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from mitt import load_arm
-from mitt.cameras.hand_calibration import HandProblem, placed
-from mitt.cameras.least_squares import fit
-from mitt.eyes.camera import Rig, fixed_rig, look_at, turned
-from mitt.eyes.segmentation import Segmenter
-from mitt.world.imaging import Imager, ImageSensor
+from mitt.core.eyes.camera import Rig, fixed_rig, look_at, turned
+from mitt.core.eyes.segmentation import Segmenter
+from mitt.lab.world.imaging import Imager, ImageSensor
+from mitt.robot.cameras.hand_calibration import HandProblem, placed
+from mitt.robot.cameras.least_squares import fit
 
 RADIUS = 0.04
 rng = np.random.default_rng(0)

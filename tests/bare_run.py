@@ -168,7 +168,7 @@ def prepared(folder: Path) -> None:
     """Put the files that the lines name into a folder."""
     from throws_on_film import calibrated  # noqa: PLC0415 (once extras are out of the way)
 
-    from mitt.files.rig import write_rig  # noqa: PLC0415
+    from mitt.io.rig import write_rig  # noqa: PLC0415
 
     (folder / "examples").symlink_to(ROOT / "examples")
     data = ROOT / "src/mitt/data"
@@ -287,7 +287,7 @@ def main(part: str = "") -> int:
     wrong = [f"{line}: stands in no line of RUNS" for line in unknown]
     wrong += [f"{line}: stands on no page" for line in RUNS if line not in lines]
     with tempfile.TemporaryDirectory() as name, without_extras(Path(name)) as env:
-        import mitt.report.outputs as outputs  # noqa: PLC0415 (once extras are out of the way)
+        import mitt.lab.report.outputs as outputs  # noqa: PLC0415 (once extras are out of the way)
 
         write_report, folder = vars(outputs)["write_report"], Path(name) / "here"
         folder.mkdir()

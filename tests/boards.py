@@ -3,11 +3,11 @@
 import cv2
 import numpy as np
 
-from mitt.cameras.board_calibration import BoardViews
-from mitt.cameras.charuco import Board, BoardCorners, BoardSpec
-from mitt.eyes.camera import applied, turned
-from mitt.eyes.lens import Lens
-from mitt.signals import Array, Image
+from mitt.core.eyes.camera import applied, turned
+from mitt.core.eyes.lens import Lens
+from mitt.core.signals import Array, Image
+from mitt.robot.cameras.board_calibration import BoardViews
+from mitt.robot.cameras.charuco import Board, BoardCorners, BoardSpec
 
 SPEC = BoardSpec(columns=9, rows=6, square=0.06, marker=0.045)
 SIZE = (640, 480)

@@ -12,11 +12,11 @@ import pytest
 from hypothesis import HealthCheck, settings
 from support import parabola
 
-from mitt.arm.arm import Arm
-from mitt.arm.load import build_arm
-from mitt.map.learn import Flight, Learned, learn_from
-from mitt.map.map_design import MapDesign
-from mitt.map.mapping import DirectMap, unlearned
+from mitt.core.arm.arm import Arm
+from mitt.core.map.learn import Flight, Learned, learn_from
+from mitt.core.map.map_design import MapDesign
+from mitt.core.map.mapping import DirectMap, unlearned
+from mitt.io.load import build_arm
 
 settings.register_profile(
     "mitt", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow]
@@ -33,9 +33,9 @@ signal.signal(signal.SIGHUP, signal.SIG_DFL)
 def pytest_sessionstart(session: pytest.Session) -> None:
     """Compile before several processes begin to test, as each would compile the same."""
     if session.config.getoption("numprocesses", None):
-        from mitt.trials.runs import warming  # noqa: PLC0415 (where one process tests, not needed)
-        from mitt.trials.source import source_of  # noqa: PLC0415
-        from mitt.world.scene import Scene  # noqa: PLC0415
+        from mitt.lab.trials.runs import warming  # noqa: PLC0415 (where one process tests, not needed)
+        from mitt.lab.trials.source import source_of  # noqa: PLC0415
+        from mitt.lab.world.scene import Scene  # noqa: PLC0415
 
         arm, design = build_arm("wam"), MapDesign()
         ball = source_of(arm, seed=1, count=1, drag=Scene().ball.drag).ball(0)
@@ -80,7 +80,7 @@ def thrown_study(tmp_path_factory: pytest.TempPathFactory, learned: Learned) -> 
     """The folder of the small study after it was thrown here; to be copied, not written to."""
     from small_study import TEXT, Here, quiet, ready, write_study  # noqa: PLC0415 (needs pyarrow)
 
-    from mitt.trials.study_run import run_study  # noqa: PLC0415
+    from mitt.lab.trials.study_run import run_study  # noqa: PLC0415
 
     place = tmp_path_factory.mktemp("thrown_study")
     study = write_study(place, TEXT)

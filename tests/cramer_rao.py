@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 from boards import SPEC, many_views, true_lens, true_stereo
 
-from mitt.cameras.board_calibration import BoardProblem, board_problem, free_numbers
-from mitt.cameras.charuco import Board
-from mitt.cameras.least_squares import fit
-from mitt.eyes.camera import applied, inverse
-from mitt.eyes.lens import Lens
-from mitt.signals import Array
+from mitt.core.eyes.camera import applied, inverse
+from mitt.core.eyes.lens import Lens
+from mitt.core.signals import Array
+from mitt.robot.cameras.board_calibration import BoardProblem, board_problem, free_numbers
+from mitt.robot.cameras.charuco import Board
+from mitt.robot.cameras.least_squares import fit
 
 VIEWS = 20
 NOISE = 0.2

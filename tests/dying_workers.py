@@ -7,7 +7,7 @@ import os
 import signal
 from multiprocessing import parent_process
 
-from mitt.errors import InputError
+from mitt.core.errors import InputError
 
 DEATHS = ("raises", "refuses", "exits", "killed", "aborts", "at work")
 """Ways to die; all but the last before a task begins."""

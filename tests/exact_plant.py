@@ -10,15 +10,15 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt.arm.arm import Arm
-from mitt.arm.dynamics import bias_and_mass, slopes_work, solve_positive
-from mitt.ball.filter import THROWN_BALL
-from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
-from mitt.catcher.state import REASONS
-from mitt.control.health import Reason
-from mitt.kernels import Record, kernel
-from mitt.signals import ArmState, Array, Command, Senses, Sighting
-from mitt.world.throws import Throw
+from mitt.core.arm.arm import Arm
+from mitt.core.arm.dynamics import bias_and_mass, slopes_work, solve_positive
+from mitt.core.ball.filter import THROWN_BALL
+from mitt.core.catcher.catcher import Catcher, CatcherSettings, Phase
+from mitt.core.catcher.state import REASONS
+from mitt.core.control.health import Reason
+from mitt.core.kernels import Record, kernel
+from mitt.core.signals import ArmState, Array, Command, Senses, Sighting
+from mitt.lab.world.throws import Throw
 
 #: Longest step of the plant [s], error of a seen position [m], and free fall [m/s^2].
 STEP = 2.5e-4

@@ -3,9 +3,11 @@
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from mitt.cell.drivers import LocalRobot, local_robot
-from mitt.cell.live import LiveLoop, Mode
-from mitt.cell.prepare import (
+from mitt.core.signals import ArmState, Command, Sighting
+from mitt.io.cell import read_cell
+from mitt.robot.cell.drivers import LocalRobot, local_robot
+from mitt.robot.cell.live import LiveLoop, Mode
+from mitt.robot.cell.prepare import (
     PreparedCell,
     catchers,
     cell_about,
@@ -14,10 +16,8 @@ from mitt.cell.prepare import (
     prepare,
     setpoints_of,
 )
-from mitt.cell.recorder import Recorder
-from mitt.cell.robot import Robot, RobotLink
-from mitt.files.cell import read_cell
-from mitt.signals import ArmState, Command, Sighting
+from mitt.robot.cell.recorder import Recorder
+from mitt.robot.cell.robot import Robot, RobotLink
 
 Readings = Sequence[ArmState]
 

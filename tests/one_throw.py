@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from mitt.arm.arm import Arm
-from mitt.catcher.generators import Direct, Unoptimised
-from mitt.map.learn import Learned
-from mitt.map.mapping import DirectMap
-from mitt.trials.runner import LoggedTrial, TrialRunner
-from mitt.trials.source import aim_of
-from mitt.world.scene import Scene
-from mitt.world.throws import Throw, default_throw
+from mitt.core.arm.arm import Arm
+from mitt.core.catcher.generators import Direct, Unoptimised
+from mitt.core.map.learn import Learned
+from mitt.core.map.mapping import DirectMap
+from mitt.lab.trials.runner import LoggedTrial, TrialRunner
+from mitt.lab.trials.source import aim_of
+from mitt.lab.world.scene import Scene
+from mitt.lab.world.throws import Throw, default_throw
 
 
 @pytest.fixture(scope="session")

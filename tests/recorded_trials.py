@@ -6,17 +6,17 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from mitt.arm.load import build_arm
-from mitt.catcher.generators import Generator, refining
-from mitt.files.recordings import Recorded, write_recording
-from mitt.map.mapping import DirectMap
-from mitt.map.neighbourhood import learn
-from mitt.trials.log import recording_of
-from mitt.trials.registry import make_generator
-from mitt.trials.replayed import Replayed, replay
-from mitt.trials.runner import TrialRunner
-from mitt.trials.source import source_of
-from mitt.world.scene import read_scene
+from mitt.core.catcher.generators import Generator, refining
+from mitt.core.map.mapping import DirectMap
+from mitt.core.map.neighbourhood import learn
+from mitt.io.load import build_arm
+from mitt.io.recordings import Recorded, write_recording
+from mitt.lab.trials.log import recording_of
+from mitt.lab.trials.registry import make_generator
+from mitt.lab.trials.replayed import Replayed, replay
+from mitt.lab.trials.runner import TrialRunner
+from mitt.lab.trials.source import source_of
+from mitt.lab.world.scene import read_scene
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from mitt.files.cell import Cell, arm_of, read_cell
+from mitt.io.cell import Cell, arm_of, read_cell
 
 NAMES = ("j1", "j2", "j4")
 ARM = arm_of(read_cell("wam-sim"))

@@ -5,11 +5,11 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from pathlib import Path
 
-from mitt.files.maps import save_map
-from mitt.map.learn import Learned
-from mitt.trials.catch_study import CatchStudy, read_catch_study
-from mitt.trials.study import Chunk
-from mitt.trials.study_folder import Folder
+from mitt.core.map.learn import Learned
+from mitt.io.maps import save_map
+from mitt.lab.trials.catch_study import CatchStudy, read_catch_study
+from mitt.lab.trials.study import Chunk
+from mitt.lab.trials.study_folder import Folder
 
 TEXT = """
 name = "small"

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from mitt.arm.arm import Arm
-from mitt.arm.shapes import Surroundings
-from mitt.control.tracking import Tracked, track, tracking_of
-from mitt.control.viability import safety_filter, safety_of
-from mitt.kernels import Record
-from mitt.signals import TICK, ArmState, Array, Command
+from mitt.core.arm.arm import Arm
+from mitt.core.arm.shapes import Surroundings
+from mitt.core.control.tracking import Tracked, track, tracking_of
+from mitt.core.control.viability import safety_filter, safety_of
+from mitt.core.kernels import Record
+from mitt.core.signals import TICK, ArmState, Array, Command
 
 
 class SafetyFilter:

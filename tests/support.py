@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from documents import write_metadata
 
-from mitt.arm.arm import Arm
-from mitt.map.learn import Flight
-from mitt.signals import Array, BallState
+from mitt.core.arm.arm import Arm
+from mitt.core.map.learn import Flight
+from mitt.core.signals import Array, BallState
 
 
 def thorough(cases: Iterable[object], further: Iterable[object]) -> list[object]:

@@ -13,15 +13,15 @@ from bare_run import extras
 from throws_on_film import calibrated
 
 from mitt.cli.main import main
-from mitt.files.rig import write_rig
+from mitt.io.rig import write_rig
 
 #: Imports every command, and what workers of a design import; says what is missing for which.
 IMPORTS = """
 from importlib import import_module
 from mitt.cli.options import COMMANDS
-from mitt.errors import MissingPackageError
+from mitt.core.errors import MissingPackageError
 commands = (f"mitt.cli.{x.module}" for x in COMMANDS.values())
-for name in (*commands, "mitt.design.search_jobs", "mitt.gym"):
+for name in (*commands, "mitt.lab.design.search_jobs", "mitt.gym"):
     try:
         import_module(name)
     except MissingPackageError as error:
@@ -118,8 +118,10 @@ def test_catching_and_its_page_need_no_extra_and_are_alike_in_any_process(
     assert (folder / "run" / "report.html").read_text().startswith("<!")
     assert (folder / "run" / "report.html").stat().st_size > 100_000
     monkeypatch.chdir(folder)
-    monkeypatch.setattr("mitt.report.outputs.write_report", lambda path, _: path.write_text("page"))
-    monkeypatch.setattr("mitt.report.outputs._content", lambda *_: None)
+    monkeypatch.setattr(
+        "mitt.lab.report.outputs.write_report", lambda path, _: path.write_text("page")
+    )
+    monkeypatch.setattr("mitt.lab.report.outputs._content", lambda *_: None)
     assert main([*CATCH.split(), "here"]) == 0
     here, there = (json.loads(text) for text in (capsys.readouterr().out, ran[-1][2]))
     assert len(here["trials"]) == 2

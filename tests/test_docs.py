@@ -12,12 +12,12 @@ from pathlib import Path
 import pytest
 
 from mitt.clock import Stopwatch
-from mitt.files.maps import save_map
-from mitt.map.learn import Learned
-from mitt.trials.catch_study import read_catch_study
-from mitt.trials.result import result
-from mitt.trials.score import CATCH, STATUSES, Trial
-from mitt.world.scene import read_scene
+from mitt.core.map.learn import Learned
+from mitt.io.maps import save_map
+from mitt.lab.trials.catch_study import read_catch_study
+from mitt.lab.trials.result import result
+from mitt.lab.trials.score import CATCH, STATUSES, Trial
+from mitt.lab.world.scene import read_scene
 
 ROOT = Path(__file__).parents[1]
 DOCS = sorted((ROOT / "docs").rglob("*.md"))
@@ -97,14 +97,18 @@ def test_every_name_in_a_document_exists(path: Path) -> None:
 
 def test_a_name_that_does_not_exist_is_noticed() -> None:
     """The check above can fail: at the module, at the function, at the method and at the field."""
-    for name in ("mitt.signals.Array", "mitt.signals.BallState.r_o", "mitt.arm.arm.Arm.torque"):
+    for name in (
+        "mitt.core.signals.Array",
+        "mitt.core.signals.BallState.r_o",
+        "mitt.core.arm.arm.Arm.torque",
+    ):
         assert exists(name)
     for name in (
         "mitt.nowhere",
         "mitt.nowhere.Arm",
-        "mitt.signals.Nothing",
-        "mitt.signals.BallState.r_x",
-        "mitt.signals.BallState.r_o.x",
+        "mitt.core.signals.Nothing",
+        "mitt.core.signals.BallState.r_x",
+        "mitt.core.signals.BallState.r_o.x",
     ):
         assert not exists(name)
 
@@ -146,11 +150,11 @@ def test_every_figure_of_an_experiment_has_its_place() -> None:
 
 #: Tables that the site makes from the models that read a file, and a row of each.
 TABLES = {
-    "scenes": ("mitt.world.scene.Scene", ("sensing.frame_rate", "1000", "[1, 1000]")),
-    "cell": ("mitt.files.cell.Cell", ("robot.takes", "torque", "torque, velocity, position")),
-    "rig": ("mitt.files.rig.RigFile", ("camera.K", "needed", "3 x 3 x number")),
+    "scenes": ("mitt.lab.world.scene.Scene", ("sensing.frame_rate", "1000", "[1, 1000]")),
+    "cell": ("mitt.io.cell.Cell", ("robot.takes", "torque", "torque, velocity, position")),
+    "rig": ("mitt.io.rig.RigFile", ("camera.K", "needed", "3 x 3 x number")),
     "studies": (
-        "mitt.world.faults.AnyFault",
+        "mitt.lab.world.faults.AnyFault",
         ("bounce", "`share`, `restitution`, `size`", "(0, 1.5]"),
     ),
 }

@@ -17,22 +17,22 @@ import pytest
 from documents import BLOCK, ROOT, blocks, is_part, lines_of
 from support import install
 
-from mitt.arm.arm import Arm
-from mitt.catcher.catcher import Catcher, Phase
-from mitt.catcher.generators import Direct
 from mitt.cli.line import parse
 from mitt.cli.main import main
 from mitt.cli.options import COMMANDS
-from mitt.files.cell import cell_of, read_cell
-from mitt.files.maps import save_map
-from mitt.map.learn import Learned
-from mitt.reading import shipped_path
-from mitt.signals import ArmState, Command, Sighting
-from mitt.trials.runner import TrialRunner
-from mitt.trials.source import source_of
-from mitt.verdict.feasibility import Outcome
-from mitt.world.scene import read_scene
-from mitt.world.simulation import World
+from mitt.core.arm.arm import Arm
+from mitt.core.catcher.catcher import Catcher, Phase
+from mitt.core.catcher.generators import Direct
+from mitt.core.map.learn import Learned
+from mitt.core.signals import ArmState, Command, Sighting
+from mitt.core.verdict.feasibility import Outcome
+from mitt.io.cell import cell_of, read_cell
+from mitt.io.maps import save_map
+from mitt.io.reading import shipped_path
+from mitt.lab.trials.runner import TrialRunner
+from mitt.lab.trials.source import source_of
+from mitt.lab.world.scene import read_scene
+from mitt.lab.world.simulation import World
 
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 _INLINE = re.compile(r"`(mitt [a-z]+(?: [^`]*)?)`")
@@ -107,8 +107,10 @@ def checkable() -> list[str]:
 @pytest.fixture
 def no_pages(monkeypatch: pytest.MonkeyPatch) -> None:
     """Draw no page of a run: others do."""
-    monkeypatch.setattr("mitt.report.outputs.write_report", lambda path, _: path.write_text("page"))
-    monkeypatch.setattr("mitt.report.outputs._content", lambda *_: None)
+    monkeypatch.setattr(
+        "mitt.lab.report.outputs.write_report", lambda path, _: path.write_text("page")
+    )
+    monkeypatch.setattr("mitt.lab.report.outputs._content", lambda *_: None)
 
 
 @pytest.fixture
@@ -175,7 +177,7 @@ def test_the_planner_of_the_tutorial_catches(
     save_map(tmp_path / "map.json", learned, version="0")
     words = ["--throws", "3", "--seed", "300", "--vision", "points", "--out", str(run)]
     words = ["--map", str(tmp_path / "map.json"), "--record", "none", *words]
-    monkeypatch.setattr("mitt.trials.catch_study.learn", lambda *_, **__: learned)
+    monkeypatch.setattr("mitt.lab.trials.catch_study.learn", lambda *_, **__: learned)
     assert main(["catch", "--generator", "cubic", *words]) == 0
     assert json.loads((run / "result.json").read_text())["summary"]["caught"] == 3
     assert main(["catch", "--generator", "careful", *words[:-1], str(tmp_path / "careful")]) == 0

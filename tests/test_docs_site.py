@@ -17,26 +17,26 @@ import pytest
 from PIL import Image, ImageSequence
 
 import mitt
-from mitt.arm.arm import Arm
-from mitt.arm.catch import CaughtBall
-from mitt.arm.load import with_hand
-from mitt.arm.tools import TOOLS
-from mitt.catcher.generators import Direct
 from mitt.cli.main import main
 from mitt.cli.options import COMMANDS
-from mitt.files.arm_file import load_arm
-from mitt.map.demand import Tolerance, shares_of
-from mitt.map.learn import Learned
-from mitt.map.neighbourhood import learn
-from mitt.report import painter, pictures
-from mitt.report.painter import painted
-from mitt.report.pictures import placed_faces
-from mitt.trials.batting import STATUSES as STRUCK
-from mitt.trials.explain import LIMITS
-from mitt.trials.meeting import STATUSES as MET
-from mitt.trials.score import STATUSES as TRIED
-from mitt.verdict.feasibility import Outcome, judge
-from mitt.verdict.impact import shares_after
+from mitt.core.arm.arm import Arm
+from mitt.core.arm.catch import CaughtBall
+from mitt.core.arm.tools import TOOLS
+from mitt.core.catcher.generators import Direct
+from mitt.core.map.demand import Tolerance, shares_of
+from mitt.core.map.learn import Learned
+from mitt.core.map.neighbourhood import learn
+from mitt.core.verdict.feasibility import Outcome, judge
+from mitt.core.verdict.impact import shares_after
+from mitt.io.arm_file import load_arm
+from mitt.io.load import with_hand
+from mitt.lab.report import painter, pictures
+from mitt.lab.report.painter import painted
+from mitt.lab.report.pictures import placed_faces
+from mitt.lab.trials.batting import STATUSES as STRUCK
+from mitt.lab.trials.explain import LIMITS
+from mitt.lab.trials.meeting import STATUSES as MET
+from mitt.lab.trials.score import STATUSES as TRIED
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -166,7 +166,7 @@ def kinds_in_code(learned: Learned) -> set[str]:
         for mass in (0.05, 0.5):  # an arm that is kept slow for the impact says so
             caught = CaughtBall(mass=mass, radius=0.04)
             names |= set(shares_after(arm, verdict.approach, caught))
-    for folder in ("catcher", "verdict", "rivals", "trials"):
+    for folder in ("core/catcher", "core/verdict", "lab/rivals", "lab/trials"):
         for path in (ROOT / "src" / "mitt" / folder).glob("*.py"):
             if "binding_limit=" in (text := path.read_text()):
                 names |= words_given(ast.parse(text))

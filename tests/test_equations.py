@@ -10,10 +10,10 @@ import pytest
 from support import ball_state, parabola
 
 import mitt
-from mitt.arm.load import build_arm
-from mitt.map.demand import demand
-from mitt.map.learn import learn_from
-from mitt.map.map_design import MapDesign
+from mitt.core.map.demand import demand
+from mitt.core.map.learn import learn_from
+from mitt.core.map.map_design import MapDesign
+from mitt.io.load import build_arm
 
 #: The paper prints 1 to 20 and 22; 21 is the summary of its section 3.6.
 NUMBERED = (*range(1, 21), 22)

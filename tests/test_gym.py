@@ -14,14 +14,14 @@ from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv
 from support import BASKET_ARM
 
 import mitt.gym
-from mitt.catcher.settings import Phase
-from mitt.errors import InputError
-from mitt.files.maps import save_map
-from mitt.map.learn import Learned
-from mitt.signals import Command
-from mitt.trials.batting import Hit
+from mitt.core.catcher.settings import Phase
+from mitt.core.errors import InputError
+from mitt.core.map.learn import Learned
+from mitt.core.signals import Command
+from mitt.io.maps import save_map
+from mitt.lab.trials.batting import Hit
+from mitt.lab.world.scene import Scene, Sensing
 from mitt.version import __version__
-from mitt.world.scene import Scene, Sensing
 
 _IDS = ("mitt/Catch-v0", "mitt/CatchPixels-v0")
 

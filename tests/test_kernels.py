@@ -16,11 +16,11 @@ from numba import njit
 from numba.core.errors import TypingError
 from numpy.typing import NDArray
 
-from mitt import kernels
-from mitt.kernels import PACKAGE, big_kernel, copy, view
+from mitt.core import kernels
+from mitt.core.kernels import PACKAGE, big_kernel, copy, view
 
 CALLER = """
-from mitt.kernels import kernel
+from mitt.core.kernels import kernel
 from mitt.callee import inner
 
 @kernel
@@ -28,7 +28,7 @@ def outer(x):
     return inner(x)
 """
 CALLEE = """
-from mitt.kernels import kernel
+from mitt.core.kernels import kernel
 
 @kernel
 def inner(x):
@@ -42,7 +42,9 @@ def package(tmp_path: Path) -> Path:
     folder = tmp_path / "mitt"
     folder.mkdir()
     (folder / "__init__.py").write_text("")
-    shutil.copy(kernels.PACKAGE / "kernels.py", folder / "kernels.py")
+    (folder / "core").mkdir()
+    (folder / "core" / "__init__.py").write_text("")
+    shutil.copy(kernels.PACKAGE / "core" / "kernels.py", folder / "core" / "kernels.py")
     (folder / "caller.py").write_text(CALLER)
     (folder / "callee.py").write_text(CALLEE.format(factor=2.0))
     return folder
@@ -96,24 +98,28 @@ def test_without_a_folder_that_can_be_written_to_nothing_is_kept(
 
 def test_all_forms_of_import_are_seen() -> None:
     source = (
-        "import mitt.ball.flight\nfrom mitt.arm import (\n    arm,\n    kinematics as c,\n)\n"
-        "from mitt.ball import filter as f\n"
+        "import mitt.core.ball.flight\n"
+        "from mitt.core.arm import (\n    arm,\n    kinematics as c,\n)\n"
+        "from mitt.core.ball import filter as f\n"
     )
     found = kernels.imports_of(source)
-    assert {"mitt.ball.flight", "mitt.arm.arm", "mitt.arm.kinematics", "mitt.ball.filter"} <= {
-        *found
-    }
+    assert {
+        "mitt.core.ball.flight",
+        "mitt.core.arm.arm",
+        "mitt.core.arm.kinematics",
+        "mitt.core.ball.filter",
+    } <= {*found}
 
 
 def test_a_stamp_covers_all_that_a_file_imports() -> None:
-    tick = kernels.PACKAGE / "catcher" / "tick.py"
+    tick = kernels.PACKAGE / "core" / "catcher" / "tick.py"
     assert kernels.stamp_of(tick) == kernels.stamp_of(tick)
-    assert kernels.stamp_of(tick) != kernels.stamp_of(kernels.PACKAGE / "kernels.py")
+    assert kernels.stamp_of(tick) != kernels.stamp_of(kernels.PACKAGE / "core" / "kernels.py")
 
 
 BOTH_WAYS = """
 import numpy as np
-from mitt.kernels import kernel
+from mitt.core.kernels import kernel
 
 @kernel
 def part(v, k=2, factor=1.0):
@@ -146,7 +152,7 @@ def test_a_kernel_that_python_and_kernels_call_is_kept_for_both(tmp_path: Path) 
 TOWER = """
 import sys
 import numpy as np
-from mitt.kernels import big_kernel, kernel
+from mitt.core.kernels import big_kernel, kernel
 
 @kernel
 def part(v):
@@ -195,7 +201,7 @@ def test_a_big_kernel_is_compiled_once_and_found_by_its_callers(tmp_path: Path) 
 ARRAYS = """
 import sys
 import numpy as np
-from mitt.kernels import kernel
+from mitt.core.kernels import kernel
 
 @kernel
 def one(x):
@@ -238,7 +244,7 @@ COUNTED = """
 import sys
 from typing import NamedTuple
 import numpy as np
-from mitt.kernels import big_kernel, copy, kernel
+from mitt.core.kernels import big_kernel, copy, kernel
 
 class Pair(NamedTuple):
     one: np.ndarray
@@ -298,7 +304,7 @@ def test_a_big_kernel_that_returns_an_array_is_refused() -> None:
 
 BEYOND = """
 import numpy as np
-from mitt.kernels import kernel
+from mitt.core.kernels import kernel
 
 @kernel
 def third(x):
@@ -438,7 +444,7 @@ def test_what_is_beyond_an_array_is_found_where_bounds_are_checked(
     """By numba's own switch."""
     script = tmp_path / "beyond.py"
     script.write_text(
-        "import numpy as np; from numba import njit; from mitt.kernels import copy, view\n"
+        "import numpy as np; from numba import njit; from mitt.core.kernels import copy, view\n"
         f"@njit\ndef f(v): {act}\n"
         "print(f(np.ones(6)))\nf(np.ones(5))"
     )

@@ -20,18 +20,18 @@ from numba.core import event
 from support import arrays_in
 
 import mitt
-from mitt.arm.arm import Arm
-from mitt.catcher.catcher import Catcher, CatcherSettings
-from mitt.catcher.family import Family
-from mitt.catcher.generators import Direct, Generator, Unoptimised, refining
-from mitt.errors import FileError, InputError, MittError, ShapeError, UnknownNameError
-from mitt.eyes.camera import fixed_rig
-from mitt.eyes.eyes import Eyes, EyesConfig
-from mitt.map.learn import Learned
-from mitt.signals import ArmState, Command, Frame, Senses
-from mitt.trials.runner import TrialRunner
-from mitt.world.scene import Scene
-from mitt.world.throws import Throw
+from mitt.core.arm.arm import Arm
+from mitt.core.catcher.catcher import Catcher, CatcherSettings
+from mitt.core.catcher.family import Family
+from mitt.core.catcher.generators import Direct, Generator, Unoptimised, refining
+from mitt.core.errors import FileError, InputError, MittError, ShapeError, UnknownNameError
+from mitt.core.eyes.camera import fixed_rig
+from mitt.core.eyes.eyes import Eyes, EyesConfig
+from mitt.core.map.learn import Learned
+from mitt.core.signals import ArmState, Command, Frame, Senses
+from mitt.lab.trials.runner import TrialRunner
+from mitt.lab.world.scene import Scene
+from mitt.lab.world.throws import Throw
 
 THROW = Throw(r=np.array([3.2, 0.05, 0.1]), dr=np.array([-5.0, -0.05, 2.4]))
 #: Ticks until the arm is under way, and those that copies are compared over.
@@ -44,16 +44,16 @@ _STAGE = """
 import faulthandler, gc, json, sys
 faulthandler.enable()
 import numpy as np
-from mitt.map.map_design import default_design
-from mitt.catcher.generators import Unoptimised
-from mitt.map.mapping import unlearned
+from mitt.core.map.map_design import default_design
+from mitt.core.catcher.generators import Unoptimised
+from mitt.core.map.mapping import unlearned
 from mitt.clock import Stopwatch
-from mitt.arm.load import build_arm
-from mitt.trials.play import play_out
-from mitt.trials.runner import TrialRunner
-from mitt.world.scene import Scene
-from mitt.world.simulation import World
-from mitt.world.throws import Throw
+from mitt.io.load import build_arm
+from mitt.lab.trials.play import play_out
+from mitt.lab.trials.runner import TrialRunner
+from mitt.lab.world.scene import Scene
+from mitt.lab.world.simulation import World
+from mitt.lab.world.throws import Throw
 arm = build_arm("wam")
 throw = Throw(r=np.array([3.2, 0.05, 0.1]), dr=np.array([-5.0, -0.05, 2.4]))
 def played(alone):
@@ -72,9 +72,9 @@ def played(alone):
 """
 #: The catcher of that throw, stepped by hand; in each tick all that no one holds may be collected.
 _STEPS = """
-from mitt.catcher.catcher import Catcher, CatcherSettings
-from mitt.eyes.camera import fixed_rig
-from mitt.eyes.eyes import Eyes
+from mitt.core.catcher.catcher import Catcher, CatcherSettings
+from mitt.core.eyes.camera import fixed_rig
+from mitt.core.eyes.eyes import Eyes
 def told(collects):
     world = World(Scene(), arm.model)
     f = unlearned(arm, default_design(arm))
@@ -288,8 +288,8 @@ def test_an_error_comes_back_from_a_pool_of_processes() -> None:
         "import json\n"
         "from concurrent.futures import ProcessPoolExecutor\n"
         "from multiprocessing import get_context\n"
-        "from mitt.checks import vector\n"
-        "from mitt.errors import ShapeError\n"
+        "from mitt.core.checks import vector\n"
+        "from mitt.core.errors import ShapeError\n"
         "if __name__ == '__main__':\n"
         "    with ProcessPoolExecutor(1, mp_context=get_context('fork')) as pool:\n"
         "        try:\n"

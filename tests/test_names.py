@@ -7,11 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from mitt.kernels import PACKAGE
+from mitt.core.kernels import PACKAGE
 
 ROOT = Path(__file__).parents[1]
 #: Where a name may begin: as from these folders, or from the file that names it.
-STARTS = (".", "src", "src/mitt", "tests", "docs", "benchmarks", "studies")
+ROOMS = ("src/mitt/core", "src/mitt/io", "src/mitt/lab", "src/mitt/robot")
+STARTS = (".", "src", "src/mitt", *ROOMS, "tests", "docs", "benchmarks", "studies")
 #: A document by its name; Python, shell and TOML files by an address with a folder in it.
 NAMED = re.compile(
     r"(?<![\w/{}$*.-])((?:[\w.-]+/)*[\w-]+\.md|(?:[\w.-]+/)+[\w-]+\.(?:py|toml|sh))\b"

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.trials.score import Trial
+from mitt.lab.trials.score import Trial
 
 BENCHMARKS = str(Path(__file__).parents[1] / "benchmarks")
 sys.path.append(BENCHMARKS)  # for this module alone: benchmarks have names that tests have as well

@@ -10,9 +10,9 @@ from hypothesis.extra import numpy as hnp
 from soak.arrays import methods
 from soak.examples import Examples
 
-from mitt.arm.arm import Arm
-from mitt.errors import MittError
-from mitt.map.mapping import DirectMap
+from mitt.core.arm.arm import Arm
+from mitt.core.errors import MittError
+from mitt.core.map.mapping import DirectMap
 
 _EXAMPLES = Examples()
 #: Objects whose methods are pure: what they answer depends on what they are given alone.

@@ -73,10 +73,10 @@ def test_what_flows_needs_numpy_alone() -> None:
 def test_every_module_can_be_imported_first() -> None:
     """No cycle hides in the imports: the homes of all names load on their own."""
     for name in (
-        "mitt.errors",
-        "mitt.signals",
+        "mitt.core.errors",
+        "mitt.core.signals",
         "mitt.cli.options",
         "mitt.cli",
-        "mitt.catcher.catcher",
+        "mitt.core.catcher.catcher",
     ):
         assert import_module(name).__doc__

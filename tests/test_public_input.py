@@ -18,9 +18,9 @@ from surface import names, wrong
 from surface.cases import RESULTS, URDF, Case, Cases
 
 import mitt
-from mitt.catcher.generators import Direct
-from mitt.errors import InputError, MittError, ModelError
-from mitt.map.mapping import unlearned
+from mitt.core.catcher.generators import Direct
+from mitt.core.errors import InputError, MittError, ModelError
+from mitt.core.map.mapping import unlearned
 
 _TAKEN = {
     name: taken

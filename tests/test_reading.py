@@ -9,20 +9,20 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from mitt.arm.arm import Arm
-from mitt.arm.load import build_arm
-from mitt.cameras.cameras import read_image
-from mitt.cameras.filtering import read_positions
-from mitt.errors import FileError
-from mitt.files.csv_table import header_of
-from mitt.files.maps import read_map
-from mitt.files.rig import read_rig
-from mitt.map.mapping import DirectMap
-from mitt.reading import MAX_JSON_BYTES, MAX_TOML_BYTES, read_bytes, read_json, read_toml
-from mitt.trials.catch_study import read_catch_study
-from mitt.world.flights import read_flights
-from mitt.world.scene import read_scene
-from mitt.world.throws import read_throws
+from mitt.core.arm.arm import Arm
+from mitt.core.errors import FileError
+from mitt.core.map.mapping import DirectMap
+from mitt.io.csv_table import header_of
+from mitt.io.load import build_arm
+from mitt.io.maps import read_map
+from mitt.io.reading import MAX_JSON_BYTES, MAX_TOML_BYTES, read_bytes, read_json, read_toml
+from mitt.io.rig import read_rig
+from mitt.lab.trials.catch_study import read_catch_study
+from mitt.lab.world.flights import read_flights
+from mitt.lab.world.scene import read_scene
+from mitt.lab.world.throws import read_throws
+from mitt.robot.cameras.cameras import read_image
+from mitt.robot.cameras.filtering import read_positions
 
 GIGABYTE = 1_000_000_000
 #: Memory that refusing a file may take, the largest table that is read included [bytes].

@@ -8,15 +8,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import mitt
-from mitt.cameras.cameras import images_in
-from mitt.cell.dds import domain_id
 from mitt.cli.line import options_of
 from mitt.cli.main import main
 from mitt.cli.options import COMMANDS
-from mitt.errors import InputError
+from mitt.core.errors import InputError
+from mitt.io.reading import reals_of
+from mitt.lab.trials.workers import check_engine
 from mitt.numerals import real_of, whole_of
-from mitt.reading import reals_of
-from mitt.trials.workers import check_engine
+from mitt.robot.cameras.cameras import images_in
+from mitt.robot.cell.dds import domain_id
 
 PACKAGE = Path(mitt.__file__).parent
 #: What looks like a number and is none, or more than any machine has.

@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 
 import mitt
-from mitt.arm.arm import Arm
-from mitt.arm.hands import HandModel
-from mitt.catcher.catcher import Catcher
-from mitt.eyes.camera import Head, fixed_rig
-from mitt.eyes.eyes import Eyes
-from mitt.fields import brief
-from mitt.map.learn import Learned
-from mitt.signals import ArmState, BallState, Frame, Moments, Senses, Sighting
-from mitt.world.scene import Scene, read_scene
+from mitt.core.arm.arm import Arm
+from mitt.core.arm.hands import HandModel
+from mitt.core.catcher.catcher import Catcher
+from mitt.core.eyes.camera import Head, fixed_rig
+from mitt.core.eyes.eyes import Eyes
+from mitt.core.fields import brief
+from mitt.core.map.learn import Learned
+from mitt.core.signals import ArmState, BallState, Frame, Moments, Senses, Sighting
+from mitt.lab.world.scene import Scene, read_scene
 
 MOST = 200
 """Characters of a line."""

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import mitt
-from mitt.ball.flight import acceleration
-from mitt.errors import InputError
-from mitt.map.learn import Learned
+from mitt.core.ball.flight import acceleration
+from mitt.core.errors import InputError
+from mitt.core.map.learn import Learned
 
 _R = np.array([2.8, 0.1, 0.5])
 _DR = np.array([-5.4, -0.1, 1.2])

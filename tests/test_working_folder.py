@@ -37,28 +37,28 @@ _STARTS = {
         print("done")
         """,
     "recorder": """
-        from mitt.cell.recorder import Recorder
-        from mitt.map.mapping import unlearned
-        from mitt.cell.prepare import cell_about, prepare
-        from mitt.files.cell import read_cell
+        from mitt.robot.cell.recorder import Recorder
+        from mitt.core.map.mapping import unlearned
+        from mitt.robot.cell.prepare import cell_about, prepare
+        from mitt.io.cell import read_cell
         cell = prepare(read_cell("wam-sim"))
         about = cell_about(cell, unlearned(cell.arm, cell.work.design))
         Recorder(Path(sys.argv[1]) / "x.mcap", about).close()
         print("done")
         """,
     "workers": """
-        from mitt.trials.workers import Processes
+        from mitt.lab.trials.workers import Processes
         engine = Processes(1)
         print(engine.submit(bytes, b"done").result().decode())
         engine.close(at_once=True)
         """,
     "warming": """
         import numpy as np
-        from mitt.files.arm_file import load_arm
-        from mitt.map.map_design import default_design
-        from mitt.trials import runs
-        from mitt.world.scene import Scene
-        from mitt.world.throws import Throw
+        from mitt.io.arm_file import load_arm
+        from mitt.core.map.map_design import default_design
+        from mitt.lab.trials import runs
+        from mitt.lab.world.scene import Scene
+        from mitt.lab.world.throws import Throw
         runs.is_cold = lambda: True
         runs._PARTS = ()  # this process compiles nothing, so that the other one has to begin
         arm = load_arm("wam")
@@ -80,7 +80,7 @@ _STARTS = {
         """,
     "live table": """
         from multiprocessing import get_context
-        from mitt.cell.session import STATES, shared_numbers, words
+        from mitt.robot.cell.session import STATES, shared_numbers, words
         from mitt.cli import screen
         sys.stderr.isatty = lambda: True
         with screen.live_table(shared_numbers(), words(), STATES, ("throws", "caught")):

@@ -10,10 +10,10 @@ from collections.abc import Callable
 import numpy as np
 from exact_plant import FALL, SIGMA, ExactPlant
 
-from mitt.arm.arm import Arm
-from mitt.catcher.catcher import Catcher, Phase
-from mitt.signals import TICK, ArmState, Array, Senses, Sighting
-from mitt.world.throws import Throw
+from mitt.core.arm.arm import Arm
+from mitt.core.catcher.catcher import Catcher, Phase
+from mitt.core.signals import TICK, ArmState, Array, Senses, Sighting
+from mitt.lab.world.throws import Throw
 
 #: Time of the swing, of a toss and from one to the next, and how long a hidden ball is hidden [s].
 SWING = 0.2

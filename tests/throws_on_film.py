@@ -5,13 +5,13 @@ from pathlib import Path
 
 import numpy as np
 
-from mitt.ball.flight import advance
-from mitt.cameras.video_writer import VideoWriter
-from mitt.eyes.camera import Camera, Rig, look_at
-from mitt.eyes.lens import Lens
-from mitt.files.rig import CalibratedRig, RigCamera
-from mitt.signals import Array, Image
-from mitt.world.imaging import Imager, ImageSensor
+from mitt.core.ball.flight import advance
+from mitt.core.eyes.camera import Camera, Rig, look_at
+from mitt.core.eyes.lens import Lens
+from mitt.core.signals import Array, Image
+from mitt.io.rig import CalibratedRig, RigCamera
+from mitt.lab.world.imaging import Imager, ImageSensor
+from mitt.robot.cameras.video_writer import VideoWriter
 
 RADIUS = 0.04
 DRAG = 0.04

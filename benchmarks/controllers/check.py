@@ -18,12 +18,12 @@ from pathlib import Path
 
 import numpy as np
 
-from mitt.cell.drivers import connect_robot
-from mitt.cell.live import Mode
-from mitt.cell.prepare import prepare
-from mitt.cell.session import loop_of, made_ready
 from mitt.clock import hurried, monotonic, pinned, uncollected
-from mitt.files.cell import read_cell
+from mitt.io.cell import read_cell
+from mitt.robot.cell.drivers import connect_robot
+from mitt.robot.cell.live import Mode
+from mitt.robot.cell.prepare import prepare
+from mitt.robot.cell.session import loop_of, made_ready
 
 HERE = Path(__file__).parent
 #: Commands of ur_rtde's script, as ur_controller.py numbers them.

@@ -13,14 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from mitt.arm.arm import Arm
-from mitt.cell import robot_clock
-from mitt.cell.franka import FrankaRobot, franka_index
-from mitt.cell.prepare import feed_of, prepare, scene_of_cell
 from mitt.clock import processor_time, time_of_day
-from mitt.files.cell import Cell
-from mitt.signals import Array, Command, Sighting
-from mitt.world.throws import fly
+from mitt.core.arm.arm import Arm
+from mitt.core.signals import Array, Command, Sighting
+from mitt.io.cell import Cell
+from mitt.lab.world.throws import fly
+from mitt.robot.cell import robot_clock
+from mitt.robot.cell.franka import FrankaRobot, franka_index
+from mitt.robot.cell.prepare import feed_of, prepare, scene_of_cell
 
 #: By how much the server's clock may run slower than ours [s/s], and the window of the least late
 #: states [s].

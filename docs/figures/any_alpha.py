@@ -5,8 +5,8 @@ from drawing import ball_at, save
 from matplotlib.figure import Figure
 
 import mitt
-from mitt.report.style import BALL, BLUE, INK, PALE
-from mitt.signals import Array
+from mitt.core.signals import Array
+from mitt.lab.report.style import BALL, BLUE, INK, PALE
 
 ARM = mitt.load_arm("wam", limits="paper")
 LEARNED = mitt.learn(ARM).map

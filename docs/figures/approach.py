@@ -5,7 +5,7 @@ from drawing import ball_at, save
 from matplotlib.figure import Figure
 
 import mitt
-from mitt.report.style import BALL, BLUE, GREEN, GREY, INK
+from mitt.lab.report.style import BALL, BLUE, GREEN, GREY, INK
 
 ARM = mitt.load_arm("wam", limits="wam-48v")
 TIMES = np.linspace(-0.12, 0.0, 61)

@@ -3,11 +3,11 @@
 import numpy as np
 from drawing import Part, moving_picture
 
-from mitt.report.painter import View
-from mitt.trials.bat_station import TARGET, bat_station
-from mitt.trials.batting import BatRunner
-from mitt.trials.source import source_of
-from mitt.world.scene import read_scene
+from mitt.lab.report.painter import View
+from mitt.lab.trials.bat_station import TARGET, bat_station
+from mitt.lab.trials.batting import BatRunner
+from mitt.lab.trials.source import source_of
+from mitt.lab.world.scene import read_scene
 
 #: Hits, and from when before and until when after the contact [s].
 HITS = 3

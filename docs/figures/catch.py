@@ -3,11 +3,11 @@
 from drawing import Part, moving_picture
 
 import mitt
-from mitt.catcher.generators import Direct
-from mitt.report.painter import View
-from mitt.trials.runner import TrialRunner
-from mitt.trials.source import source_of
-from mitt.world.scene import read_scene
+from mitt.core.catcher.generators import Direct
+from mitt.lab.report.painter import View
+from mitt.lab.trials.runner import TrialRunner
+from mitt.lab.trials.source import source_of
+from mitt.lab.world.scene import read_scene
 
 #: Throws, and from when before and until when after the catch [s].
 THROWS = 3

@@ -13,15 +13,15 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 import mitt
-from mitt.arm.arm import Arm
-from mitt.report.painter import View, painted
-from mitt.report.pictures import body_faces, placed_faces
-from mitt.report.scene_meshes import skeleton
-from mitt.report.style import INK, RC
-from mitt.signals import Array
-from mitt.world.build import build_scene
-from mitt.world.scene import Scene
-from mitt.world.truth import Trace
+from mitt.core.arm.arm import Arm
+from mitt.core.signals import Array
+from mitt.lab.report.painter import View, painted
+from mitt.lab.report.pictures import body_faces, placed_faces
+from mitt.lab.report.scene_meshes import skeleton
+from mitt.lab.report.style import INK, RC
+from mitt.lab.world.build import build_scene
+from mitt.lab.world.scene import Scene
+from mitt.lab.world.truth import Trace
 
 #: Where figures go if the command names no other folder.
 IMAGES = Path(__file__).parents[1] / "img"

@@ -5,7 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
-from mitt.report.style import BAND, BLUE, GREY, INK
+from mitt.lab.report.style import BAND, BLUE, GREY, INK
 
 #: Stages in two rows: name, what it does.
 STAGES = (

@@ -1,84 +1,84 @@
-"""The folders of ``src/mitt`` as floors of a house: each imports only from those below it."""
+"""The rooms of ``src/mitt`` as floors of a house: each imports only from those below it."""
 
 import configparser
-from itertools import groupby
 from pathlib import Path
 
 from drawing import save
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon, Rectangle
 
-from mitt.report.style import BAND, BLUE, GREY, INK
+from mitt.lab.report.style import BAND, BLUE, GREY, INK
 
 CONTRACTS = Path(__file__).parents[2] / ".importlinter"
 #: What each part is for; a part that is not here is an error.
 DOES = {
     "cli": "the command mitt: options, help, commands",
-    "report": "pages, figures, 3-D replays, the viewer",
-    "design": "what an arm can catch, and the map that does it",
-    "bench": "speed beside other libraries",
-    "cameras": "frames, calibration, videos to tracks",
-    "cell": "a robot at its cell: drivers, ROS 2, live loop",
-    "trials": "one throw and many: loop, score, replay, studies",
-    "world": "the simulation: physics, sensors, throws, faults",
-    "files": "every reader and writer",
-    "catcher": "one tick: the order of the stages, once",
-    "rivals": "rivals: other generators",
-    "verdict": "before moving: can it be met, held, how hard",
-    "control": "joint motion to torque: limits, brake, fingers",
-    "map": "the paper: the map and its learning",
-    "eyes": "images to the ball's position",
-    "arm": "the arm: kinematics, dynamics, limits, hands",
-    "ball": "positions to the ball's motion: flight, filter",
+    "gym": "environments of Gymnasium",
+    "robot": "the live side: cells, drivers, ROS 2; cameras, calibration",
+    "lab": "the laboratory",
+    "lab.report": "pages, figures, 3-D replays, the viewer",
+    "lab.design": "what an arm can catch, and the map that does it",
+    "lab.bench": "speed beside other libraries",
+    "lab.trials": "one throw and many: loop, score, replay, studies",
+    "lab.world": "the simulation: physics, sensors, throws, faults",
+    "lab.rivals": "other generators",
+    "io": "every reader and writer; descriptions of arms",
     "clock": "the one clock",
-    "signals": "what flows from stage to stage",
-    "checks": "arguments of public functions",
-    "reading": "files within bounds",
-    "errors": "one line: wanted, given, what to do",
-    "fields": "settings held to their annotations",
+    "core": "what runs on the robot",
+    "core.catcher": "one tick: the order of the stages, once",
+    "core.verdict": "before moving: can it be met, held, how hard",
+    "core.control": "joint motion to torque: limits, brake, fingers",
+    "core.map": "the paper: the map and its learning",
+    "core.eyes": "images to the ball's position",
+    "core.arm": "the arm: kinematics, dynamics, limits, hands",
+    "core.ball": "positions to the ball's motion: flight, filter",
+    "core.signals": "what flows from stage to stage",
+    "core.fields": "settings held to their annotations",
+    "core.checks": "arguments of public functions",
+    "core.errors": "one line: wanted, given, what to do",
+    "core.kernels": "compiling, views, handles",
     "interrupts": "Ctrl-C and its kind",
     "numerals": "numbers that a user's text says",
-    "kernels": "compiling, views, handles",
     "version": "the version of mitt",
 }
-#: Height of a line, space about those of a floor, widths [inch].
+#: Height of a line, space about those of a room, widths [inch].
 LINE = 0.27
 ABOUT = 0.06
-WIDE = 5.9
-NAME = 1.4
+WIDE = 7.0
+NAME = 1.6
+INSIDE = 0.3
 
 
-def layers() -> tuple[list[list[str]], set[str]]:
-    """Return the floors of the contracts, top down, and the parts that run on the robot."""
+def parts_of(name: str) -> list[str]:
+    """Return the parts that a contract lists, top down."""
     read = configparser.ConfigParser()
     read.read(CONTRACTS)
-    lines = read["importlinter:contract:flow"]["layers"].split("\n")
-    floors = [[x.strip().split(".")[1] for x in line.split("|")] for line in lines if line]
-    seen: set[str] = set()
-    out = []
-    for floor in floors:  # modules of one folder on several floors: shown once, on their highest
-        new = [part for part, _ in groupby(floor) if part not in seen]
-        seen |= set(new)
-        out += [new] if new else []
-    pure = read["importlinter:contract:pure"]["source_modules"].split()
-    return out, {name.split(".")[1] for name in pure}
+    lines = read[f"importlinter:contract:{name}"]["layers"].split("\n")
+    return [x.strip().removeprefix("mitt.") for line in lines for x in line.split("|") if x.strip()]
+
+
+def rooms() -> list[list[str]]:
+    """Return the rooms, top down, each with the folders that a contract orders in it."""
+    ordered = {"lab": parts_of("lab"), "core": parts_of("core")}
+    return [[room, *ordered.get(room, [])] for room in parts_of("rooms")]
 
 
 def draw(figure: Figure) -> None:
-    """Draw a floor for each layer, a line for each part, and the roof."""
+    """Draw a floor for each room, a line for each of its folders, and the roof."""
     axes = figure.add_subplot()
-    floors, pure = layers()
     y = 0.0
-    for parts in floors:
+    for parts in rooms():
         height = len(parts) * LINE + 2 * ABOUT
-        whole = BAND if pure.issuperset(parts) else "white"
-        axes.add_patch(Rectangle((0, y - height), WIDE, height, facecolor=whole, edgecolor=GREY))
+        core = parts[0] == "core"
+        colour = BAND if core else "white"
+        axes.add_patch(Rectangle((0, y - height), WIDE, height, facecolor=colour, edgecolor=GREY))
         for k, part in enumerate(parts):
             middle = y - ABOUT - (k + 0.5) * LINE
-            if part in pure:
-                axes.add_patch(Rectangle((0.02, middle - LINE / 2), WIDE - 0.04, LINE, color=BAND))
-            colour = BLUE if part in pure else INK
-            axes.text(0.12, middle, part, va="center", weight="bold", color=colour, fontsize=10.5)
+            ink = BLUE if core else INK
+            left = 0.12 + (INSIDE if k else 0.0)
+            weight = "normal" if k else "bold"
+            name = part.rpartition(".")[2]
+            axes.text(left, middle, name, va="center", weight=weight, color=ink, fontsize=10.5)
             axes.text(NAME, middle, DOES[part], va="center", color=INK, fontsize=10)
         y -= height
     axes.add_patch(
@@ -96,7 +96,7 @@ def draw(figure: Figure) -> None:
     axes.text(
         0.0,
         y - 0.22,
-        "blue: runs on the robot; knows no plots, files, network, clock, command line",
+        "blue: NumPy, Numba and the standard library; no plots, files, network, clock",
         color=BLUE,
         va="center",
         fontsize=10,
@@ -107,8 +107,7 @@ def draw(figure: Figure) -> None:
 
 def height() -> float:
     """Return the height of the drawing [inch]."""
-    floors, _ = layers()
-    return sum(len(parts) * LINE + 2 * ABOUT for parts in floors) + 1.1
+    return sum(len(parts) * LINE + 2 * ABOUT for parts in rooms()) + 1.1
 
 
 save("house", (WIDE + 0.6, height()), draw)

@@ -5,7 +5,7 @@ from drawing import ball_at, save
 from matplotlib.figure import Figure
 
 import mitt
-from mitt.report.style import BAND, BLUE, GREY, INK
+from mitt.lab.report.style import BAND, BLUE, GREY, INK
 
 ARM = mitt.load_arm("wam", limits="paper")
 LEARNED = mitt.learn(ARM).map

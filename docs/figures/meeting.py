@@ -7,16 +7,16 @@ from drawing import save
 from matplotlib.figure import Figure
 
 import mitt
-from mitt.arm.arm import Arm
-from mitt.ball.filter import BallFilter
-from mitt.catcher.generators import Generator
-from mitt.catcher.meeting import Meeting, MeetingSettings
-from mitt.map.meeting import unlearned_meeting
-from mitt.report.style import BALL, BLUE, GREEN, GREY, INK
-from mitt.rivals.meeting import make_meeter
-from mitt.signals import Array
-from mitt.trials.station import CARRIED
-from mitt.world.targets import HandReach
+from mitt.core.arm.arm import Arm
+from mitt.core.ball.filter import BallFilter
+from mitt.core.catcher.generators import Generator
+from mitt.core.catcher.meeting import Meeting, MeetingSettings
+from mitt.core.map.meeting import unlearned_meeting
+from mitt.core.signals import Array
+from mitt.lab.report.style import BALL, BLUE, GREEN, GREY, INK
+from mitt.lab.rivals.meeting import make_meeter
+from mitt.lab.trials.station import CARRIED
+from mitt.lab.world.targets import HandReach
 
 RAW = mitt.load_arm("ur5e", hand="none")
 ARM = Arm(replace(RAW.model, q_ready=np.array([0.2, -1.3, 1.8, -2.1, -1.5, 0.3])), RAW.limits)

@@ -5,14 +5,14 @@ from drawing import ball_at, save
 from matplotlib.figure import Figure
 
 import mitt
-from mitt.arm.catch import CaughtBall
-from mitt.map.demand import Tolerance
-from mitt.map.map_design import default_design
-from mitt.report.style import BAND, BLUE, GREEN, GREY, INK, ORANGE, PURPLE, YELLOW
-from mitt.verdict.feasibility import Outcome, judge
-from mitt.verdict.impact import examined
-from mitt.world.build import restitution_of
-from mitt.world.scene import read_scene
+from mitt.core.arm.catch import CaughtBall
+from mitt.core.map.demand import Tolerance
+from mitt.core.map.map_design import default_design
+from mitt.core.verdict.feasibility import Outcome, judge
+from mitt.core.verdict.impact import examined
+from mitt.lab.report.style import BAND, BLUE, GREEN, GREY, INK, ORANGE, PURPLE, YELLOW
+from mitt.lab.world.build import restitution_of
+from mitt.lab.world.scene import read_scene
 
 SPEEDS = np.linspace(3.0, 10.0, 15)
 MASSES = np.geomspace(0.02, 2.0, 13)

@@ -7,15 +7,15 @@ import cv2
 import numpy as np
 
 import mitt
-from mitt.ball.filter import THROWN_BALL, BallFilter
-from mitt.ball.flight import advance
-from mitt.cameras.video_writer import VideoWriter
 from mitt.cli.main import main
-from mitt.eyes.camera import inverse, look_at
-from mitt.eyes.eyes import Eyes
-from mitt.eyes.lens import Lens
-from mitt.files.rig import CalibratedRig, RigCamera, read_rig, write_rig
-from mitt.world.imaging import Imager, ImageSensor
+from mitt.core.ball.filter import THROWN_BALL, BallFilter
+from mitt.core.ball.flight import advance
+from mitt.core.eyes.camera import inverse, look_at
+from mitt.core.eyes.eyes import Eyes
+from mitt.core.eyes.lens import Lens
+from mitt.io.rig import CalibratedRig, RigCamera, read_rig, write_rig
+from mitt.lab.world.imaging import Imager, ImageSensor
+from mitt.robot.cameras.video_writer import VideoWriter
 
 RADIUS = 0.04
 RATE = 1000.0
@@ -72,7 +72,7 @@ print(f"film: a track of {len(track)} rows, the first from the sixth sighting")
 
 eyes = Eyes(rig.rig())
 ball_filter = BallFilter(THROWN_BALL)
-for pair in frames:  # here: as your cameras deliver them, a mitt.signals.Frame each
+for pair in frames:  # here: as your cameras deliver them, a mitt.core.signals.Frame each
     sighting = eyes.step(pair)
     if sighting.found:
         ball_filter.update(sighting)

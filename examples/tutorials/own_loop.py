@@ -6,10 +6,10 @@ from math import pi
 import numpy as np
 
 import mitt
-from mitt.ball.filter import THROWN_BALL
-from mitt.control.setpoints import Setpoints
-from mitt.map.demand import Tolerance
-from mitt.signals import Array
+from mitt.core.ball.filter import THROWN_BALL
+from mitt.core.control.setpoints import Setpoints
+from mitt.core.map.demand import Tolerance
+from mitt.core.signals import Array
 
 TICK = 0.001  # s
 FALL = np.array([0.0, 0.0, -9.81])  # m/s^2

@@ -18,8 +18,8 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from mitt.kernels import kernel
-from mitt.signals import TICK
+from mitt.core.kernels import kernel
+from mitt.core.signals import TICK
 
 steady_ns = time.perf_counter_ns
 """Returns the time of the machine's steady clock [ns]."""

@@ -28,8 +28,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt import checks
-from mitt.errors import InputError, MissingPackageError
+from mitt.core import checks
+from mitt.core.errors import InputError, MissingPackageError
 
 try:
     import gymnasium
@@ -37,28 +37,27 @@ try:
 except ImportError:
     raise MissingPackageError("mitt.gym", "gymnasium", "gym") from None
 
-from mitt.arm.arm import Arm
-from mitt.arm.limits import saturate
-from mitt.arm.tools import TOOLS
-from mitt.catcher.catcher import Catcher
-from mitt.catcher.generators import Direct
-from mitt.catcher.given import check_arm
-from mitt.catcher.meeting import Meeting
-from mitt.catcher.settings import Phase
-from mitt.cell.feeds import Parts
-from mitt.files.arm_file import arm_with_hand
-from mitt.files.maps import read_map
-from mitt.map.learn import Learned
-from mitt.map.map_design import default_design
-from mitt.map.mapping import DirectMap, unlearned
-from mitt.map.neighbourhood import learn
-from mitt.report.painter import Faces, painted
-from mitt.report.pictures import body_faces, placed_faces
-from mitt.signals import TICK, Array, Command, Frame, Senses
-from mitt.trials.bat_station import TARGET, BatStation, bat_station
-from mitt.trials.batting import batted, hit_of
-from mitt.trials.runner import LONGEST, TrialRunner
-from mitt.trials.score import (
+from mitt.core.arm.arm import Arm
+from mitt.core.arm.limits import saturate
+from mitt.core.arm.tools import TOOLS
+from mitt.core.catcher.catcher import Catcher
+from mitt.core.catcher.generators import Direct
+from mitt.core.catcher.given import check_arm
+from mitt.core.catcher.meeting import Meeting
+from mitt.core.catcher.settings import Phase
+from mitt.core.map.learn import Learned
+from mitt.core.map.map_design import default_design
+from mitt.core.map.mapping import DirectMap, unlearned
+from mitt.core.map.neighbourhood import learn
+from mitt.core.signals import TICK, Array, Command, Frame, Senses
+from mitt.io.arm_file import arm_with_hand
+from mitt.io.maps import read_map
+from mitt.lab.report.painter import Faces, painted
+from mitt.lab.report.pictures import body_faces, placed_faces
+from mitt.lab.trials.bat_station import TARGET, BatStation, bat_station
+from mitt.lab.trials.batting import batted, hit_of
+from mitt.lab.trials.runner import LONGEST, TrialRunner
+from mitt.lab.trials.score import (
     HELD_AFTER,
     continuous_shares,
     drive_loads,
@@ -67,11 +66,12 @@ from mitt.trials.score import (
     trial_status,
     was_held,
 )
-from mitt.trials.source import source_of, widened
-from mitt.trials.station import PARTS_SCENE, TARGETS, station
-from mitt.world.scene import Scene, scene_from
-from mitt.world.simulation import World
-from mitt.world.truth import Instant
+from mitt.lab.trials.source import source_of, widened
+from mitt.lab.trials.station import PARTS_SCENE, TARGETS, station
+from mitt.lab.world.scene import Scene, scene_from
+from mitt.lab.world.simulation import World
+from mitt.lab.world.truth import Instant
+from mitt.robot.cell.feeds import Parts
 
 __all__ = ["BatEnv", "CatchEnv", "CatchPixelsEnv", "Environment", "MeetEnv", "map_policy"]
 

@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.arm.arm import difference, identity_of
-from mitt.arm.basket import HANDS, Basket, hand_named
-from mitt.arm.description import checked_hand, mounting
-from mitt.arm.hands import HandModel
-from mitt.arm.load import build_arm
-from mitt.errors import InputError, UnknownNameError
+from mitt.core.arm.arm import difference, identity_of
+from mitt.core.arm.basket import HANDS, Basket, hand_named
+from mitt.core.arm.description import checked_hand, mounting
+from mitt.core.arm.hands import HandModel
+from mitt.core.errors import InputError, UnknownNameError
+from mitt.io.load import build_arm
 
 ROUNDING = 1e-12
 

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from arm.test_load import urdf
 
-from mitt.arm.description import Link, checked_inertia, mended_inertia, transform
-from mitt.arm.limits import LimitSet
-from mitt.arm.load import build_arm
-from mitt.errors import MittError, ModelError
-from mitt.signals import Array
+from mitt.core.arm.description import Link, checked_inertia, mended_inertia, transform
+from mitt.core.arm.limits import LimitSet
+from mitt.core.errors import MittError, ModelError
+from mitt.core.signals import Array
+from mitt.io.load import build_arm
 
 _NAMES = ["j1", "j2", "j4"]
 _JOINTS = ["yaw", "pitch", "elbow"]

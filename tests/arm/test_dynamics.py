@@ -8,19 +8,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.arm.arm import Arm
-from mitt.arm.description import ArmModel, Link, rotation, transform
-from mitt.arm.dynamics import (
+from mitt.core.arm.arm import Arm
+from mitt.core.arm.description import ArmModel, Link, rotation, transform
+from mitt.core.arm.dynamics import (
     bodies_of,
     dynamics_scratch,
     inverse_dynamics,
     slopes_work,
     torque_slopes,
 )
-from mitt.arm.hands import HandModel
-from mitt.arm.wam import wam, wam_limits
-from mitt.bench.libraries import to_pinocchio
-from mitt.signals import Array
+from mitt.core.arm.hands import HandModel
+from mitt.core.signals import Array
+from mitt.io.wam import wam, wam_limits
+from mitt.lab.bench.libraries import to_pinocchio
 
 #: Agreement with Pinocchio, share of the largest torque.
 AGREE = 1e-10

@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mitt.arm.basket import Basket
-from mitt.arm.catch import FingerDrive
-from mitt.arm.description import Capsule
-from mitt.arm.hands import Closing, Finger, HandModel
-from mitt.arm.load import build_arm
-from mitt.errors import InputError, MittError
-from mitt.signals import Array
+from mitt.core.arm.basket import Basket
+from mitt.core.arm.catch import FingerDrive
+from mitt.core.arm.description import Capsule
+from mitt.core.arm.hands import Closing, Finger, HandModel
+from mitt.core.errors import InputError, MittError
+from mitt.core.signals import Array
+from mitt.io.load import build_arm
 
 PARTS: tuple[Any, ...] = (Finger(), FingerDrive(), Closing(), HandModel())
 """Everything that a hand is made of."""

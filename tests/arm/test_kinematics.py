@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.arm.hands import HandModel
-from mitt.arm.kinematics import chain_of, motion_of, sweep
-from mitt.arm.wam import wam
-from mitt.signals import Array
+from mitt.core.arm.hands import HandModel
+from mitt.core.arm.kinematics import chain_of, motion_of, sweep
+from mitt.core.signals import Array
+from mitt.io.wam import wam
 
 STEP = 1e-5
 #: Central differences of first and second order leave errors of this size.

@@ -9,11 +9,11 @@ from arm.test_load import urdf
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.arm.limits import LimitSet, bound_of, joint_level, torque_share
-from mitt.arm.load import build_arm
-from mitt.arm.wam import wam_limits
-from mitt.errors import InputError, MittError, ModelError, UnknownNameError
-from mitt.signals import Array
+from mitt.core.arm.limits import LimitSet, bound_of, joint_level, torque_share
+from mitt.core.errors import InputError, MittError, ModelError, UnknownNameError
+from mitt.core.signals import Array
+from mitt.io.load import build_arm
+from mitt.io.wam import wam_limits
 
 vectors = st.lists(st.floats(-500.0, 500.0), min_size=4, max_size=4).map(np.array)
 speeds = st.lists(st.floats(-12.0, 12.0), min_size=4, max_size=4).map(np.array)

@@ -7,9 +7,9 @@ import pinocchio as pin
 import pytest
 
 import mitt
-from mitt.arm.hands import HandModel
-from mitt.arm.load import build_arm
-from mitt.errors import FileError, MittError, ModelError, UnknownNameError
+from mitt.core.arm.hands import HandModel
+from mitt.core.errors import FileError, MittError, ModelError, UnknownNameError
+from mitt.io.load import build_arm
 
 LINK = """<link name="l{k}"><inertial><origin xyz="0 0 0.2"/><mass value="{mass}"/>
 <inertia ixx="0.02" iyy="0.02" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>"""

@@ -9,13 +9,13 @@ from arm.test_load import MJCF, urdf
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.arm.description import Capsule
-from mitt.arm.hands import HandModel
-from mitt.arm.load import build_arm
-from mitt.arm.meshes import behind, capsules_about, find_mesh, volume
-from mitt.arm.shapes import Surroundings, gap, place_shapes, shapes_of
-from mitt.errors import FileError, ModelError
-from mitt.signals import Array
+from mitt.core.arm.description import Capsule
+from mitt.core.arm.hands import HandModel
+from mitt.core.arm.shapes import Surroundings, gap, place_shapes, shapes_of
+from mitt.core.errors import FileError, ModelError
+from mitt.core.signals import Array
+from mitt.io.load import build_arm
+from mitt.io.meshes import behind, capsules_about, find_mesh, volume
 
 _NAMES = ["j1", "j2", "j4"]
 
@@ -144,7 +144,7 @@ def test_a_mesh_that_wants_another_package_says_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, there: bool
 ) -> None:
     """COLLADA is read by pycollada, which may be missing; where it is there, the file is broken."""
-    monkeypatch.setattr("mitt.arm.meshes.find_spec", lambda _: there or None)
+    monkeypatch.setattr("mitt.io.meshes.find_spec", lambda _: there or None)
     (tmp_path / "broken.dae").write_text("no mesh")
     path = _shaped(tmp_path / "a.urdf", l2='<mesh filename="broken.dae"/>')
     (note,) = build_arm(path, tip="l5", joints=_NAMES).model.notes
@@ -279,7 +279,7 @@ def test_a_mesh_is_read_once_and_all_have_a_bound(
     for name in ("a.stl", "b.stl"):
         _mesh(tmp_path / name)
     size = (tmp_path / "a.stl").stat().st_size
-    monkeypatch.setattr("mitt.arm.meshes._MAX_TOTAL", int(1.5 * size))
+    monkeypatch.setattr("mitt.io.meshes._MAX_TOTAL", int(1.5 * size))
     one, two = ('<mesh filename="a.stl"/>', '<mesh filename="b.stl"/>')
     arm = build_arm(_shaped(tmp_path / "a.urdf", l1=one, l2=one, l3=one), tip="l5", joints=_NAMES)
     assert [len(x.capsules) for x in arm.model.links[:3]] == [1, 1, 1]

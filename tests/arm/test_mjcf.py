@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from mitt.arm.load import build_arm
-from mitt.arm.mjcf import read_mjcf
-from mitt.errors import MittError
+from mitt.core.errors import MittError
+from mitt.io.load import build_arm
+from mitt.io.mjcf import read_mjcf
 
 ARM = """<mujoco model="small">
 <compiler angle="radian" meshdir="assets" autolimits="true"/>

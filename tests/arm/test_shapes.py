@@ -9,12 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.arm.arm import Arm
-from mitt.arm.description import ArmModel, Capsule, Link
-from mitt.arm.hands import HandModel
-from mitt.arm.limits import joint_level
-from mitt.arm.plant import add_arm
-from mitt.arm.shapes import (
+from mitt.core.arm.arm import Arm
+from mitt.core.arm.description import ArmModel, Capsule, Link
+from mitt.core.arm.hands import HandModel
+from mitt.core.arm.limits import joint_level
+from mitt.core.arm.shapes import (
     LEAST_GAP,
     MARGIN,
     Shapes,
@@ -24,9 +23,10 @@ from mitt.arm.shapes import (
     segment_distance,
     shapes_of,
 )
-from mitt.arm.shapes import gap as pair_gap
-from mitt.errors import InputError
-from mitt.signals import Array
+from mitt.core.arm.shapes import gap as pair_gap
+from mitt.core.errors import InputError
+from mitt.core.signals import Array
+from mitt.lab.world.plant import add_arm
 
 #: Agreement with MuJoCo's distance of two capsules [m].
 EXACT = 1e-7

@@ -11,15 +11,15 @@ import pytest
 from defusedxml import ElementTree
 
 import mitt
-from mitt.arm.arm import Arm
-from mitt.arm.hands import HandModel
-from mitt.arm.load import arm_names, build_arm, described, read_described
-from mitt.arm.shapes import Surroundings, gap, place_shapes, shapes_of
-from mitt.design.driven_arm import whole_arm
-from mitt.errors import ModelError, UnknownNameError
-from mitt.files.arm_file import ArmFile, load_arm, read_arm_file, read_limits, write_arm_file
-from mitt.reading import shipped
-from mitt.signals import Array
+from mitt.core.arm.arm import Arm
+from mitt.core.arm.hands import HandModel
+from mitt.core.arm.shapes import Surroundings, gap, place_shapes, shapes_of
+from mitt.core.errors import ModelError, UnknownNameError
+from mitt.core.signals import Array
+from mitt.io.arm_file import ArmFile, load_arm, read_arm_file, read_limits, write_arm_file
+from mitt.io.load import arm_names, build_arm, described, read_described
+from mitt.io.reading import shipped
+from mitt.lab.design.driven_arm import whole_arm
 
 NAMES = shipped("arms")
 _ROBOTS = Path(get_paths()["purelib"]) / "cmeel.prefix/share/example-robot-data/robots"

@@ -9,20 +9,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mitt.arm.arm import Arm
-from mitt.arm.standing import Slab, check_standing
-from mitt.arm.tools import TOOLS
-from mitt.cell.prepare import prepare
 from mitt.cli.main import main
-from mitt.errors import InputError
-from mitt.files.arm_file import arm_with_hand
-from mitt.files.cell import cell_of
-from mitt.reading import read_toml, shipped_path
-from mitt.trials.bat_station import bat_station
-from mitt.trials.runs import simulate
-from mitt.trials.station import PARTS_SCENE, station
-from mitt.world.overlap import check_scene
-from mitt.world.scene import Belt, Tray, named_scene
+from mitt.core.arm.arm import Arm
+from mitt.core.arm.standing import Slab, check_standing
+from mitt.core.arm.tools import TOOLS
+from mitt.core.errors import InputError
+from mitt.io.arm_file import arm_with_hand
+from mitt.io.cell import cell_of
+from mitt.io.reading import read_toml, shipped_path
+from mitt.lab.trials.bat_station import bat_station
+from mitt.lab.trials.runs import simulate
+from mitt.lab.trials.station import PARTS_SCENE, station
+from mitt.lab.world.overlap import check_scene
+from mitt.lab.world.scene import Belt, Tray, named_scene
+from mitt.robot.cell.prepare import prepare
 
 #: A belt along x, at the height of the foot of an arm.
 THROUGH = Belt(middle=(0.55, 0.0), direction=0.0, height=0.03)
@@ -124,9 +124,9 @@ def by_batting(file: Path) -> None:  # noqa: ARG001
 
 def by_python(file: Path) -> None:
     """Throws from Python."""
-    from mitt.catcher.generators import Direct  # noqa: PLC0415
-    from mitt.map.map_design import default_design  # noqa: PLC0415
-    from mitt.map.mapping import unlearned  # noqa: PLC0415
+    from mitt.core.catcher.generators import Direct  # noqa: PLC0415
+    from mitt.core.map.map_design import default_design  # noqa: PLC0415
+    from mitt.core.map.mapping import unlearned  # noqa: PLC0415
 
     arm = arm_with_hand("ur5e")[0]
     with pytest.raises(InputError, match=LINE):

@@ -12,12 +12,12 @@ import pytest
 from arm.test_load import urdf
 from defusedxml import ElementTree
 
-from mitt.arm import load
-from mitt.arm.hands import HandModel
-from mitt.arm.load import build_arm
-from mitt.arm.urdf import read_urdf
-from mitt.errors import FileError, MittError, ModelError
-from mitt.signals import Array
+from mitt.core.arm.hands import HandModel
+from mitt.core.errors import FileError, MittError, ModelError
+from mitt.core.signals import Array
+from mitt.io import load
+from mitt.io.load import build_arm
+from mitt.io.urdf import read_urdf
 
 _ROBOTS = Path(get_paths()["purelib"]) / "cmeel.prefix/share/example-robot-data/robots"
 _NAMES = ["j1", "j2", "j4"]

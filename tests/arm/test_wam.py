@@ -4,10 +4,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from mitt.arm.arm import Arm
-from mitt.arm.hands import HandModel
-from mitt.arm.plant import add_arm
-from mitt.arm.wam import TRANSMISSION, wam, wam_limits
+from mitt.core.arm.arm import Arm
+from mitt.core.arm.hands import HandModel
+from mitt.io.wam import TRANSMISSION, wam, wam_limits
+from mitt.lab.world.plant import add_arm
 
 AGREE = 1e-9
 #: Published figures are rounded in their last digit.

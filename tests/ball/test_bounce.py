@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from mitt.ball.filter import THROWN_BALL, BallFilter
-from mitt.ball.flight import advance, change_by_bounce, doubt_flight
-from mitt.signals import GRAVITY, TICK, Array, Sighting
+from mitt.core.ball.filter import THROWN_BALL, BallFilter
+from mitt.core.ball.flight import advance, change_by_bounce, doubt_flight
+from mitt.core.signals import GRAVITY, TICK, Array, Sighting
 
 NOISE = 1e-3
 """Of sightings, each axis [m]."""

@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.ball.filter import TABLE_TENNIS_BALL, THROWN_BALL, BallFilter, FilterConfig
-from mitt.ball.flight import advance, forecast
-from mitt.errors import InputError
-from mitt.signals import Array, BallState, Sighting
+from mitt.core.ball.filter import TABLE_TENNIS_BALL, THROWN_BALL, BallFilter, FilterConfig
+from mitt.core.ball.flight import advance, forecast
+from mitt.core.errors import InputError
+from mitt.core.signals import Array, BallState, Sighting
 
 SIGMA = 2e-3
 """Noise of the simulated sightings [m]."""

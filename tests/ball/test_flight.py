@@ -5,9 +5,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mitt.ball.flight import STATES, MotionModel, acceleration, advance, advance_uncertain, forecast
-from mitt.errors import InputError
-from mitt.signals import GRAVITY, Array, BallState
+from mitt.core.ball.flight import (
+    STATES,
+    MotionModel,
+    acceleration,
+    advance,
+    advance_uncertain,
+    forecast,
+)
+from mitt.core.errors import InputError
+from mitt.core.signals import GRAVITY, Array, BallState
 
 ROUNDING = 1e-12
 """Metres and metres a second."""

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mitt.ball.filter import BallFilter, FilterConfig
-from mitt.ball.flight import advance
-from mitt.signals import Array, BallState, Sighting
+from mitt.core.ball.filter import BallFilter, FilterConfig
+from mitt.core.ball.flight import advance
+from mitt.core.signals import Array, BallState, Sighting
 
 SIGMA = 1.5e-3
 """Noise of the sightings [m]."""

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mitt.ball.filter import fresh_filter, update
-from mitt.ball.flight import advance
-from mitt.cameras.filtering import UNKNOWN_BALL, filter_flight
-from mitt.signals import Array
+from mitt.core.ball.filter import fresh_filter, update
+from mitt.core.ball.flight import advance
+from mitt.core.signals import Array
+from mitt.robot.cameras.filtering import UNKNOWN_BALL, filter_flight
 
 NOISE = 1.5e-3
 """Of each coordinate [m]."""

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mitt.ball.filter import THROWN_BALL, BallFilter, FilterConfig
-from mitt.signals import GRAVITY, Array, Sighting
-from mitt.trials.station import CARRIED
+from mitt.core.ball.filter import THROWN_BALL, BallFilter, FilterConfig
+from mitt.core.signals import GRAVITY, Array, Sighting
+from mitt.lab.trials.station import CARRIED
 
 START = np.array((0.5, -0.4, 0.3))
 """Where a target begins [m]."""

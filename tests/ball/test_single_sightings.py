@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mitt.ball.filter import THROWN_BALL, BallFilter
-from mitt.ball.motion_models import RING, ROW
-from mitt.cameras.filtering import fresh_noise, learn_noise
-from mitt.errors import InputError
-from mitt.signals import GRAVITY, Array, Sighting
+from mitt.core.ball.filter import THROWN_BALL, BallFilter
+from mitt.core.ball.motion_models import RING, ROW
+from mitt.core.errors import InputError
+from mitt.core.signals import GRAVITY, Array, Sighting
+from mitt.robot.cameras.filtering import fresh_noise, learn_noise
 
 H = 1e-3
 SIGMA = 1e-3

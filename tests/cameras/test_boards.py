@@ -8,9 +8,9 @@ import pytest
 from boards import SPEC, many_views, true_lens, true_stereo
 from cramer_rao import one_calibration
 
-from mitt.cameras.board_calibration import board_problem, calibrate_boards, free_numbers
-from mitt.cameras.charuco import Board
-from mitt.cameras.least_squares import fit
+from mitt.robot.cameras.board_calibration import board_problem, calibrate_boards, free_numbers
+from mitt.robot.cameras.charuco import Board
+from mitt.robot.cameras.least_squares import fit
 
 #: Largest ratio of rms error to the Cramer-Rao bound.
 NEAR_BOUND = 1.3

@@ -12,13 +12,13 @@ import pytest
 from boards import SPEC, board_pose, drawn, seen_by, true_lens, true_stereo
 from throws_on_film import RADIUS, calibrated
 
-from mitt.arm.arm import Arm
-from mitt.cameras.charuco import Board
 from mitt.cli.main import main
-from mitt.eyes.camera import inverse, turned
-from mitt.files.rig import read_rig, write_rig
-from mitt.signals import Array
-from mitt.world.imaging import Imager, ImageSensor
+from mitt.core.arm.arm import Arm
+from mitt.core.eyes.camera import inverse, turned
+from mitt.core.signals import Array
+from mitt.io.rig import read_rig, write_rig
+from mitt.lab.world.imaging import Imager, ImageSensor
+from mitt.robot.cameras.charuco import Board
 
 Call = Callable[..., tuple[int, dict[str, Any], str]]
 BOARD = ["--board", "9x6", "--square", "0.06", "--marker", "0.045"]

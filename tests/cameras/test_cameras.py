@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mitt.cameras import cameras as source
-from mitt.cameras.cameras import ImageSource, grey, open_cameras, optional, read_image
-from mitt.cameras.two_cameras import PairCounts, pairs
-from mitt.cameras.video_writer import VideoWriter
-from mitt.errors import FileError, InputError
-from mitt.signals import Frame, Image
+from mitt.core.errors import FileError, InputError
+from mitt.core.signals import Frame, Image
+from mitt.robot.cameras import cameras as source
+from mitt.robot.cameras.cameras import ImageSource, grey, open_cameras, optional, read_image
+from mitt.robot.cameras.two_cameras import PairCounts, pairs
+from mitt.robot.cameras.video_writer import VideoWriter
 
 VIKY = Path(genicam.__file__).parent / "viky.cti"
 

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from boards import SIZE, SPEC, drawn, true_lens
 
-from mitt.cameras.board_calibration import board_problem, free_numbers, look_for_board
-from mitt.cameras.cameras import ImageSource
-from mitt.cameras.charuco import Board, BoardSpec, shown_instead
-from mitt.errors import InputError
-from mitt.eyes.camera import turned
-from mitt.signals import Array, Image
+from mitt.core.errors import InputError
+from mitt.core.eyes.camera import turned
+from mitt.core.signals import Array, Image
+from mitt.robot.cameras.board_calibration import board_problem, free_numbers, look_for_board
+from mitt.robot.cameras.cameras import ImageSource
+from mitt.robot.cameras.charuco import Board, BoardSpec, shown_instead
 
 
 class Taken(ImageSource):

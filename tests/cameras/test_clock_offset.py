@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mitt.cameras.hand_calibration import ClockProblem, clock_problem
-from mitt.cameras.least_squares import fit
-from mitt.errors import InputError
-from mitt.signals import Array
+from mitt.core.errors import InputError
+from mitt.core.signals import Array
+from mitt.robot.cameras.hand_calibration import ClockProblem, clock_problem
+from mitt.robot.cameras.least_squares import fit
 
 #: A millisecond is 6 mm of flight: a quarter of one is what calibration should leave.
 CLOCK = 2.5e-4

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from throws_on_film import calibrated
 
-from mitt.cameras.hand_calibration import calibrate_hand, hand_problem
-from mitt.cameras.least_squares import fit
-from mitt.errors import InputError
-from mitt.eyes.camera import inverse, turned
-from mitt.files.rig import CalibratedRig
-from mitt.signals import Array
+from mitt.core.errors import InputError
+from mitt.core.eyes.camera import inverse, turned
+from mitt.core.signals import Array
+from mitt.io.rig import CalibratedRig
+from mitt.robot.cameras.hand_calibration import calibrate_hand, hand_problem
+from mitt.robot.cameras.least_squares import fit
 
 RADIUS = 0.04
 #: The rig's frame in the world, as it was before anybody knew.

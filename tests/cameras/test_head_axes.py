@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from boards import SPEC, seen_by, true_lens
 
-from mitt.cameras.charuco import Board, BoardCorners
-from mitt.cameras.head_calibration import calibrate_head, head_problem
-from mitt.cameras.least_squares import fit
-from mitt.errors import InputError
-from mitt.eyes.camera import inverse, turned
-from mitt.files.rig import HeadAxes, RigCamera
-from mitt.signals import Array
+from mitt.core.errors import InputError
+from mitt.core.eyes.camera import inverse, turned
+from mitt.core.signals import Array
+from mitt.io.rig import HeadAxes, RigCamera
+from mitt.robot.cameras.charuco import Board, BoardCorners
+from mitt.robot.cameras.head_calibration import calibrate_head, head_problem
+from mitt.robot.cameras.least_squares import fit
 
 #: Camera at encoder zero: 1.8 m above the face of the board, which is the world.
 T_0 = turned(np.eye(4), np.array((0.1, -0.05, 0.2, 0.27, 0.18, -1.8)))

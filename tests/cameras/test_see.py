@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 from throws_on_film import RATE, Film, calibrated, film, lens_of, write_film
 
-from mitt.cameras.other_rigs import fall_error
-from mitt.cameras.video_writer import VideoWriter
 from mitt.cli.main import main
-from mitt.eyes.camera import Camera, Rig, fixed_rig, inverse
-from mitt.eyes.lens import Lens
-from mitt.files.rig import CalibratedRig, write_rig
-from mitt.signals import GRAVITY, Array, Image
+from mitt.core.eyes.camera import Camera, Rig, fixed_rig, inverse
+from mitt.core.eyes.lens import Lens
+from mitt.core.signals import GRAVITY, Array, Image
+from mitt.io.rig import CalibratedRig, write_rig
+from mitt.robot.cameras.other_rigs import fall_error
+from mitt.robot.cameras.video_writer import VideoWriter
 
 See = Callable[..., tuple[int, dict[str, Any], str]]
 FRAMES = 220

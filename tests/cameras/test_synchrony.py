@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from throws_on_film import level_rig
 
-from mitt.ball.flight import advance
-from mitt.cameras.synchrony import Synchrony, synchrony
-from mitt.eyes.camera import Rig, fixed_rig, turned
-from mitt.signals import Array
+from mitt.core.ball.flight import advance
+from mitt.core.eyes.camera import Rig, fixed_rig, turned
+from mitt.core.signals import Array
+from mitt.robot.cameras.synchrony import Synchrony, synchrony
 
 RADIUS = 0.04
 NOISE = 0.1

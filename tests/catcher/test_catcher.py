@@ -9,34 +9,34 @@ import pytest
 from numba import typeof
 from support import arrays_in, ball_state
 
-from mitt.arm.arm import Arm
-from mitt.arm.description import Capsule
-from mitt.arm.load import build_arm
-from mitt.arm.shapes import Surroundings
-from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
-from mitt.catcher.family import Family
-from mitt.catcher.generators import Direct, Unoptimised, refining
-from mitt.catcher.state import tick_numbers
-from mitt.control.encoders import GOOD_TICKS, LOSSY_TICKS, SILENT_TICKS
-from mitt.control.health import Reason
-from mitt.errors import InputError
-from mitt.eyes.camera import fixed_rig
-from mitt.eyes.eyes import Eyes
-from mitt.map.learn import Learned
-from mitt.map.map_design import default_design
-from mitt.map.mapping import unlearned
-from mitt.map.neighbourhood import learn
-from mitt.signals import ArmState, Command, Senses, Sighting
-from mitt.trials.registry import make_generator
-from mitt.trials.runner import LoggedTrial, TrialRunner
-from mitt.trials.score import held
-from mitt.trials.source import aim_of
-from mitt.verdict.feasibility import Outcome as Feasible
-from mitt.verdict.feasibility import waiting_height
-from mitt.world.disturbances import Spring
-from mitt.world.flights import builtin_flights, place_flight
-from mitt.world.scene import TABLE_TENNIS, Scene
-from mitt.world.throws import Throw, default_throw
+from mitt.core.arm.arm import Arm
+from mitt.core.arm.description import Capsule
+from mitt.core.arm.shapes import Surroundings
+from mitt.core.catcher.catcher import Catcher, CatcherSettings, Phase
+from mitt.core.catcher.family import Family
+from mitt.core.catcher.generators import Direct, Unoptimised, refining
+from mitt.core.catcher.state import tick_numbers
+from mitt.core.control.encoders import GOOD_TICKS, LOSSY_TICKS, SILENT_TICKS
+from mitt.core.control.health import Reason
+from mitt.core.errors import InputError
+from mitt.core.eyes.camera import fixed_rig
+from mitt.core.eyes.eyes import Eyes
+from mitt.core.map.learn import Learned
+from mitt.core.map.map_design import default_design
+from mitt.core.map.mapping import unlearned
+from mitt.core.map.neighbourhood import learn
+from mitt.core.signals import ArmState, Command, Senses, Sighting
+from mitt.core.verdict.feasibility import Outcome as Feasible
+from mitt.core.verdict.feasibility import waiting_height
+from mitt.io.load import build_arm
+from mitt.lab.trials.registry import make_generator
+from mitt.lab.trials.runner import LoggedTrial, TrialRunner
+from mitt.lab.trials.score import held
+from mitt.lab.trials.source import aim_of
+from mitt.lab.world.disturbances import Spring
+from mitt.lab.world.flights import builtin_flights, place_flight
+from mitt.lab.world.scene import TABLE_TENNIS, Scene
+from mitt.lab.world.throws import Throw, default_throw
 
 SIDE = Throw(r=np.array([3.5, 3.0, 0.2]), dr=np.array([-6.0, 0.0, 1.5]))
 #: Largest way of a joint that only holds its pose against its mismatched weight [rad].

@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mitt.arm.arm import Arm
-from mitt.catcher.generators import Direct
-from mitt.control.health import State
-from mitt.map.learn import Learned
-from mitt.trials.runner import TrialRunner
-from mitt.trials.source import aim_of
-from mitt.world.scene import Scene
-from mitt.world.throws import default_throw
+from mitt.core.arm.arm import Arm
+from mitt.core.catcher.generators import Direct
+from mitt.core.control.health import State
+from mitt.core.map.learn import Learned
+from mitt.lab.trials.runner import TrialRunner
+from mitt.lab.trials.source import aim_of
+from mitt.lab.world.scene import Scene
+from mitt.lab.world.throws import default_throw
 
 
 @pytest.mark.parametrize("gone", [True, False])

@@ -7,10 +7,10 @@ from typing import Any, get_type_hints
 import numpy as np
 import pytest
 
-from mitt.arm.arm import Arm
-from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
-from mitt.map.learn import Learned
-from mitt.signals import GRAVITY, TICK, ArmState, Array, Senses, Sighting
+from mitt.core.arm.arm import Arm
+from mitt.core.catcher.catcher import Catcher, CatcherSettings, Phase
+from mitt.core.map.learn import Learned
+from mitt.core.signals import GRAVITY, TICK, ArmState, Array, Senses, Sighting
 
 BALL = replace(CatcherSettings().flight, drag_mean=0.0, drag_sigma=0.002)
 """What is thrown: it flies without drag."""

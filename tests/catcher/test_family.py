@@ -8,17 +8,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support import ball_state
 
-from mitt.arm.arm import Arm
-from mitt.catcher.family import Family
-from mitt.catcher.generators import Direct
-from mitt.errors import InputError
-from mitt.map.demand import Tolerance
-from mitt.map.learn import Learned
-from mitt.map.map_design import MapDesign
-from mitt.map.neighbourhood import Neighbourhood, learn
-from mitt.signals import Array, BallState
-from mitt.verdict.feasibility import Outcome, Verdict, judge
-from mitt.verdict.pieces import Pieces, Unfinished
+from mitt.core.arm.arm import Arm
+from mitt.core.catcher.family import Family
+from mitt.core.catcher.generators import Direct
+from mitt.core.errors import InputError
+from mitt.core.map.demand import Tolerance
+from mitt.core.map.learn import Learned
+from mitt.core.map.map_design import MapDesign
+from mitt.core.map.neighbourhood import Neighbourhood, learn
+from mitt.core.signals import Array, BallState
+from mitt.core.verdict.feasibility import Outcome, Verdict, judge
+from mitt.core.verdict.pieces import Pieces, Unfinished
 
 G = np.array([0.0, 0.0, -9.81])
 seeds = st.integers(0, 2**31)

@@ -8,13 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support import ball_state
 
-from mitt.arm.arm import Arm
-from mitt.catcher.generators import Direct, Generator, Unoptimised, refining
-from mitt.map.demand import shares_of
-from mitt.map.learn import Learned
-from mitt.map.mapping import DirectMap
-from mitt.signals import Array, BallState
-from mitt.verdict.feasibility import Outcome
+from mitt.core.arm.arm import Arm
+from mitt.core.catcher.generators import Direct, Generator, Unoptimised, refining
+from mitt.core.map.demand import shares_of
+from mitt.core.map.learn import Learned
+from mitt.core.map.mapping import DirectMap
+from mitt.core.signals import Array, BallState
+from mitt.core.verdict.feasibility import Outcome
 
 G = np.array([0.0, 0.0, -9.81])
 seeds = st.integers(0, 2**31)

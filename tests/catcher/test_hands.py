@@ -5,10 +5,10 @@ import pytest
 from exact_plant import SETTINGS
 from thrower_hands import KINDS, thrown
 
-from mitt.arm.arm import Arm
-from mitt.catcher.catcher import Catcher
-from mitt.map.learn import Learned
-from mitt.world.throws import Throw
+from mitt.core.arm.arm import Arm
+from mitt.core.catcher.catcher import Catcher
+from mitt.core.map.learn import Learned
+from mitt.lab.world.throws import Throw
 
 BALL = Throw(r=np.array([3.6, 0.15, 0.2]), dr=np.array([-5.9, -0.2, 2.2]))
 

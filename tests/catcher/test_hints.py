@@ -8,16 +8,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import mitt
-from mitt.arm.arm import Arm
-from mitt.catcher.catcher import Catcher
-from mitt.catcher.generators import Direct
-from mitt.catcher.sightings import Sightings, scatter_of
-from mitt.map.learn import Learned
-from mitt.signals import GRAVITY, TICK, Array, Senses, Sighting
-from mitt.trials.runner import LONGEST, TrialRunner
-from mitt.trials.score import HELD_AFTER
-from mitt.trials.source import source_of
-from mitt.world.scene import Scene, Sensing
+from mitt.core.arm.arm import Arm
+from mitt.core.catcher.catcher import Catcher
+from mitt.core.catcher.generators import Direct
+from mitt.core.catcher.sightings import Sightings, scatter_of
+from mitt.core.map.learn import Learned
+from mitt.core.signals import GRAVITY, TICK, Array, Senses, Sighting
+from mitt.lab.trials.runner import LONGEST, TrialRunner
+from mitt.lab.trials.score import HELD_AFTER
+from mitt.lab.trials.source import source_of
+from mitt.lab.world.scene import Scene, Sensing
 
 FALL = np.array((0.0, 0.0, -GRAVITY))
 
@@ -153,7 +153,7 @@ def test_what_the_newest_say_is_worked_out_once(monkeypatch: pytest.MonkeyPatch)
         asked.append(len(t))
         return scatter_of(t, r, P)
 
-    monkeypatch.setattr("mitt.catcher.sightings.scatter_of", counted)
+    monkeypatch.setattr("mitt.core.catcher.sightings.scatter_of", counted)
     t = np.linspace(0.0, 0.039, 40)
     notes = noted(t, thrown(t), 1e-3)
     said = {(notes.hint, notes.scatter) for _ in range(50)}

@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mitt.arm.arm import Arm
-from mitt.arm.tools import Suction
-from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
-from mitt.catcher.meeting import Glide, Meeting, MeetingSettings
-from mitt.files.arm_file import load_arm
-from mitt.map.demand import Tolerance
-from mitt.map.meeting import unlearned_meeting
-from mitt.signals import TICK, ArmState, Array, BallState, Senses, Sighting
-from mitt.trials.station import CARRIED
-from mitt.verdict.feasibility import Outcome
+from mitt.core.arm.arm import Arm
+from mitt.core.arm.tools import Suction
+from mitt.core.catcher.catcher import Catcher, CatcherSettings, Phase
+from mitt.core.catcher.meeting import Glide, Meeting, MeetingSettings
+from mitt.core.map.demand import Tolerance
+from mitt.core.map.meeting import unlearned_meeting
+from mitt.core.signals import TICK, ArmState, Array, BallState, Senses, Sighting
+from mitt.core.verdict.feasibility import Outcome
+from mitt.io.arm_file import load_arm
+from mitt.lab.trials.station import CARRIED
 
 Q = np.array([0.2, -1.3, 1.8, -2.1, -1.5, 0.3])
 ENDLESS = Tolerance(torque=1e6, speed=1e6, acceleration=1e6)

@@ -11,26 +11,26 @@ import pytest
 from exact_plant import ExactPlant
 from support import ball_state
 
-from mitt.arm.arm import Arm
-from mitt.ball.filter import THROWN_BALL
-from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
-from mitt.catcher.family import Family, direct
-from mitt.catcher.generators import Direct, Generator
-from mitt.catcher.planner import PIECES, comes
-from mitt.catcher.settings import PATIENCE, SOON
-from mitt.control.envelope import speeds_of
-from mitt.map.learn import Learned
-from mitt.map.mapping import DirectMap
-from mitt.map.neighbourhood import learn
-from mitt.rivals.planned import make_quintic
-from mitt.signals import GRAVITY, TICK, ArmState, Array, Senses, Sighting
-from mitt.trials.runner import TrialRunner
-from mitt.trials.source import source_of
-from mitt.verdict.feasibility import Outcome, Verdict
-from mitt.verdict.impact import speed_caps, speed_jumps
-from mitt.verdict.pieces import Pieces
-from mitt.world.disturbances import Kick
-from mitt.world.scene import Scene
+from mitt.core.arm.arm import Arm
+from mitt.core.ball.filter import THROWN_BALL
+from mitt.core.catcher.catcher import Catcher, CatcherSettings, Phase
+from mitt.core.catcher.family import Family, direct
+from mitt.core.catcher.generators import Direct, Generator
+from mitt.core.catcher.planner import PIECES, comes
+from mitt.core.catcher.settings import PATIENCE, SOON
+from mitt.core.control.envelope import speeds_of
+from mitt.core.map.learn import Learned
+from mitt.core.map.mapping import DirectMap
+from mitt.core.map.neighbourhood import learn
+from mitt.core.signals import GRAVITY, TICK, ArmState, Array, Senses, Sighting
+from mitt.core.verdict.feasibility import Outcome, Verdict
+from mitt.core.verdict.impact import speed_caps, speed_jumps
+from mitt.core.verdict.pieces import Pieces
+from mitt.lab.rivals.planned import make_quintic
+from mitt.lab.trials.runner import TrialRunner
+from mitt.lab.trials.source import source_of
+from mitt.lab.world.disturbances import Kick
+from mitt.lab.world.scene import Scene
 
 FALL = np.array([0.0, 0.0, -GRAVITY])
 #: Height of the floor [m], share of its vertical speed that a ball has after the bounce there.

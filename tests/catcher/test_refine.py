@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 from support import ball_state
 
-from mitt.catcher.generators import Direct, refining
-from mitt.catcher.refine import refine
-from mitt.errors import InputError
-from mitt.map.demand import demand
-from mitt.map.foresight import foresee
-from mitt.map.learn import Flight, Learned
-from mitt.map.map_design import MapDesign
-from mitt.map.mapping import DirectMap, unlearned
-from mitt.map.prediction import flown
-from mitt.signals import Array, BallState
-from mitt.verdict.feasibility import Outcome
+from mitt.core.catcher.generators import Direct, refining
+from mitt.core.catcher.refine import refine
+from mitt.core.errors import InputError
+from mitt.core.map.demand import demand
+from mitt.core.map.foresight import foresee
+from mitt.core.map.learn import Flight, Learned
+from mitt.core.map.map_design import MapDesign
+from mitt.core.map.mapping import DirectMap, unlearned
+from mitt.core.map.prediction import flown
+from mitt.core.signals import Array, BallState
+from mitt.core.verdict.feasibility import Outcome
 
 #: Jump of q_d and dq_d that is let pass [rad, rad/s].
 JUMP = 1e-6

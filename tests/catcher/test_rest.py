@@ -5,13 +5,13 @@ import pytest
 from exact_plant import SETTINGS
 from soak import rest
 
-from mitt.arm.arm import Arm
-from mitt.catcher.catcher import Catcher
-from mitt.catcher.generators import Direct
-from mitt.map.learn import Learned
-from mitt.trials.runner import TrialRunner
-from mitt.trials.source import source_of
-from mitt.world.scene import Scene
+from mitt.core.arm.arm import Arm
+from mitt.core.catcher.catcher import Catcher
+from mitt.core.catcher.generators import Direct
+from mitt.core.map.learn import Learned
+from mitt.lab.trials.runner import TrialRunner
+from mitt.lab.trials.source import source_of
+from mitt.lab.world.scene import Scene
 
 THROWS = 10
 SEED = 9000

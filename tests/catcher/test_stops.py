@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 
 import mitt
-from mitt.arm.arm import Arm
-from mitt.ball.filter import THROWN_BALL
-from mitt.catcher import planner
-from mitt.catcher.catcher import Catcher, Phase
-from mitt.catcher.generators import Direct
-from mitt.catcher.settings import GRASPS
-from mitt.control.health import FAILED_TICKS, Reason, State
-from mitt.errors import InputError
-from mitt.map.learn import Learned
-from mitt.map.mapping import DirectMap
-from mitt.signals import TICK, Array, BallState, Command, JointReference
-from mitt.verdict.feasibility import Approach, Verdict
+from mitt.core.arm.arm import Arm
+from mitt.core.ball.filter import THROWN_BALL
+from mitt.core.catcher import planner
+from mitt.core.catcher.catcher import Catcher, Phase
+from mitt.core.catcher.generators import Direct
+from mitt.core.catcher.settings import GRASPS
+from mitt.core.control.health import FAILED_TICKS, Reason, State
+from mitt.core.errors import InputError
+from mitt.core.map.learn import Learned
+from mitt.core.map.mapping import DirectMap
+from mitt.core.signals import TICK, Array, BallState, Command, JointReference
+from mitt.core.verdict.feasibility import Approach, Verdict
 
 RELEASE = np.array([3.6, 0.15, 0.2])
 VELOCITY = np.array([-5.9, -0.2, 2.2])

@@ -5,16 +5,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mitt.arm.arm import Arm
-from mitt.arm.description import STOP_GAP, Capsule
-from mitt.arm.shapes import MARGIN, Surroundings, clearance
-from mitt.catcher.settings import CatcherSettings
-from mitt.catcher.state import CatcherState, exchange_arm, fresh_state
-from mitt.control.envelope import bounds_of, speeds_of
-from mitt.control.stop import EASIEST, SHARE, choose_stop
-from mitt.control.viability import safety_filter
-from mitt.eyes.eyes import closed_eyes
-from mitt.signals import TICK, Array
+from mitt.core.arm.arm import Arm
+from mitt.core.arm.description import STOP_GAP, Capsule
+from mitt.core.arm.shapes import MARGIN, Surroundings, clearance
+from mitt.core.catcher.settings import CatcherSettings
+from mitt.core.catcher.state import CatcherState, exchange_arm, fresh_state
+from mitt.core.control.envelope import bounds_of, speeds_of
+from mitt.core.control.stop import EASIEST, SHARE, choose_stop
+from mitt.core.control.viability import safety_filter
+from mitt.core.eyes.eyes import closed_eyes
+from mitt.core.signals import TICK, Array
 
 #: A pillar that the arm runs into when it turns from its ready pose, and a floor near below.
 AROUND = Surroundings(

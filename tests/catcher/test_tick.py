@@ -12,27 +12,27 @@ from numba.core.runtime import _nrt_python as nrt
 from numba.core.runtime import rtsys
 from stages import Tracker
 
-from mitt.arm.arm import Arm
-from mitt.ball.filter import BallFilter
-from mitt.catcher.catcher import CatcherSettings, Phase
-from mitt.catcher.generators import Direct, Generator, Unoptimised
-from mitt.catcher.tick import BESIDE, TOUCHED, tick
-from mitt.control.closing import LONGEST_INSIDE, close, fingers_of
-from mitt.control.encoders import (
+from mitt.core.arm.arm import Arm
+from mitt.core.ball.filter import BallFilter
+from mitt.core.catcher.catcher import CatcherSettings, Phase
+from mitt.core.catcher.generators import Direct, Generator, Unoptimised
+from mitt.core.catcher.tick import BESIDE, TOUCHED, tick
+from mitt.core.control.closing import LONGEST_INSIDE, close, fingers_of
+from mitt.core.control.encoders import (
     Encoders,
     Reading,
     estimate_joints,
     monitor_of,
     predict_acceleration,
 )
-from mitt.control.envelope import bounds_of
-from mitt.control.health import State
-from mitt.control.stop import Brake, mass_work, plan_brake
-from mitt.eyes.camera import fixed_rig
-from mitt.eyes.eyes import Eyes, EyesConfig
-from mitt.map.mapping import DirectMap
-from mitt.map.neighbourhood import learn
-from mitt.signals import (
+from mitt.core.control.envelope import bounds_of
+from mitt.core.control.health import State
+from mitt.core.control.stop import Brake, mass_work, plan_brake
+from mitt.core.eyes.camera import fixed_rig
+from mitt.core.eyes.eyes import Eyes, EyesConfig
+from mitt.core.map.mapping import DirectMap
+from mitt.core.map.neighbourhood import learn
+from mitt.core.signals import (
     TICK,
     ArmState,
     Array,
@@ -42,13 +42,13 @@ from mitt.signals import (
     MapStatus,
     Senses,
 )
-from mitt.trials.catcher_settings import filter_settings
-from mitt.trials.runner import TrialRunner
-from mitt.trials.source import aim_of
-from mitt.verdict.feasibility import Verdict
-from mitt.world.flights import BallPath, builtin_flights, place_flight
-from mitt.world.scene import TABLE_TENNIS, Ball, Scene
-from mitt.world.throws import Throw, default_throw
+from mitt.core.verdict.feasibility import Verdict
+from mitt.lab.trials.catcher_settings import filter_settings
+from mitt.lab.trials.runner import TrialRunner
+from mitt.lab.trials.source import aim_of
+from mitt.lab.world.flights import BallPath, builtin_flights, place_flight
+from mitt.lab.world.scene import TABLE_TENNIS, Ball, Scene
+from mitt.lab.world.throws import Throw, default_throw
 
 #: Agreement of the compiled tick with its stages.
 SAME = 1e-11

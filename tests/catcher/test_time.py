@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from exact_plant import SETTINGS, Change, Thrown, as_read, each, throw
 
-from mitt.arm.arm import Arm
-from mitt.catcher.catcher import Catcher, Phase
-from mitt.control.encoders import BRIDGED_TIME, IN_TIME, LOSSY_TICKS, SILENT_TICKS
-from mitt.control.envelope import bounds_of
-from mitt.control.health import OLD_READING, Reason
-from mitt.map.learn import Learned
-from mitt.signals import TICK, ArmState, Array
-from mitt.world.throws import Throw
+from mitt.core.arm.arm import Arm
+from mitt.core.catcher.catcher import Catcher, Phase
+from mitt.core.control.encoders import BRIDGED_TIME, IN_TIME, LOSSY_TICKS, SILENT_TICKS
+from mitt.core.control.envelope import bounds_of
+from mitt.core.control.health import OLD_READING, Reason
+from mitt.core.map.learn import Learned
+from mitt.core.signals import TICK, ArmState, Array
+from mitt.lab.world.throws import Throw
 
 BALL = Throw(r=np.array([3.6, 0.15, 0.2]), dr=np.array([-5.9, -0.2, 2.2]))
 #: Ticks of a throw, instants of the swing [s], and how near the ball comes to the hand [m].

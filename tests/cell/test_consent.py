@@ -11,8 +11,8 @@ from collections.abc import Callable
 import pytest
 from local_cell import LocalCell
 
-from mitt.cell.live import Mode
-from mitt.cell.session import Person, Session
+from mitt.robot.cell.live import Mode
+from mitt.robot.cell.session import Person, Session
 
 #: How another session leaves a cell, as the second finds it: what the robot says of others, of
 #: itself, and the least angle by which its arm moves from one reading to the next [rad].
@@ -130,7 +130,7 @@ def test_a_stop_that_does_not_end_is_not_agreed_to_for_ever(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """As of an emergency stop that is still pressed: brakes, and Enter is asked for anew."""
-    monkeypatch.setattr("mitt.cell.session._ENDS_IN", 0.05)
+    monkeypatch.setattr("mitt.robot.cell.session._ENDS_IN", 0.05)
     cell, said, person, looks = LocalCell(throws=1), list[str](), Person(yes=False), 0
     person.keyboard = person._listens = True
     s, inner = session(cell, person, said), cell.loop.healthy
@@ -164,7 +164,7 @@ run.kill()
 """
 _LISTENS = """
 import time
-from mitt.cell.session import Person
+from mitt.robot.cell.session import Person
 for yes in (True, False):
     person = Person(yes=yes)
     assert person.keyboard

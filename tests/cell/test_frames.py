@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mitt.cell.frames import SLOTS, FrameReader, FrameWriter, SharedFrames, as_frames
-from mitt.errors import InputError
+from mitt.core.errors import InputError
+from mitt.robot.cell.frames import SLOTS, FrameReader, FrameWriter, SharedFrames, as_frames
 
 SHAPE = (12, 20)
 NAME = f"mitt-test-{os.getpid()}"
@@ -114,7 +114,7 @@ def test_a_memory_that_is_not_its_own_is_left_alone() -> None:
 
 _KILLED = """
 import os, signal, sys
-from mitt.cell.frames import FrameWriter
+from mitt.robot.cell.frames import FrameWriter
 writer = FrameWriter(sys.argv[1], 2, 12, 20)
 os.kill(os.getpid(), signal.SIGKILL)
 """

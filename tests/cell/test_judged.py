@@ -9,19 +9,19 @@ import pytest
 from local_cell import LocalCell
 from support import BASKET_ARM
 
-from mitt.arm.arm import Arm
-from mitt.catcher.catcher import Catcher
-from mitt.catcher.generators import Direct
-from mitt.cell.drivers import LocalPort
-from mitt.cell.live import Mode
-from mitt.cell.prepare import PreparedCell, cell_map, feed_of, prepare, scene_of_cell
-from mitt.cell.robot import ReceivedCommand
-from mitt.cell.simulated import SimulatedCell
-from mitt.files.cell import cell_of
-from mitt.map.mapping import DirectMap
-from mitt.signals import Array
-from mitt.trials.runner import TrialRunner
-from mitt.trials.score import continuous_shares, drive_loads, overheated, ticks_beyond
+from mitt.core.arm.arm import Arm
+from mitt.core.catcher.catcher import Catcher
+from mitt.core.catcher.generators import Direct
+from mitt.core.map.mapping import DirectMap
+from mitt.core.signals import Array
+from mitt.io.cell import cell_of
+from mitt.lab.trials.runner import TrialRunner
+from mitt.lab.trials.score import continuous_shares, drive_loads, overheated, ticks_beyond
+from mitt.robot.cell.drivers import LocalPort
+from mitt.robot.cell.live import Mode
+from mitt.robot.cell.prepare import PreparedCell, cell_map, feed_of, prepare, scene_of_cell
+from mitt.robot.cell.robot import ReceivedCommand
+from mitt.robot.cell.simulated import SimulatedCell
 
 
 @pytest.fixture(scope="module")

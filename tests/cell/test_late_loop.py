@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from local_cell import LocalCell, Readings
 
-from mitt.catcher.catcher import Phase
-from mitt.cell.live import Mode
-from mitt.signals import TICK
+from mitt.core.catcher.catcher import Phase
+from mitt.core.signals import TICK
+from mitt.robot.cell.live import Mode
 
 #: Stalls [ms], one after another.
 STALLS = (3, 6, 9, 12, 15, 18)

@@ -15,10 +15,10 @@ import numpy as np
 import pytest
 from local_cell import LocalCell
 
-from mitt.cell.live import Mode
-from mitt.cell.robot import Robot
-from mitt.cell.session import Person, Session, news_of
-from mitt.signals import ArmState, Command, Sighting
+from mitt.core.signals import ArmState, Command, Sighting
+from mitt.robot.cell.live import Mode
+from mitt.robot.cell.robot import Robot
+from mitt.robot.cell.session import Person, Session, news_of
 
 #: Speed below which an arm rests [rad/s].
 STILL = 0.1

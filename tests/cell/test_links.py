@@ -12,15 +12,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from ros2_cell import ARM, NAMES, cell_with, topics
 
-from mitt.cell import ros2_messages as messages
-from mitt.cell.ros2_messages import JointReading
-from mitt.errors import InputError
-from mitt.files.cell import read_cell
-from mitt.signals import TICK, ArmState
+from mitt.core.errors import InputError
+from mitt.core.signals import TICK, ArmState
+from mitt.io.cell import read_cell
+from mitt.robot.cell import ros2_messages as messages
+from mitt.robot.cell.ros2_messages import JointReading
 
 try:
-    from mitt.cell import dds
-    from mitt.cell.ros2 import Joints, Ros2Robot
+    from mitt.robot.cell import dds
+    from mitt.robot.cell.ros2 import Joints, Ros2Robot
 except InputError:
     pytest.skip("no Cyclone DDS", allow_module_level=True)
 
@@ -68,8 +68,8 @@ class Graph:
 def domain(monkeypatch: pytest.MonkeyPatch) -> None:
     """A domain for each process that runs these tests; looks without a pause."""
     monkeypatch.setenv("ROS_DOMAIN_ID", str(100 + os.getpid() % 60))
-    monkeypatch.setattr("mitt.cell.ros2._LOOK", 0.0)
-    monkeypatch.setattr("mitt.cell.ros2._ALONE", 0.3)
+    monkeypatch.setattr("mitt.robot.cell.ros2._LOOK", 0.0)
+    monkeypatch.setattr("mitt.robot.cell.ros2._ALONE", 0.3)
 
 
 @pytest.fixture
@@ -123,7 +123,7 @@ def test_a_status_that_is_out_of_date_is_said(
     graph: Callable[[str], Graph], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Its publisher may still be there."""
-    monkeypatch.setattr("mitt.cell.ros2._STALE_STATUS", 0.5)
+    monkeypatch.setattr("mitt.robot.cell.ros2._STALE_STATUS", 0.5)
     one = graph("")
     one.until(lambda said: said == "")
     one.ends.pop("status")

@@ -11,22 +11,22 @@ import pytest
 from local_cell import LocalCell, Readings
 from support import thorough
 
-from mitt.cameras.hand_calibration import catches_in
-from mitt.catcher.catcher import Catcher
-from mitt.cell.drivers import LocalPort
-from mitt.cell.frames import FrameSet
-from mitt.cell.live import Mode
-from mitt.cell.prepare import prepare
-from mitt.cell.session import Person, Session
-from mitt.cell.ticks import Ticks
-from mitt.control.stop import plan_brake
-from mitt.errors import InputError
-from mitt.eyes.clock_offset import caught_offset
-from mitt.eyes.lens import Lens
-from mitt.files.cell import read_cell
-from mitt.files.recordings import Recorded
-from mitt.signals import ArmState, Command, Senses, Sighting
-from mitt.trials.replayed import replay
+from mitt.core.catcher.catcher import Catcher
+from mitt.core.control.stop import plan_brake
+from mitt.core.errors import InputError
+from mitt.core.eyes.clock_offset import caught_offset
+from mitt.core.eyes.lens import Lens
+from mitt.core.signals import ArmState, Command, Senses, Sighting
+from mitt.io.cell import read_cell
+from mitt.io.recordings import Recorded
+from mitt.lab.trials.replayed import replay
+from mitt.robot.cameras.hand_calibration import catches_in
+from mitt.robot.cell.drivers import LocalPort
+from mitt.robot.cell.frames import FrameSet
+from mitt.robot.cell.live import Mode
+from mitt.robot.cell.prepare import prepare
+from mitt.robot.cell.session import Person, Session
+from mitt.robot.cell.ticks import Ticks
 
 #: Speed of a joint in a catch at which faults begin [rad/s].
 FAST = 1.5
@@ -425,7 +425,7 @@ def test_balls_are_caught_in_images_of_bent_lenses(monkeypatch: pytest.MonkeyPat
     cell.begin()
     cell.until(lambda: cell.simulated.done)
     assert cell.simulated.statuses == ["caught"]
-    monkeypatch.setattr("mitt.cell.frames.straightener", lambda _: lambda pixels: pixels)
+    monkeypatch.setattr("mitt.robot.cell.frames.straightener", lambda _: lambda pixels: pixels)
     cell = bent_cell()
     cell.begin()
     cell.until(lambda: cell.simulated.done)

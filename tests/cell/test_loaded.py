@@ -18,9 +18,9 @@ from numba.core import dispatcher
 sys.path.insert(0, "tests")
 from local_cell import LocalCell
 
-from mitt.cell.prepare import cell_map, prepare
-from mitt.cell.session import rehearse
-from mitt.files.cell import read_cell
+from mitt.robot.cell.prepare import cell_map, prepare
+from mitt.robot.cell.session import rehearse
+from mitt.io.cell import read_cell
 
 prepared = prepare(read_cell("wam-sim"))
 rehearse(prepared, cell_map(prepared))

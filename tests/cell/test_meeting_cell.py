@@ -9,19 +9,19 @@ import numpy as np
 import pytest
 from local_cell import LocalCell
 
-from mitt.catcher.catcher import Phase
-from mitt.cell import live
-from mitt.cell.live import Mode
-from mitt.cell.prepare import cell_about, cell_map, prepare, scene_of_cell
-from mitt.cell.ticks import Ticks
-from mitt.errors import FileError, InputError
-from mitt.files.cell import cell_of
-from mitt.files.recordings import Recorded
-from mitt.files.schema import in_words_of
-from mitt.reading import read_toml, shipped_path
-from mitt.signals import TICK, Command, Sighting
-from mitt.trials.replayed import replay
-from mitt.world.scene import Ball, Belt, Tray
+from mitt.core.catcher.catcher import Phase
+from mitt.core.errors import FileError, InputError
+from mitt.core.signals import TICK, Command, Sighting
+from mitt.io.cell import cell_of
+from mitt.io.reading import read_toml, shipped_path
+from mitt.io.recordings import Recorded
+from mitt.io.schema import in_words_of
+from mitt.lab.trials.replayed import replay
+from mitt.lab.world.scene import Ball, Belt, Tray
+from mitt.robot.cell import live
+from mitt.robot.cell.live import Mode
+from mitt.robot.cell.prepare import cell_about, cell_map, prepare, scene_of_cell
+from mitt.robot.cell.ticks import Ticks
 
 NAME = "ur5e-belt-sim"
 #: Relative error of the time between two stamps that are times of the day.

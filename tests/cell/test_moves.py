@@ -5,9 +5,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from ruckig import InputParameter, Ruckig, Synchronization, Trajectory
 
-from mitt.arm.load import build_arm
-from mitt.control.slow_motion import sample_motion, slow_motion
-from mitt.signals import TICK
+from mitt.core.signals import TICK
+from mitt.io.load import build_arm
+from mitt.lab.trials.slow_motion import sample_motion, slow_motion
 
 ARM = build_arm("wam", limits="paper")
 SHARES = st.lists(st.floats(0.0, 1.0), min_size=6, max_size=6)

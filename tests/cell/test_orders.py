@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mitt.arm.arm import Arm
-from mitt.cell import ros2_messages as messages
-from mitt.cell.ros2_messages import Orders, joints_of
-from mitt.errors import InputError
-from mitt.files.cdr import Reader
-from mitt.files.cell import Cell, arm_of, read_cell
-from mitt.signals import Array, Command
+from mitt.core.arm.arm import Arm
+from mitt.core.errors import InputError
+from mitt.core.signals import Array, Command
+from mitt.io.cdr import Reader
+from mitt.io.cell import Cell, arm_of, read_cell
+from mitt.robot.cell import ros2_messages as messages
+from mitt.robot.cell.ros2_messages import Orders, joints_of
 
 ALL = ("j1", "j2", "j3", "j4")
 TAKES = ("position", "velocity", "torque")

@@ -10,19 +10,19 @@ import pytest
 from local_cell import FaultyRobot
 from support import thorough
 
-from mitt.cell.drivers import Connection
-from mitt.cell.live import Mode
-from mitt.cell.prepare import cell_map, feed_of, prepare, scene_of_cell
-from mitt.cell.robot import Robot
-from mitt.cell.session import loop_of
-from mitt.cell.simulated import SimulatedCell
-from mitt.errors import InputError
-from mitt.files.cell import Cell, read_cell
-from mitt.signals import ArmState, Command
+from mitt.core.errors import InputError
+from mitt.core.signals import ArmState, Command
+from mitt.io.cell import Cell, read_cell
+from mitt.robot.cell.drivers import Connection
+from mitt.robot.cell.live import Mode
+from mitt.robot.cell.prepare import cell_map, feed_of, prepare, scene_of_cell
+from mitt.robot.cell.robot import Robot
+from mitt.robot.cell.session import loop_of
+from mitt.robot.cell.simulated import SimulatedCell
 
 try:
-    from mitt.cell.robot import ReceivedCommand
-    from mitt.cell.ros2 import Ros2Cell, Ros2Robot
+    from mitt.robot.cell.robot import ReceivedCommand
+    from mitt.robot.cell.ros2 import Ros2Cell, Ros2Robot
 except InputError:
     pytest.skip("no Cyclone DDS", allow_module_level=True)
 
@@ -96,8 +96,8 @@ def test_a_ball_is_caught_over_dds(takes: str, monkeypatch: pytest.MonkeyPatch) 
     processes in ``cli/test_run_command.py``.
     """
     monkeypatch.setenv("ROS_DOMAIN_ID", str(100 + os.getpid() % 60))
-    monkeypatch.setattr("mitt.cell.ros2._LOOK", 0.0)
-    monkeypatch.setattr("mitt.cell.ros2._ALONE", 0.3)
+    monkeypatch.setattr("mitt.robot.cell.ros2._LOOK", 0.0)
+    monkeypatch.setattr("mitt.robot.cell.ros2._ALONE", 0.3)
     prepared = prepare(cell_that_takes(takes))
     cell, arm, scene = prepared.cell, prepared.arm, scene_of_cell(prepared.cell, None)
     port, inner = Ros2Cell(cell, arm), Ros2Robot(cell, arm)

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mitt.cell.readings import DRIFT, LATER, STRAY, WINDOW, Counts, Lag, Positions, Stamps
-from mitt.errors import InputError
-from mitt.signals import TICK, Sighting
+from mitt.core.errors import InputError
+from mitt.core.signals import TICK, Sighting
+from mitt.robot.cell.readings import DRIFT, LATER, STRAY, WINDOW, Counts, Lag, Positions, Stamps
 
 
 def test_time_is_that_of_the_stamps() -> None:

@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 from support import thorough
 
-from mitt.arm.arm import Arm
-from mitt.catcher.generators import Direct
-from mitt.cell.recorder import Recorder, Ring
-from mitt.errors import FileError, InputError
-from mitt.files.about import About
-from mitt.files.messages import torques_call, torques_in
-from mitt.files.recordings import Recorded
-from mitt.map.learn import Learned
-from mitt.signals import ArmState, Array, Frame, Senses, Sighting
-from mitt.trials.runner import TrialRunner
-from mitt.world.scene import Scene
+from mitt.core.arm.arm import Arm
+from mitt.core.catcher.generators import Direct
+from mitt.core.errors import FileError, InputError
+from mitt.core.map.learn import Learned
+from mitt.core.signals import ArmState, Array, Frame, Senses, Sighting
+from mitt.io.about import About
+from mitt.io.messages import torques_call, torques_in
+from mitt.io.recordings import Recorded
+from mitt.lab.trials.runner import TrialRunner
+from mitt.lab.world.scene import Scene
+from mitt.robot.cell.recorder import Recorder, Ring
 
 _TICKS = 250
 
@@ -121,10 +121,10 @@ import os, signal, sys, time
 from pathlib import Path
 import numpy as np
 import mitt
-from mitt.catcher.state import fresh_result
-from mitt.files.recordings import Recorded
-from mitt.cell.recorder import Recorder
-from mitt.signals import ArmState, Command, Senses
+from mitt.core.catcher.state import fresh_result
+from mitt.io.recordings import Recorded
+from mitt.robot.cell.recorder import Recorder
+from mitt.core.signals import ArmState, Command, Senses
 about = Recorded(Path(sys.argv[1])).about
 recorder = Recorder(Path(sys.argv[2]), about)
 q = np.zeros(about.arm.n)
@@ -170,7 +170,7 @@ def test_an_interpreter_that_starts_slowly_is_waited_for(
     (tmp_path / "sitecustomize.py").write_text("import time\ntime.sleep(3.0)\n")
     paths = [str(tmp_path), *os.environ.get("PYTHONPATH", "").split(os.pathsep)]
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(paths))
-    monkeypatch.setattr("mitt.cell.recorder._PATIENCE", 2.0)
+    monkeypatch.setattr("mitt.robot.cell.recorder._PATIENCE", 2.0)
     with Recorder(tmp_path / "x.mcap", about) as recorder:
         assert recorder.trouble == ""
 
@@ -181,7 +181,7 @@ def test_a_writer_that_stands_still_is_not_waited_for(
     """The end of a recording takes a bounded time, and says how much is not in the file."""
     rng, catcher = np.random.default_rng(6), runner.catcher()
     recorder = Recorder(tmp_path / "x.mcap", about)
-    monkeypatch.setattr("mitt.cell.recorder._PATIENCE", 0.5)
+    monkeypatch.setattr("mitt.robot.cell.recorder._PATIENCE", 0.5)
     recorder._process.send_signal(signal.SIGSTOP)
     senses = _senses(1, arm, rng)
     recorder.tick(senses, catcher.step(senses), catcher.result)

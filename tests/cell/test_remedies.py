@@ -13,18 +13,18 @@ import numpy as np
 import pytest
 from ros2_cell import ARM, NAMES, cell_with
 
-from mitt.cell import ros2_messages as messages
-from mitt.cell import ur
-from mitt.cell.frames import FrameWriter
-from mitt.cell.prepare import prepare, scene_of_cell
-from mitt.cell.robot import RobotLink
-from mitt.cell.ros2_messages import JointReading, Orders
-from mitt.errors import InputError
-from mitt.files.cell import Cell, read_cell
+from mitt.core.errors import InputError
+from mitt.io.cell import Cell, read_cell
+from mitt.robot.cell import ros2_messages as messages
+from mitt.robot.cell import ur
+from mitt.robot.cell.frames import FrameWriter
+from mitt.robot.cell.prepare import prepare, scene_of_cell
+from mitt.robot.cell.robot import RobotLink
+from mitt.robot.cell.ros2_messages import JointReading, Orders
 
 try:
-    from mitt.cell import dds
-    from mitt.cell.ros2 import Joints, Ros2Robot, ros2_options
+    from mitt.robot.cell import dds
+    from mitt.robot.cell.ros2 import Joints, Ros2Robot, ros2_options
 except InputError:
     pytest.skip("no Cyclone DDS", allow_module_level=True)
 
@@ -239,8 +239,8 @@ def test_a_remedy_that_is_taken_ends_the_line(
 ) -> None:
     """And the line names it before that."""
     monkeypatch.setenv("ROS_DOMAIN_ID", "99")
-    monkeypatch.setattr("mitt.cell.ros2._LOOK", 0.0)
-    monkeypatch.setattr("mitt.cell.ros2._ALONE", 0.3)
+    monkeypatch.setattr("mitt.robot.cell.ros2._LOOK", 0.0)
+    monkeypatch.setattr("mitt.robot.cell.ros2._ALONE", 0.3)
     wrong, right = REMEDIES[setting]
     assert setting in wrong()
     assert right() == ""

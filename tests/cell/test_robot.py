@@ -7,11 +7,11 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from mitt.arm.arm import Arm
-from mitt.cell.robot import GROUP, RobotLink, driver_named
-from mitt.errors import InputError
-from mitt.files.cell import read_cell
-from mitt.signals import ArmState, Command, Sighting
+from mitt.core.arm.arm import Arm
+from mitt.core.errors import InputError
+from mitt.core.signals import ArmState, Command, Sighting
+from mitt.io.cell import read_cell
+from mitt.robot.cell.robot import GROUP, RobotLink, driver_named
 
 
 class Driver:
@@ -101,7 +101,7 @@ def test_a_robot_without_brakes_says_so_when_the_link_is_made() -> None:
 def test_drivers_of_other_packages_are_found_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
     """An unknown name lists those that there are; one that does not load says so."""
     entry = EntryPoint("mine", "nowhere.at_all:driver", GROUP)
-    monkeypatch.setattr("mitt.cell.robot.entry_points", lambda **_: [entry])
+    monkeypatch.setattr("mitt.robot.cell.robot.entry_points", lambda **_: [entry])
     with pytest.raises(InputError, match="one of ros2, sim, franka, mine, ur"):
         driver_named("yours")
     with pytest.raises(InputError, match="repair that package"):
@@ -120,7 +120,7 @@ def test_what_a_driver_makes_has_to_be_a_robot(monkeypatch: pytest.MonkeyPatch, 
     vars(package)["none"] = lambda _cell, _arm: object()
     monkeypatch.setitem(sys.modules, "of_a_vendor", package)
     points = [EntryPoint(name, "of_a_vendor:none", GROUP) for name in ("none", "franka")]
-    monkeypatch.setattr("mitt.cell.robot.entry_points", lambda **_: points)
+    monkeypatch.setattr("mitt.robot.cell.robot.entry_points", lambda **_: points)
     with pytest.raises(InputError, match=r"robot: wanted .*Robot"):
         driver_named("none")(read_cell("wam-sim"), arm)
     with pytest.raises(InputError, match=r"robot\.joints: wanted some of panda_joint1"):

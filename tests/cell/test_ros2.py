@@ -11,16 +11,16 @@ import numpy as np
 import pytest
 from ros2_cell import NAMES, cell_with
 
-from mitt.cell import ros2_messages as messages
-from mitt.errors import InputError
-from mitt.files.cdr import Writer
-from mitt.files.cell import arm_of, cell_of, read_cell
-from mitt.signals import ArmState, Command
+from mitt.core.errors import InputError
+from mitt.core.signals import ArmState, Command
+from mitt.io.cdr import Writer
+from mitt.io.cell import arm_of, cell_of, read_cell
+from mitt.robot.cell import ros2_messages as messages
 
 try:
-    from mitt.cell import dds
-    from mitt.cell import dds as types
-    from mitt.cell.ros2 import Ros2Cell, Ros2Robot
+    from mitt.robot.cell import dds
+    from mitt.robot.cell import dds as types
+    from mitt.robot.cell.ros2 import Ros2Cell, Ros2Robot
 except InputError:
     pytest.skip("no Cyclone DDS", allow_module_level=True)
 
@@ -31,8 +31,8 @@ Q = np.array([0.1, 0.2, 0.3])
 def domain(monkeypatch: pytest.MonkeyPatch) -> None:
     """A domain for each process that runs these tests."""
     monkeypatch.setenv("ROS_DOMAIN_ID", str(100 + os.getpid() % 60))
-    monkeypatch.setattr("mitt.cell.ros2._LOOK", 0.0)
-    monkeypatch.setattr("mitt.cell.ros2._ALONE", 0.3)
+    monkeypatch.setattr("mitt.robot.cell.ros2._LOOK", 0.0)
+    monkeypatch.setattr("mitt.robot.cell.ros2._ALONE", 0.3)
 
 
 def sent(send: Callable[..., None], *words: Any) -> bool:  # noqa: ANN401
@@ -163,7 +163,7 @@ def test_two_publishers_on_one_topic_are_refused(monkeypatch: pytest.MonkeyPatch
     soon(lambda: robot._state.speakers() == 2)
     assert soon(both_say) == says
     assert robot._ball.speakers() == 2
-    monkeypatch.setattr("mitt.cell.ros2._LEASE", 0.0)
+    monkeypatch.setattr("mitt.robot.cell.ros2._LEASE", 0.0)
     with pytest.raises(InputError, match="publishers on j1 on /two/joint_states: wanted one"):
         soon(both_say)
 
@@ -197,7 +197,7 @@ def test_a_commander_that_comes_later_is_a_trouble(monkeypatch: pytest.MonkeyPat
     assert other.command() is None
     rival = dds.Node().publish("/later/joint_trajectory", types.JointTrajectory, "command")
     soon(lambda: robot.conflict().startswith("another program commands the arm"))
-    monkeypatch.setattr("mitt.cell.ros2._LEASE", 0.0)
+    monkeypatch.setattr("mitt.robot.cell.ros2._LEASE", 0.0)
     with pytest.raises(InputError, match="another one that commands the arm"):
         robot.conflict()
     assert rival.listeners() > 0
@@ -214,7 +214,7 @@ def test_a_robot_that_takes_no_commands_is_waited_for() -> None:
 
 _BOUND = """
 import os, socket
-from mitt.cell import dds
+from mitt.robot.cell import dds
 node = dds.Node()
 for name in os.listdir("/proc/self/fd"):
     try:

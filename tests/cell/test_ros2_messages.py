@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mitt.cell import ros2_messages as m
-from mitt.errors import InputError
-from mitt.files.cdr import Reader, Writer
+from mitt.core.errors import InputError
+from mitt.io.cdr import Reader, Writer
+from mitt.robot.cell import ros2_messages as m
 
 try:
-    from mitt.cell import dds as dds_types
+    from mitt.robot.cell import dds as dds_types
 except InputError:
     pytest.skip("no Cyclone DDS", allow_module_level=True)
 dds: Any = dds_types

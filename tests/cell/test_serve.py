@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from mitt.cell.prepare import feed_of, prepare, scene_of_cell
-from mitt.cell.session import Server
-from mitt.files.cell import read_cell
-from mitt.signals import TICK
+from mitt.core.signals import TICK
+from mitt.io.cell import read_cell
+from mitt.robot.cell.prepare import feed_of, prepare, scene_of_cell
+from mitt.robot.cell.session import Server
 
 #: Tick with a stall, its length [s], number of ticks.
 AT = 50
@@ -47,8 +47,8 @@ def test_time_that_was_lost_is_made_up_for_little_by_little(
     scene = scene_of_cell(prepared.cell, None)
     source = feed_of(prepared, scene, seed=0, count=1)
     server = Server(prepared, scene, source, lambda _: None, lambda: None)  # type: ignore[arg-type, return-value]
-    monkeypatch.setattr("mitt.cell.session.monotonic", lambda: cell.now)
-    monkeypatch.setattr("mitt.cell.session.sleep_until", cell.sleep_until)
+    monkeypatch.setattr("mitt.robot.cell.session.monotonic", lambda: cell.now)
+    monkeypatch.setattr("mitt.robot.cell.session.sleep_until", cell.sleep_until)
     server._go_on(cell)  # type: ignore[arg-type]
     lag = np.array(cell.times) - TICK * np.arange(TICKS)
     assert server.slipped == 1

@@ -4,10 +4,10 @@ import pytest
 from local_cell import LocalCell
 from support import thorough
 
-from mitt.arm.load import arm_names
-from mitt.files.cell import arm_of, around_of, read_cell
-from mitt.files.shipped_arms import shipped_arms
-from mitt.reading import shipped
+from mitt.io.cell import arm_of, around_of, read_cell
+from mitt.io.load import arm_names
+from mitt.io.reading import shipped
+from mitt.io.shipped_arms import shipped_arms
 
 CELLS = shipped("cells")
 DESIGNED = {x.name for x in shipped_arms() if x.designed}

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from mitt.arm.arm import Arm
-from mitt.cell.robot import ReceivedCommand
-from mitt.cell.simulated import Ages, Controller
-from mitt.files.cell import RobotPart
+from mitt.core.arm.arm import Arm
+from mitt.io.cell import RobotPart
+from mitt.robot.cell.robot import ReceivedCommand
+from mitt.robot.cell.simulated import Ages, Controller
 
 
 def test_it_takes_commands_only_once_released(arm: Arm) -> None:

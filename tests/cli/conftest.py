@@ -9,10 +9,10 @@ import pytest
 from small_study import TEXT
 from throws_on_film import calibrated
 
-from mitt.files.maps import save_map
-from mitt.files.rig import write_rig
-from mitt.map.learn import Learned
-from mitt.trials.runs import simulate
+from mitt.core.map.learn import Learned
+from mitt.io.maps import save_map
+from mitt.io.rig import write_rig
+from mitt.lab.trials.runs import simulate
 
 ROOT = Path(__file__).parents[2]
 

@@ -11,8 +11,8 @@ from mitt.cli.catching import prepare_run
 from mitt.cli.main import main
 from mitt.cli.options import CatchOptions
 from mitt.cli.screen import warn
-from mitt.errors import InputError, MittError
-from mitt.files.arm_file import ArmSpec
+from mitt.core.errors import InputError, MittError
+from mitt.io.arm_file import ArmSpec
 
 TEXT = """schema = "mitt.arm/1"
 [arm]

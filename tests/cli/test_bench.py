@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mitt.bench import measure as bench
-from mitt.bench.problem import judged_anew, learning_problem, solve_problem
 from mitt.cli.main import main
-from mitt.map.learn import Learned
-from mitt.trials.source import source_of
+from mitt.core.map.learn import Learned
+from mitt.lab.bench import measure as bench
+from mitt.lab.bench.problem import judged_anew, learning_problem, solve_problem
+from mitt.lab.trials.source import source_of
 
 KEYS = {
     "schema",

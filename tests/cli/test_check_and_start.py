@@ -14,8 +14,8 @@ from support import thorough
 from mitt.cli.line import Option, options_of
 from mitt.cli.main import main
 from mitt.cli.options import COMMANDS
-from mitt.files.cell import Cell
-from mitt.files.writing import toml_text
+from mitt.io.cell import Cell
+from mitt.io.writing import toml_text
 
 
 class Started(BaseException):
@@ -34,9 +34,9 @@ GOOD: dict[str, tuple[list[str], str]] = {
     "bat": (["bat", "--out", "OUT", "--shield"], "mitt.cli.running._run"),
     "learn": (["learn", "--out", "NEW.json"], "mitt.cli.catching.learn_map"),
     "design": (["design", "wam", "--out", "NEW.toml"], "mitt.cli.designing.search_design"),
-    "run": (["run", "wam-sim"], "mitt.cell.dds.DomainParticipant"),
-    "sim": (["sim", "wam-sim"], "mitt.cell.dds.DomainParticipant"),
-    "study": (["study", "STUDY.toml", "--out", "OUT"], "mitt.trials.study_run.run_study"),
+    "run": (["run", "wam-sim"], "mitt.robot.cell.dds.DomainParticipant"),
+    "sim": (["sim", "wam-sim"], "mitt.robot.cell.dds.DomainParticipant"),
+    "study": (["study", "STUDY.toml", "--out", "OUT"], "mitt.lab.trials.study_run.run_study"),
     "track": (["track", "POINTS.csv", "--out", "NEW.csv"], "mitt.cli.seeing.follow_all"),
     "see": (
         ["see", "LEFT", "RIGHT", "--rig", "RIG.toml", "--out", "NEW.csv", "--no-video"],
@@ -47,7 +47,7 @@ GOOD: dict[str, tuple[list[str], str]] = {
         "mitt.cli.seeing._calibrate",
     ),
     "replay": (["replay", "REC.mcap", "--out", "OUT"], "mitt.cli.replaying.played"),
-    "view": (["view", "REC.mcap"], "mitt.report.viewer.served"),
+    "view": (["view", "REC.mcap"], "mitt.lab.report.viewer.served"),
     "bench": (["bench"], "mitt.cli.measuring.measure_all"),
     "report": (["report", "OUT"], "mitt.cli.measuring.progress"),
     "arms": (["arms"], "mitt.cli.listing.show"),
@@ -97,7 +97,7 @@ def judge(
     monkeypatch.setattr("mitt.clock._WATCHED", 20)
     monkeypatch.setattr("mitt.cli.cells.made_ready", lambda *_: None)
     monkeypatch.setattr("mitt.cli.cells.cell_about", _start)  # of a recording
-    monkeypatch.setattr("mitt.trials.bat_station.learn_strikes", lambda g, *_, **__: (g,))
+    monkeypatch.setattr("mitt.lab.trials.bat_station.learn_strikes", lambda g, *_, **__: (g,))
 
     def verdict(name: str, words: list[str]) -> tuple[str, str]:
         monkeypatch.setattr(GOOD[name][1], _start)

@@ -13,11 +13,11 @@ import pytest
 
 import mitt
 from mitt.cli.main import main
-from mitt.files.maps import save_map
-from mitt.map.learn import Learned
-from mitt.trials.batting import BatRunner
-from mitt.trials.meeting import MeetRunner
-from mitt.trials.runner import TrialRunner
+from mitt.core.map.learn import Learned
+from mitt.io.maps import save_map
+from mitt.lab.trials.batting import BatRunner
+from mitt.lab.trials.meeting import MeetRunner
+from mitt.lab.trials.runner import TrialRunner
 
 TOP = {
     "schema",
@@ -85,8 +85,10 @@ Call = Callable[..., tuple[int, str, str]]
 @pytest.fixture
 def call(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Iterator[Call]:
     """Run a command in this process; return exit status, stdout and stderr."""
-    monkeypatch.setattr("mitt.report.outputs.write_report", lambda path, _: path.write_text("page"))
-    monkeypatch.setattr("mitt.report.outputs._content", lambda *_: None)
+    monkeypatch.setattr(
+        "mitt.lab.report.outputs.write_report", lambda path, _: path.write_text("page")
+    )
+    monkeypatch.setattr("mitt.lab.report.outputs._content", lambda *_: None)
     before = signal.getsignal(signal.SIGTERM)
 
     def run(*words: str | Path) -> tuple[int, str, str]:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mitt.cli.main import main
-from mitt.trials.meeting import STATUSES
+from mitt.lab.trials.meeting import STATUSES
 
 
 def motions(path: Path) -> Path:

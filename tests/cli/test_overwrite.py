@@ -17,14 +17,14 @@ from throws_on_film import calibrated
 from mitt.cli.catching import prepare_run
 from mitt.cli.main import main
 from mitt.cli.options import COMMANDS, CatchOptions
-from mitt.files.maps import save_map
-from mitt.files.rig import write_rig
-from mitt.files.writing import file_name
-from mitt.map.learn import Learned
-from mitt.trials.batting import BatRunner
-from mitt.trials.journal import read_kept
-from mitt.trials.meeting import MeetRunner
-from mitt.trials.scored_task import NAME, PAGE, RESULT
+from mitt.core.map.learn import Learned
+from mitt.io.maps import save_map
+from mitt.io.rig import write_rig
+from mitt.io.writing import file_name
+from mitt.lab.trials.batting import BatRunner
+from mitt.lab.trials.journal import read_kept
+from mitt.lab.trials.meeting import MeetRunner
+from mitt.lab.trials.scored_task import NAME, PAGE, RESULT
 
 #: The user's own files: names that mean something to one of the commands, and others.
 MINE = (
@@ -88,14 +88,17 @@ def a_map(tmp_path_factory: pytest.TempPathFactory, learned: Learned) -> Path:
 def quick(monkeypatch: pytest.MonkeyPatch, learned: Learned, a_map: Path) -> Quick:
     """What runs a command; nothing is learned, and no page of throws is drawn."""
     page = "<!doctype html>\n<title>mitt: it</title>"
-    monkeypatch.setattr("mitt.report.outputs.write_report", lambda path, _: path.write_text(page))
-    monkeypatch.setattr("mitt.report.outputs._content", lambda *_: None)
-    for name in ("replay_page", "still"):
-        monkeypatch.setattr(f"mitt.report.bat_page.{name}", lambda *_: "")
     monkeypatch.setattr(
-        "mitt.report.recording_page.write_replay_page", lambda path, *_, **__: path.write_text(page)
+        "mitt.lab.report.outputs.write_report", lambda path, _: path.write_text(page)
     )
-    monkeypatch.setattr("mitt.trials.catch_study.learn", lambda *_, **__: learned)
+    monkeypatch.setattr("mitt.lab.report.outputs._content", lambda *_: None)
+    for name in ("replay_page", "still"):
+        monkeypatch.setattr(f"mitt.lab.report.bat_page.{name}", lambda *_: "")
+    monkeypatch.setattr(
+        "mitt.lab.report.recording_page.write_replay_page",
+        lambda path, *_, **__: path.write_text(page),
+    )
+    monkeypatch.setattr("mitt.lab.trials.catch_study.learn", lambda *_, **__: learned)
     monkeypatch.setattr("mitt.cli.measuring.engine_of", lambda *_: Here())
 
     def run(*words: object) -> int:

@@ -13,18 +13,18 @@ from pathlib import Path
 import pytest
 from local_cell import LocalCell
 
-from mitt.cell.live import Mode
-from mitt.cell.prepare import cell_map, prepare
-from mitt.cell.session import STATES, Person, Session, made_ready
 from mitt.cli.cells import _in_words, _show_session, recording
 from mitt.cli.main import main
 from mitt.cli.options import RunOptions
 from mitt.cli.screen import picture
 from mitt.clock import STALL, longest_stall
-from mitt.errors import FileError, InputError
-from mitt.files.cell import read_cell
-from mitt.files.recordings import Recorded
-from mitt.signals import Command
+from mitt.core.errors import FileError, InputError
+from mitt.core.signals import Command
+from mitt.io.cell import read_cell
+from mitt.io.recordings import Recorded
+from mitt.robot.cell.live import Mode
+from mitt.robot.cell.prepare import cell_map, prepare
+from mitt.robot.cell.session import STATES, Person, Session, made_ready
 
 
 @pytest.mark.usefixtures("watched_shortly")
@@ -64,11 +64,13 @@ def test_a_driver_that_is_not_there_is_found_by_checking(
 
 def test_without_cyclone_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing else needs it."""
-    for name in [name for name in sys.modules if name.startswith(("cyclonedds", "mitt.cell.dds"))]:
+    for name in [
+        name for name in sys.modules if name.startswith(("cyclonedds", "mitt.robot.cell.dds"))
+    ]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "cyclonedds", None)
     with pytest.raises(InputError, match=r'pip install "mitt\[ros2\]"'):
-        import mitt.cell.dds  # noqa: F401, PLC0415
+        import mitt.robot.cell.dds  # noqa: F401, PLC0415
 
 
 def session(cell: LocalCell, said: list[str], *, yes: bool, throws: int | None) -> Session:
@@ -364,8 +366,8 @@ def test_what_takes_time_is_said_before_it_begins(monkeypatch: pytest.MonkeyPatc
     """A line before the map is loaded or learned, and one before the rehearsal."""
     said, heard = list[str](), list[int]()
     cell = prepare(read_cell("wam-sim"))
-    monkeypatch.setattr("mitt.cell.session.cell_map", lambda _: heard.append(len(said)))
-    monkeypatch.setattr("mitt.cell.session.rehearse", lambda *_: heard.append(len(said)))
+    monkeypatch.setattr("mitt.robot.cell.session.cell_map", lambda _: heard.append(len(said)))
+    monkeypatch.setattr("mitt.robot.cell.session.rehearse", lambda *_: heard.append(len(said)))
     made_ready(cell, said.append)
     assert heard == [1, 2]
     assert "map" in said[0]

@@ -14,17 +14,17 @@ from hypothesis import strategies as st
 from matplotlib.figure import Figure
 from rich.console import Console
 
-from mitt import kernels
 from mitt.cli.catching import CATCHING, shortfalls
 from mitt.cli.main import main
 from mitt.cli.measuring import _show_study as show_study
 from mitt.cli.running import table_of
 from mitt.cli.screen import checked, progress, show, table, tell_of_kernels, warn
-from mitt.errors import printable
+from mitt.core import kernels
+from mitt.core.errors import printable
 from mitt.interrupts import tell
-from mitt.report.style import GENERATORS, legend_above, plot
-from mitt.trials.score import CATCH, STATUSES, Trial
-from mitt.trials.study_folder import Folder
+from mitt.lab.report.style import GENERATORS, legend_above, plot
+from mitt.lab.trials.score import CATCH, STATUSES, Trial
+from mitt.lab.trials.study_folder import Folder
 
 
 class Full:

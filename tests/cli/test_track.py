@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mitt.cameras.filtering import ADDED, AHEAD
 from mitt.cli.main import main
-from mitt.signals import Array
-from mitt.world.flights import builtin_flights
+from mitt.core.signals import Array
+from mitt.lab.world.flights import builtin_flights
+from mitt.robot.cameras.filtering import ADDED, AHEAD
 
 HEADER = "t_s,x_m,y_m,z_m\n"
 

@@ -8,7 +8,7 @@ import pytest
 from mitt.cli.line import Option, options_of, parse
 from mitt.cli.main import main
 from mitt.cli.options import COMMANDS
-from mitt.errors import InputError, UnknownNameError, meant
+from mitt.core.errors import InputError, UnknownNameError, meant
 
 #: What libraries say; none of it is for a user of a command.
 LEAKS = re.compile(

@@ -4,11 +4,11 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.arm.basket import Basket
-from mitt.arm.description import Hand
-from mitt.arm.hands import Closing, HandModel
-from mitt.control.closing import FOLLOW_ON, TOUCH_BEFORE, close, fingers_of, has_closed
-from mitt.signals import PASSED, TICK, Array
+from mitt.core.arm.basket import Basket
+from mitt.core.arm.description import Hand
+from mitt.core.arm.hands import Closing, HandModel
+from mitt.core.control.closing import FOLLOW_ON, TOUCH_BEFORE, close, fingers_of, has_closed
+from mitt.core.signals import PASSED, TICK, Array
 
 HAND = HandModel()
 RADIUS = 0.04

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from mitt.arm.arm import Arm
-from mitt.control import encoders
-from mitt.control.encoders import (
+from mitt.core.arm.arm import Arm
+from mitt.core.control import encoders
+from mitt.core.control.encoders import (
     BRIDGED,
     FAST,
     FINE,
@@ -23,9 +23,9 @@ from mitt.control.encoders import (
     estimate_joints,
     monitor_of,
 )
-from mitt.control.envelope import bounds_of
-from mitt.errors import InputError
-from mitt.signals import TICK, Array
+from mitt.core.control.envelope import bounds_of
+from mitt.core.errors import InputError
+from mitt.core.signals import TICK, Array
 
 #: Resolutions of encoders [rad], from fine to coarse.
 STEPS = (1e-5, 8.5e-5, 1e-3)

@@ -8,9 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.arm.arm import Arm
-from mitt.arm.load import build_arm
-from mitt.control.envelope import (
+from mitt.core.arm.arm import Arm
+from mitt.core.control.envelope import (
     bound_acceleration,
     bounds_of,
     brake_joint,
@@ -19,10 +18,11 @@ from mitt.control.envelope import (
     clamp,
     slow_down,
 )
-from mitt.control.slow_motion import slow_motion
-from mitt.errors import InputError
-from mitt.kernels import Record
-from mitt.signals import TICK, Array
+from mitt.core.errors import InputError
+from mitt.core.kernels import Record
+from mitt.core.signals import TICK, Array
+from mitt.io.load import build_arm
+from mitt.lab.trials.slow_motion import slow_motion
 
 #: A joint may pass the emitted range [rad] and speed [share] by so much in discrete time.
 OVERSHOOT = 0.02

@@ -8,13 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from stages import SafetyFilter
 
-from mitt.arm.arm import Arm
-from mitt.arm.description import STOP_GAP, ArmModel
-from mitt.arm.shapes import Surroundings
-from mitt.catcher.catcher import Catcher
-from mitt.control.envelope import BOUNDS, bounds_of, clamp, clamp_joint, clamp_smooth
-from mitt.errors import ModelError
-from mitt.signals import TICK, Array
+from mitt.core.arm.arm import Arm
+from mitt.core.arm.description import STOP_GAP, ArmModel
+from mitt.core.arm.shapes import Surroundings
+from mitt.core.catcher.catcher import Catcher
+from mitt.core.control.envelope import BOUNDS, bounds_of, clamp, clamp_joint, clamp_smooth
+from mitt.core.errors import ModelError
+from mitt.core.signals import TICK, Array
 
 ROUNDING = 1e-9
 #: Longest time in which a joint at rest half a radian beyond its range is back in it [s].

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import mitt
-from mitt.arm.arm import Arm
-from mitt.catcher.generators import Direct
-from mitt.control.health import (
+from mitt.core.arm.arm import Arm
+from mitt.core.catcher.generators import Direct
+from mitt.core.control.health import (
     CLOCK,
     Reason,
     State,
@@ -15,8 +15,8 @@ from mitt.control.health import (
     hint_of,
     pass_time,
 )
-from mitt.map.learn import Learned
-from mitt.signals import Array
+from mitt.core.map.learn import Learned
+from mitt.core.signals import Array
 
 
 def _stopped(arm: Arm, learned: Learned, q: Array) -> StoppedBy:

@@ -13,11 +13,10 @@ import pinocchio as pin
 import pytest
 from stages import Tracker
 
-from mitt.arm.arm import Arm
-from mitt.arm.description import ArmModel, Link, rotation, transform
-from mitt.arm.limits import joint_level
-from mitt.bench.libraries import to_pinocchio
-from mitt.control.encoders import (
+from mitt.core.arm.arm import Arm
+from mitt.core.arm.description import ArmModel, Link, rotation, transform
+from mitt.core.arm.limits import joint_level
+from mitt.core.control.encoders import (
     BRIDGED,
     Encoders,
     Reading,
@@ -25,8 +24,9 @@ from mitt.control.encoders import (
     monitor_of,
     predict_acceleration,
 )
-from mitt.control.stop import HARDEST, choose_stop, mass_work, stop_by
-from mitt.signals import TICK, ArmState, Array
+from mitt.core.control.stop import HARDEST, choose_stop, mass_work, stop_by
+from mitt.core.signals import TICK, ArmState, Array
+from mitt.lab.bench.libraries import to_pinocchio
 
 ARMS = int(os.environ.get("MITT_LAW", "3"))
 #: Ticks before a fault, to be found in, and to come to rest in; the delay of the brakes [s].

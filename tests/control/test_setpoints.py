@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.arm.arm import Arm
-from mitt.control.envelope import bounds_of
-from mitt.control.setpoints import Setpoints
-from mitt.errors import MittError
-from mitt.signals import TICK, Command
+from mitt.core.arm.arm import Arm
+from mitt.core.control.envelope import bounds_of
+from mitt.core.control.setpoints import Setpoints
+from mitt.core.errors import MittError
+from mitt.core.signals import TICK, Command
 
 W = 50.0
 DELAY = 0.004

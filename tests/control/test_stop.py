@@ -11,11 +11,10 @@ from hypothesis import strategies as st
 from ruckig import ControlInterface, InputParameter, Ruckig, Synchronization, Trajectory
 from stages import SafetyFilter
 
-from mitt.arm.arm import Arm
-from mitt.arm.hands import HandModel
-from mitt.arm.load import build_arm
-from mitt.arm.shapes import Surroundings
-from mitt.control.stop import (
+from mitt.core.arm.arm import Arm
+from mitt.core.arm.hands import HandModel
+from mitt.core.arm.shapes import Surroundings
+from mitt.core.control.stop import (
     EASIEST,
     HARDEST,
     INSTANTS,
@@ -31,14 +30,15 @@ from mitt.control.stop import (
     plan_brake,
     stop_scratch,
 )
-from mitt.control.stop import largest_torque_share as share_of
-from mitt.control.stop import short_of_room as is_short
-from mitt.control.viability import BLOCKED, PASSED
-from mitt.signals import TICK, Array
+from mitt.core.control.stop import largest_torque_share as share_of
+from mitt.core.control.stop import short_of_room as is_short
+from mitt.core.control.viability import BLOCKED, PASSED
+from mitt.core.signals import TICK, Array
+from mitt.io.load import build_arm
 
 #: Agreement with Ruckig [rad, rad/s, rad/s^2].
 EXACT = 1e-9
-#: Gap to the end of a range that counts as near [rad], of :mod:`mitt.control.stop`.
+#: Gap to the end of a range that counts as near [rad], of :mod:`mitt.core.control.stop`.
 NEAR = 0.45
 
 seeds = st.integers(0, 2**31)

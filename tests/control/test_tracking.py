@@ -8,13 +8,13 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from stages import Tracker
 
-from mitt.arm.arm import Arm
-from mitt.arm.limits import bound_of
-from mitt.arm.load import build_arm
-from mitt.control.encoders import Encoders, monitor_of, predict_acceleration
-from mitt.control.stop import mass_work
-from mitt.control.tracking import derate, tracking_of
-from mitt.signals import TICK, ArmState, Array, Command
+from mitt.core.arm.arm import Arm
+from mitt.core.arm.limits import bound_of
+from mitt.core.control.encoders import Encoders, monitor_of, predict_acceleration
+from mitt.core.control.stop import mass_work
+from mitt.core.control.tracking import derate, tracking_of
+from mitt.core.signals import TICK, ArmState, Array, Command
+from mitt.io.load import build_arm
 
 BANDWIDTH = 80.0
 #: Agreement of an acceleration through inverse dynamics and back, share of its size.

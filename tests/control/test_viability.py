@@ -10,13 +10,13 @@ from hypothesis import strategies as st
 from stages import SafetyFilter, Tracker
 from support import thorough
 
-from mitt.arm.arm import Arm
-from mitt.arm.description import Capsule
-from mitt.arm.shapes import MARGIN, Surroundings, clearance
-from mitt.control.envelope import slow_down
-from mitt.control.stop import SHARE
-from mitt.control.viability import BLOCKED, PASSED
-from mitt.signals import TICK, ArmState, Array
+from mitt.core.arm.arm import Arm
+from mitt.core.arm.description import Capsule
+from mitt.core.arm.shapes import MARGIN, Surroundings, clearance
+from mitt.core.control.envelope import slow_down
+from mitt.core.control.stop import SHARE
+from mitt.core.control.viability import BLOCKED, PASSED
+from mitt.core.signals import TICK, ArmState, Array
 
 ROUNDING = 1e-9
 #: What a stop may take of a drive: between the instants that are looked at a little more.

@@ -7,15 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from mitt.arm.arm import Arm
-from mitt.arm.hands import HandModel
-from mitt.design.arm_design import Design, design
-from mitt.design.driven_arm import whole_arm
-from mitt.design.evaluation import Evaluation
-from mitt.design.search import RATE, Effort, search_of
-from mitt.design.search_jobs import Answers, Evaluator, SearchJob
-from mitt.design.task import Balls, DesignTask
-from mitt.world.scene import read_scene
+from mitt.core.arm.arm import Arm
+from mitt.core.arm.hands import HandModel
+from mitt.lab.design.arm_design import Design, design
+from mitt.lab.design.driven_arm import whole_arm
+from mitt.lab.design.evaluation import Evaluation
+from mitt.lab.design.search import RATE, Effort, search_of
+from mitt.lab.design.search_jobs import Answers, Evaluator, SearchJob
+from mitt.lab.design.task import Balls, DesignTask
+from mitt.lab.world.scene import read_scene
 
 #: A search that is over in seconds.
 TINY = Effort(

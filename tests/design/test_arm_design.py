@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from design.conftest import TINY
 
-from mitt.arm.arm import Arm
-from mitt.design import arm_design as module
-from mitt.design.arm_design import Design, Region, region_of
-from mitt.design.task import DesignTask
-from mitt.report.design_page import region_plot
-from mitt.world.throws import fly
+from mitt.core.arm.arm import Arm
+from mitt.lab.design import arm_design as module
+from mitt.lab.design.arm_design import Design, Region, region_of
+from mitt.lab.design.task import DesignTask
+from mitt.lab.report.design_page import region_plot
+from mitt.lab.world.throws import fly
 
 
 def quiet(name: str, done: int, of: int) -> None:

@@ -7,18 +7,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mitt.arm.arm import Arm
 from mitt.cli import designing as command
 from mitt.cli.options import DesignOptions
-from mitt.design import interception as module
-from mitt.design.arm_design import AtSpeed, Design
-from mitt.design.candidate import Candidate
-from mitt.design.geometry import candidates_of, drawn, triples_of
-from mitt.design.interception import LONGER, QUICKER, faster_joints, longer_arm
-from mitt.design.poses import Touch
-from mitt.design.task import Balls
-from mitt.report.design_page import advice_of, force_in_words, write_design_page
-from mitt.world.scene import read_scene
+from mitt.core.arm.arm import Arm
+from mitt.lab.design import interception as module
+from mitt.lab.design.arm_design import AtSpeed, Design
+from mitt.lab.design.candidate import Candidate
+from mitt.lab.design.geometry import candidates_of, drawn, triples_of
+from mitt.lab.design.interception import LONGER, QUICKER, faster_joints, longer_arm
+from mitt.lab.design.poses import Touch
+from mitt.lab.design.task import Balls
+from mitt.lab.report.design_page import advice_of, force_in_words, write_design_page
+from mitt.lab.world.scene import read_scene
 
 #: How far the gain of a quicker joint may be off when it is measured on a quicker arm [m/s].
 _ROUNDED = 1e-6

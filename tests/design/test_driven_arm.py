@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 from arm.test_load import urdf
 
-from mitt.design.driven_arm import whole_arm
-from mitt.errors import ModelError, UnknownNameError
+from mitt.core.errors import ModelError, UnknownNameError
+from mitt.lab.design.driven_arm import whole_arm
 
 
 def _without(path: Path, *joints: str, tip: str = "") -> Path:

@@ -5,18 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mitt.arm.arm import Arm
-from mitt.catcher.settings import CatcherSettings
-from mitt.design.evaluation import balls_of as thrown
-from mitt.design.evaluation import verdicts
-from mitt.design.task import Balls, DesignTask
-from mitt.map.learn import Flight, Learned, learn_from
-from mitt.map.map_design import MapDesign, catch_place
-from mitt.map.mapping import unlearned
-from mitt.signals import GRAVITY, BallState
-from mitt.world.flights import RecordedFlight
-from mitt.world.scene import read_scene
-from mitt.world.throws import Throw, fly
+from mitt.core.arm.arm import Arm
+from mitt.core.catcher.settings import CatcherSettings
+from mitt.core.map.learn import Flight, Learned, learn_from
+from mitt.core.map.map_design import MapDesign, catch_place
+from mitt.core.map.mapping import unlearned
+from mitt.core.signals import GRAVITY, BallState
+from mitt.lab.design.evaluation import balls_of as thrown
+from mitt.lab.design.evaluation import verdicts
+from mitt.lab.design.task import Balls, DesignTask
+from mitt.lab.world.flights import RecordedFlight
+from mitt.lab.world.scene import read_scene
+from mitt.lab.world.throws import Throw, fly
 
 SETTINGS = CatcherSettings()
 

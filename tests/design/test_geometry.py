@@ -5,17 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mitt.arm.arm import Arm
-from mitt.arm.hands import HandModel
-from mitt.design import geometry
-from mitt.design.driven_arm import whole_arm
-from mitt.design.geometry import CandidateRows, candidates_of, drawn, triples_of
-from mitt.design.interception import ASKED_SHARE, virtual_jacobian
-from mitt.design.poses import Touch, poses_of
-from mitt.design.task import Balls
-from mitt.map.mapping import unlearned
-from mitt.signals import Array, MapStatus
-from mitt.world.scene import read_scene
+from mitt.core.arm.arm import Arm
+from mitt.core.arm.hands import HandModel
+from mitt.core.map.mapping import unlearned
+from mitt.core.signals import Array, MapStatus
+from mitt.lab.design import geometry
+from mitt.lab.design.driven_arm import whole_arm
+from mitt.lab.design.geometry import CandidateRows, candidates_of, drawn, triples_of
+from mitt.lab.design.interception import ASKED_SHARE, virtual_jacobian
+from mitt.lab.design.poses import Touch, poses_of
+from mitt.lab.design.task import Balls
+from mitt.lab.world.scene import read_scene
 
 #: What velocities agree to [m/s].
 _ROUNDED = 1e-9

@@ -8,11 +8,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
-from mitt.arm.arm import Arm
-from mitt.arm.hands import HandModel
-from mitt.design.candidate import Candidate, mutated
-from mitt.design.driven_arm import whole_arm
-from mitt.design.geometry import (
+from mitt.core.arm.arm import Arm
+from mitt.core.arm.hands import HandModel
+from mitt.core.errors import MittError
+from mitt.core.map.mapping import coordinates, unlearned
+from mitt.core.map.tangent import to_go
+from mitt.core.signals import Array
+from mitt.lab.design.candidate import Candidate, mutated
+from mitt.lab.design.driven_arm import whole_arm
+from mitt.lab.design.geometry import (
     CandidateRows,
     best_of,
     candidates_of,
@@ -21,7 +25,7 @@ from mitt.design.geometry import (
     score_candidates,
     triples_of,
 )
-from mitt.design.interception import (
+from mitt.lab.design.interception import (
     alone,
     bounded_speeds,
     least_relative_velocity,
@@ -29,13 +33,9 @@ from mitt.design.interception import (
     slope_of,
     sloped,
 )
-from mitt.design.poses import Touch, poses_of
-from mitt.design.task import Balls, DesignTask
-from mitt.errors import MittError
-from mitt.map.mapping import coordinates, unlearned
-from mitt.map.tangent import to_go
-from mitt.signals import Array
-from mitt.world.scene import read_scene
+from mitt.lab.design.poses import Touch, poses_of
+from mitt.lab.design.task import Balls, DesignTask
+from mitt.lab.world.scene import read_scene
 
 #: What joint speeds and velocities agree to.
 _ROUNDED = 1e-9

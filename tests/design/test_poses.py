@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from mitt.arm.arm import Arm
-from mitt.arm.hands import HandModel
-from mitt.design.driven_arm import whole_arm
-from mitt.design.poses import poses_of, touching
-from mitt.world.scene import Scene
+from mitt.core.arm.arm import Arm
+from mitt.core.arm.hands import HandModel
+from mitt.lab.design.driven_arm import whole_arm
+from mitt.lab.design.poses import poses_of, touching
+from mitt.lab.world.scene import Scene
 
 #: Step of central differences [rad], and what they agree to.
 _STEP = 1e-6

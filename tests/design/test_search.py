@@ -13,13 +13,17 @@ import numpy as np
 import pytest
 from design.conftest import TINY, silent
 
-from mitt.arm.arm import Arm, difference, identity_of
-from mitt.arm.basket import Basket
 from mitt.cli import designing as command
 from mitt.cli.main import main
-from mitt.design import arm_design, evaluation, search_jobs
-from mitt.design import search as search_module
-from mitt.design.arm_design import (
+from mitt.core.arm.arm import Arm, difference, identity_of
+from mitt.core.arm.basket import Basket
+from mitt.core.errors import InputError
+from mitt.core.map.mapping import unlearned
+from mitt.core.map.neighbourhood import Neighbourhood
+from mitt.io.arm_file import ArmFile, design_of, hand_of, load_arm, read_arm_file, write_arm_file
+from mitt.lab.design import arm_design, evaluation, search_jobs
+from mitt.lab.design import search as search_module
+from mitt.lab.design.arm_design import (
     AtSpeed,
     Design,
     Fastest,
@@ -29,9 +33,9 @@ from mitt.design.arm_design import (
     softer,
     task_at,
 )
-from mitt.design.candidate import Candidate, candidate_of, mutated
-from mitt.design.driven_arm import movable, whole_arm
-from mitt.design.evaluation import (
+from mitt.lab.design.candidate import Candidate, candidate_of, mutated
+from mitt.lab.design.driven_arm import movable, whole_arm
+from mitt.lab.design.evaluation import (
     BEYOND,
     FORCE,
     Evaluation,
@@ -41,19 +45,15 @@ from mitt.design.evaluation import (
     thrown,
     trials_of,
 )
-from mitt.design.geometry import drawn, triples_of
-from mitt.design.poses import Touch
-from mitt.design.search import EFFORTS, best_by_price, effort_of, ranked, search, surely
-from mitt.design.search_jobs import Asked, Evaluator, Procedure, SearchJob
-from mitt.design.task import BOX, FAR, REPORTED, Balls, DesignTask, shifted
-from mitt.errors import InputError
-from mitt.files.arm_file import ArmFile, design_of, hand_of, load_arm, read_arm_file, write_arm_file
-from mitt.map.mapping import unlearned
-from mitt.map.neighbourhood import Neighbourhood
-from mitt.report.design_page import advice_of
-from mitt.trials.workers import Processes
-from mitt.world.scene import read_scene
-from mitt.world.throws import Aim, ThrowRanges, default_throw, fly
+from mitt.lab.design.geometry import drawn, triples_of
+from mitt.lab.design.poses import Touch
+from mitt.lab.design.search import EFFORTS, best_by_price, effort_of, ranked, search, surely
+from mitt.lab.design.search_jobs import Asked, Evaluator, Procedure, SearchJob
+from mitt.lab.design.task import BOX, FAR, REPORTED, Balls, DesignTask, shifted
+from mitt.lab.report.design_page import advice_of
+from mitt.lab.trials.workers import Processes
+from mitt.lab.world.scene import read_scene
+from mitt.lab.world.throws import Aim, ThrowRanges, default_throw, fly
 
 KEYS = {
     "schema",

@@ -15,19 +15,19 @@ from design.conftest import TINY, silent
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.arm.arm import Arm
 from mitt.cli import designing as command
 from mitt.cli.main import main
 from mitt.clock import Pace
-from mitt.design.arm_design import Design, best_so_far, design
-from mitt.design.evaluation import Evaluation
-from mitt.design.search import EFFORTS, RATE, SearchProgress, search_of, stages
-from mitt.design.search_jobs import Answers, Evaluator, Procedure, SearchJob
-from mitt.design.task import DesignTask
-from mitt.errors import FileError, InputError
-from mitt.files.arm_file import load_arm
+from mitt.core.arm.arm import Arm
+from mitt.core.errors import FileError, InputError
 from mitt.interrupts import Interrupted
-from mitt.trials.workers import Processes
+from mitt.io.arm_file import load_arm
+from mitt.lab.design.arm_design import Design, best_so_far, design
+from mitt.lab.design.evaluation import Evaluation
+from mitt.lab.design.search import EFFORTS, RATE, SearchProgress, search_of, stages
+from mitt.lab.design.search_jobs import Answers, Evaluator, Procedure, SearchJob
+from mitt.lab.design.task import DesignTask
+from mitt.lab.trials.workers import Processes
 
 
 def breaking(stage: str) -> Callable[[str, int, int], None]:
@@ -394,7 +394,7 @@ def test_the_evaluator_asks_for_nothing_that_is_known(
         asked.append(job)
         return Evaluation(candidate=job.candidate, able=0.5, speed=1.0 + job.number)
 
-    monkeypatch.setattr("mitt.design.search_jobs.evaluated", noted)
+    monkeypatch.setattr("mitt.lab.design.search_jobs.evaluated", noted)
     for more in (2, 3):
         answers = Answers.open(tmp_path / "a.jsonl", "x", resume=True)
         bench = Evaluator(whole, task, None, silent, answers=answers)

@@ -6,13 +6,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mitt.arm.arm import Arm
-from mitt.arm.load import build_arm
 from mitt.cli.designing import _task
 from mitt.cli.main import main
 from mitt.cli.options import DesignOptions
-from mitt.design.arm_design import Design, release_speed, task_at
-from mitt.design.task import (
+from mitt.core.arm.arm import Arm
+from mitt.core.errors import FileError, InputError
+from mitt.core.map.mapping import unlearned
+from mitt.core.map.neighbourhood import Neighbourhood
+from mitt.io.arm_file import ArmFile, load_arm, write_arm_file
+from mitt.io.load import build_arm
+from mitt.io.schema import to_plain
+from mitt.lab.design.arm_design import Design, release_speed, task_at
+from mitt.lab.design.task import (
     REPORTED,
     Balls,
     DesignTask,
@@ -23,15 +28,10 @@ from mitt.design.task import (
     ranges_of_throws,
     unseen,
 )
-from mitt.errors import FileError, InputError
-from mitt.files.arm_file import ArmFile, load_arm, write_arm_file
-from mitt.files.schema import to_plain
-from mitt.map.mapping import unlearned
-from mitt.map.neighbourhood import Neighbourhood
-from mitt.trials.source import aim_of
-from mitt.world.flights import builtin_flights
-from mitt.world.scene import read_scene
-from mitt.world.throws import NOMINAL_DRAG, Aim, Throw, ThrowRanges, default_throw
+from mitt.lab.trials.source import aim_of
+from mitt.lab.world.flights import builtin_flights
+from mitt.lab.world.scene import read_scene
+from mitt.lab.world.throws import NOMINAL_DRAG, Aim, Throw, ThrowRanges, default_throw
 
 PLACE = 0.77
 

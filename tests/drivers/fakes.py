@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from mitt.arm.arm import Arm
-from mitt.cell.drivers import LocalRobot
-from mitt.signals import ArmState, Array, Command
+from mitt.core.arm.arm import Arm
+from mitt.core.signals import ArmState, Array, Command
+from mitt.robot.cell.drivers import LocalRobot
 
 #: Places of the WAM's three joints among those of the vendor's arm.
 FRANKA = [0, 1, 3]

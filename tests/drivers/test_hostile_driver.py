@@ -17,13 +17,13 @@ from pathlib import Path
 import pytest
 from support import install, thorough
 
-from mitt.cell.drivers import Connection, connect_robot, local_connection, local_robot
-from mitt.cell.hosted import DriverError, HostedRobot
-from mitt.cell.live import LiveLoop, Mode
-from mitt.cell.prepare import CellMap, PreparedCell, cell_map, prepare
-from mitt.cell.session import Person, Session, loop_of
 from mitt.clock import hurried, pinned, uncollected
-from mitt.files.cell import read_cell
+from mitt.io.cell import read_cell
+from mitt.robot.cell.drivers import Connection, connect_robot, local_connection, local_robot
+from mitt.robot.cell.hosted import DriverError, HostedRobot
+from mitt.robot.cell.live import LiveLoop, Mode
+from mitt.robot.cell.prepare import CellMap, PreparedCell, cell_map, prepare
+from mitt.robot.cell.session import Person, Session, loop_of
 
 FOLDER = Path(__file__).parent / "hostile"
 #: Time in which the arm has to be told to stop, and in which all has to be over [s].

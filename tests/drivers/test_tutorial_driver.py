@@ -10,11 +10,11 @@ import pytest
 from documents import is_part
 from support import install, thorough
 
-from mitt.cell.prepare import prepare
-from mitt.cell.robot import Robot, driver_named
 from mitt.cli.main import main
-from mitt.errors import InputError
-from mitt.files.cell import read_cell
+from mitt.core.errors import InputError
+from mitt.io.cell import read_cell
+from mitt.robot.cell.prepare import prepare
+from mitt.robot.cell.robot import Robot, driver_named
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "examples" / "tutorials" / "robot"

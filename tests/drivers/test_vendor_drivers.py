@@ -10,17 +10,17 @@ from drivers.fakes import ControlException, FakeFranka, FakeUr, Torques
 from franka_design import panda_file
 from local_cell import LocalCell
 
-from mitt.cell import ur
-from mitt.cell.drivers import LocalRobot
-from mitt.cell.franka import FrankaRobot
-from mitt.cell.live import Mode
-from mitt.cell.prepare import PreparedCell, prepare
-from mitt.cell.readings import Lag
-from mitt.cell.robot import Robot
-from mitt.cell.robot_clock import RobotClock
-from mitt.files.arm_file import read_arm_file
-from mitt.files.cell import ArmPart, Cell, read_cell
-from mitt.signals import Command
+from mitt.core.signals import Command
+from mitt.io.arm_file import read_arm_file
+from mitt.io.cell import ArmPart, Cell, read_cell
+from mitt.robot.cell import ur
+from mitt.robot.cell.drivers import LocalRobot
+from mitt.robot.cell.franka import FrankaRobot
+from mitt.robot.cell.live import Mode
+from mitt.robot.cell.prepare import PreparedCell, prepare
+from mitt.robot.cell.readings import Lag
+from mitt.robot.cell.robot import Robot
+from mitt.robot.cell.robot_clock import RobotClock
 
 STARTED = 1.7e9
 FRANKA_JOINTS = ["panda_joint1", "panda_joint2", "panda_joint4"]

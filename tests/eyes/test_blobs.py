@@ -6,12 +6,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mitt.errors import ShapeError
-from mitt.eyes.blobs import MOMENTS, weigh
-from mitt.eyes.camera import Camera, Rig, look_at
-from mitt.eyes.segmentation import Segmenter, SegmenterConfig, measure_background
-from mitt.signals import Frame, Image, Moments
-from mitt.world.imaging import Imager, ImageSensor
+from mitt.core.errors import ShapeError
+from mitt.core.eyes.blobs import MOMENTS, weigh
+from mitt.core.eyes.camera import Camera, Rig, look_at
+from mitt.core.eyes.segmentation import Segmenter, SegmenterConfig, measure_background
+from mitt.core.signals import Frame, Image, Moments
+from mitt.lab.world.imaging import Imager, ImageSensor
 
 BIAS = 0.01
 """Mean error of the centroid [px]; the project's own bound."""

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from mitt.ball.filter import THROWN_BALL, BallFilter
-from mitt.ball.flight import advance
-from mitt.eyes.camera import Rig, fixed_rig
-from mitt.eyes.eyes import Eyes, EyesConfig
-from mitt.eyes.head import SWEEP, active_rig
-from mitt.signals import TICK
-from mitt.world.imaging import Imager, ImageSensor
+from mitt.core.ball.filter import THROWN_BALL, BallFilter
+from mitt.core.ball.flight import advance
+from mitt.core.eyes.camera import Rig, fixed_rig
+from mitt.core.eyes.eyes import Eyes, EyesConfig
+from mitt.core.eyes.head import SWEEP, active_rig
+from mitt.core.signals import TICK
+from mitt.lab.world.imaging import Imager, ImageSensor
 
 RADIUS = 0.02
 """Of the ball [m]."""

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.errors import InputError, ShapeError
-from mitt.eyes.camera import Camera, Rig, fixed_rig, look_at
-from mitt.signals import Array
+from mitt.core.errors import InputError, ShapeError
+from mitt.core.eyes.camera import Camera, Rig, fixed_rig, look_at
+from mitt.core.signals import Array
 
 ROUNDING = 1e-9
 """Pixels and metres."""

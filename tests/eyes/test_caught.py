@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mitt.arm.arm import Arm
-from mitt.arm.kinematics import joint_records, tip_motion
-from mitt.eyes.clock_offset import (
+from mitt.core.arm.arm import Arm
+from mitt.core.arm.kinematics import joint_records, tip_motion
+from mitt.core.eyes.clock_offset import (
     TRIAL,
     WARNED,
     CatchSeen,
@@ -15,7 +15,7 @@ from mitt.eyes.clock_offset import (
     LearnedClock,
     caught_offset,
 )
-from mitt.signals import TICK, Array
+from mitt.core.signals import TICK, Array
 
 BRAKE = 0.6
 REST = 0.8

@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from mitt.ball.filter import THROWN_BALL, BallFilter
-from mitt.ball.flight import advance
-from mitt.eyes.camera import Rig, fixed_rig
-from mitt.eyes.eyes import Eyes, EyesStatus
-from mitt.signals import Array, Frame
-from mitt.world.imaging import Imager, ImageSensor
+from mitt.core.ball.filter import THROWN_BALL, BallFilter
+from mitt.core.ball.flight import advance
+from mitt.core.eyes.camera import Rig, fixed_rig
+from mitt.core.eyes.eyes import Eyes, EyesStatus
+from mitt.core.signals import Array, Frame
+from mitt.lab.world.imaging import Imager, ImageSensor
 
 Frames = tuple[Frame, ...]
 Spoiler = Callable[[int, Frames], Frames]

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from support import ball_state
 
-from mitt.ball.filter import THROWN_BALL, BallFilter
-from mitt.ball.flight import advance
-from mitt.errors import InputError, ShapeError
-from mitt.eyes.camera import fixed_rig
-from mitt.eyes.eyes import Eyes, EyesConfig, EyesStatus
-from mitt.eyes.segmentation import Segmenter
-from mitt.eyes.triangulation import Triangulator
-from mitt.signals import Array
-from mitt.world.imaging import Imager, ImageSensor
+from mitt.core.ball.filter import THROWN_BALL, BallFilter
+from mitt.core.ball.flight import advance
+from mitt.core.errors import InputError, ShapeError
+from mitt.core.eyes.camera import fixed_rig
+from mitt.core.eyes.eyes import Eyes, EyesConfig, EyesStatus
+from mitt.core.eyes.segmentation import Segmenter
+from mitt.core.eyes.triangulation import Triangulator
+from mitt.core.signals import Array
+from mitt.lab.world.imaging import Imager, ImageSensor
 
 ALONG = {4.5: 3.2e-3, 3.0: 1.6e-3, 2.0: 0.9e-3, 1.0: 0.4e-3, 0.8: 0.35e-3}
 """Bound of the rms error in space [m] of a 40 mm ball that many metres in front."""

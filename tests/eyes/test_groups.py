@@ -6,13 +6,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mitt.ball.flight import advance
-from mitt.eyes.camera import fixed_rig
-from mitt.eyes.eyes import Eyes
-from mitt.eyes.groups import GROUP, LOOK, MOST_GROUPS, SCAN, find_groups, likeness
-from mitt.kernels import Record
-from mitt.signals import Array, Frame, Image
-from mitt.world.imaging import Imager, ImageSensor
+from mitt.core.ball.flight import advance
+from mitt.core.eyes.camera import fixed_rig
+from mitt.core.eyes.eyes import Eyes
+from mitt.core.eyes.groups import GROUP, LOOK, MOST_GROUPS, SCAN, find_groups, likeness
+from mitt.core.kernels import Record
+from mitt.core.signals import Array, Frame, Image
+from mitt.lab.world.imaging import Imager, ImageSensor
 
 TICKS = 80
 SOON = 25

@@ -5,17 +5,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.ball.filter import THROWN_BALL, BallFilter
-from mitt.ball.flight import advance
-from mitt.errors import InputError, ShapeError
-from mitt.eyes.camera import Head, Rig, look_at
-from mitt.eyes.eyes import Eyes, EyesStatus
-from mitt.eyes.groups import PANORAMA
-from mitt.eyes.head import active_rig, aim_heads, bearing, lead, pack_heads, pose_of
-from mitt.eyes.localization import eyes_handle
-from mitt.eyes.segmentation import GOOD
-from mitt.signals import Array, Frame
-from mitt.world.imaging import Imager, ImageSensor
+from mitt.core.ball.filter import THROWN_BALL, BallFilter
+from mitt.core.ball.flight import advance
+from mitt.core.errors import InputError, ShapeError
+from mitt.core.eyes.camera import Head, Rig, look_at
+from mitt.core.eyes.eyes import Eyes, EyesStatus
+from mitt.core.eyes.groups import PANORAMA
+from mitt.core.eyes.head import active_rig, aim_heads, bearing, lead, pack_heads, pose_of
+from mitt.core.eyes.localization import eyes_handle
+from mitt.core.eyes.segmentation import GOOD
+from mitt.core.signals import Array, Frame
+from mitt.lab.world.imaging import Imager, ImageSensor
 
 ANGLE = st.floats(-1.2, 1.2)
 COORDINATE = st.floats(-3.0, 3.0)

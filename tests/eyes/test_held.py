@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from mitt.eyes.camera import fixed_rig, in_camera, sphere_centroid
-from mitt.eyes.eyes import Eyes
-from mitt.eyes.held import find_held
-from mitt.eyes.localization import eyes_handle
-from mitt.kernels import Fields
-from mitt.signals import Array, Image
+from mitt.core.eyes.camera import fixed_rig, in_camera, sphere_centroid
+from mitt.core.eyes.eyes import Eyes
+from mitt.core.eyes.held import find_held
+from mitt.core.eyes.localization import eyes_handle
+from mitt.core.kernels import Fields
+from mitt.core.signals import Array, Image
 
 RADIUS = 0.04
 WALL = 25.0

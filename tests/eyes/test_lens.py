@@ -7,9 +7,9 @@ from boards import true_lens
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.errors import InputError, ShapeError
-from mitt.eyes.lens import Lens, bender, distort, is_bent, straightener
-from mitt.signals import Array
+from mitt.core.errors import InputError, ShapeError
+from mitt.core.eyes.lens import Lens, bender, distort, is_bent, straightener
+from mitt.core.signals import Array
 
 BENT = np.array([-0.21, 0.09, 1.3e-3, -7e-4, -0.012])
 

@@ -5,12 +5,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mitt.ball.flight import advance
-from mitt.eyes.camera import fixed_rig
-from mitt.eyes.eyes import Eyes
-from mitt.eyes.localization import MOST, TRACK, _fastest
-from mitt.signals import Array
-from mitt.world.imaging import Imager, ImageSensor
+from mitt.core.ball.flight import advance
+from mitt.core.eyes.camera import fixed_rig
+from mitt.core.eyes.eyes import Eyes
+from mitt.core.eyes.localization import MOST, TRACK, _fastest
+from mitt.core.signals import Array
+from mitt.lab.world.imaging import Imager, ImageSensor
 
 TICKS = 120
 SOON = 25

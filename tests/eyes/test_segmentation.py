@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from mitt.errors import InputError, ShapeError
-from mitt.eyes.camera import fixed_rig
-from mitt.eyes.eyes import Eyes
-from mitt.eyes.segmentation import (
+from mitt.core.errors import InputError, ShapeError
+from mitt.core.eyes.camera import fixed_rig
+from mitt.core.eyes.eyes import Eyes
+from mitt.core.eyes.segmentation import (
     OFFSET,
     TARGET,
     WORK,
@@ -26,8 +26,8 @@ from mitt.eyes.segmentation import (
     subtract,
     suffices,
 )
-from mitt.kernels import Record
-from mitt.signals import Array, Frame, Image
+from mitt.core.kernels import Record
+from mitt.core.signals import Array, Frame, Image
 
 HEIGHT = 64
 WIDTH = 80

@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mitt.ball.motion_models import invert_positive
-from mitt.errors import InputError
-from mitt.eyes.camera import Camera, Rig, fixed_rig, look_at
-from mitt.eyes.triangulation import Triangulator
-from mitt.signals import Array, Moments
+from mitt.core.ball.motion_models import invert_positive
+from mitt.core.errors import InputError
+from mitt.core.eyes.camera import Camera, Rig, fixed_rig, look_at
+from mitt.core.eyes.triangulation import Triangulator
+from mitt.core.signals import Array, Moments
 
 EXACT = 1e-6
 """Metres, without noise."""

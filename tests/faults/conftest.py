@@ -7,18 +7,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mitt.arm.arm import Arm
-from mitt.catcher.catcher import Phase
-from mitt.catcher.generators import Direct
-from mitt.catcher.state import REASONS, STATES, Result, copied, gathered
-from mitt.map.learn import Learned
-from mitt.map.neighbourhood import learn
-from mitt.signals import Senses
-from mitt.trials.runner import TrialRunner
-from mitt.trials.score import held, measure, trial_status
-from mitt.trials.source import aim_of
-from mitt.world.scene import Scene
-from mitt.world.throws import Throw, default_throw
+from mitt.core.arm.arm import Arm
+from mitt.core.catcher.catcher import Phase
+from mitt.core.catcher.generators import Direct
+from mitt.core.catcher.state import REASONS, STATES, Result, copied, gathered
+from mitt.core.map.learn import Learned
+from mitt.core.map.neighbourhood import learn
+from mitt.core.signals import Senses
+from mitt.lab.trials.runner import TrialRunner
+from mitt.lab.trials.score import held, measure, trial_status
+from mitt.lab.trials.source import aim_of
+from mitt.lab.world.scene import Scene
+from mitt.lab.world.throws import Throw, default_throw
 
 #: Seed of the throws; evaluations have others.
 SEED = 61

@@ -8,14 +8,14 @@ import pytest
 from faults.conftest import Range, Thrown
 from support import ball_state
 
-from mitt.arm.arm import Arm
-from mitt.catcher.catcher import CatcherSettings
-from mitt.control.health import CLOCK, OVERRUN, fresh_health, pass_time
-from mitt.map.mapping import DirectMap
-from mitt.signals import Command, MapStatus
-from mitt.world.scene import exact_scene
-from mitt.world.simulation import World
-from mitt.world.throws import Throw
+from mitt.core.arm.arm import Arm
+from mitt.core.catcher.catcher import CatcherSettings
+from mitt.core.control.health import CLOCK, OVERRUN, fresh_health, pass_time
+from mitt.core.map.mapping import DirectMap
+from mitt.core.signals import Command, MapStatus
+from mitt.lab.world.scene import exact_scene
+from mitt.lab.world.simulation import World
+from mitt.lab.world.throws import Throw
 
 TOWARDS = np.array([-5.5, 0.1, 1.0]), np.array([0.0, 0.0, -9.81])
 

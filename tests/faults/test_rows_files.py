@@ -20,21 +20,21 @@ from faults.conftest import Range
 from small_study import TEXT, Here, quiet, thrown_again, write_study
 
 import mitt
-from mitt.arm.arm import Arm
-from mitt.arm.load import build_arm
-from mitt.catcher.catcher import Catcher
-from mitt.catcher.generators import Direct
 from mitt.clock import uncollected
-from mitt.errors import FileError, InputError, MittError
-from mitt.files.maps import read_map, save_map
-from mitt.files.writing import write_text
-from mitt.map.learn import Learned
-from mitt.report.replay_3d import served
-from mitt.trials.runner import TrialRunner
-from mitt.trials.score import CATCH
-from mitt.trials.study_results import columns_of, read_part
-from mitt.trials.study_run import run_study
-from mitt.world.scene import Scene, read_scene
+from mitt.core.arm.arm import Arm
+from mitt.core.catcher.catcher import Catcher
+from mitt.core.catcher.generators import Direct
+from mitt.core.errors import FileError, InputError, MittError
+from mitt.core.map.learn import Learned
+from mitt.io.load import build_arm
+from mitt.io.maps import read_map, save_map
+from mitt.io.writing import write_text
+from mitt.lab.report.replay_3d import served
+from mitt.lab.trials.runner import TrialRunner
+from mitt.lab.trials.score import CATCH
+from mitt.lab.trials.study_results import columns_of, read_part
+from mitt.lab.trials.study_run import run_study
+from mitt.lab.world.scene import Scene, read_scene
 
 SOURCE = Path(mitt.__file__).parent
 OWN_ARM = Path(__file__).parents[2] / "examples" / "own_arm.urdf"
@@ -141,8 +141,8 @@ def test_row_26_truncated_log(tmp_path: Path, thrown_study: Path) -> None:
 def test_row_28_disk_full(tmp_path: Path) -> None:
     """A file that does not fit is an error of one line; the old one stays, nothing else is left."""
     code = (
-        "import resource, sys; from pathlib import Path; from mitt.errors import MittError\n"
-        "from mitt.files.writing import write_text\n"
+        "import resource, sys; from pathlib import Path; from mitt.core.errors import MittError\n"
+        "from mitt.io.writing import write_text\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (4000, 4000))\n"
         "try: write_text(Path(sys.argv[1]), 'x' * 100000)\n"
         "except MittError as error: print(error); sys.exit(2)\n"

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from faults.conftest import Range
 
-from mitt.ball.filter import THROWN_BALL, BallFilter
-from mitt.eyes.blobs import MOMENTS, is_merged
-from mitt.signals import Array, Sighting
+from mitt.core.ball.filter import THROWN_BALL, BallFilter
+from mitt.core.eyes.blobs import MOMENTS, is_merged
+from mitt.core.signals import Array, Sighting
 
 
 def sightings(count: int, seed: int) -> list[Sighting]:

@@ -8,10 +8,11 @@ import pytest
 from arm.test_load import urdf
 
 import mitt
-from mitt.arm.basket import Basket
-from mitt.arm.hands import HandModel
-from mitt.errors import FileError, InputError, MittError
-from mitt.files.arm_file import (
+from mitt.core.arm.basket import Basket
+from mitt.core.arm.hands import HandModel
+from mitt.core.errors import FileError, InputError, MittError
+from mitt.core.map.map_design import MapDesign, default_design
+from mitt.io.arm_file import (
     ArmFile,
     ThrowSettings,
     digest_of,
@@ -19,7 +20,6 @@ from mitt.files.arm_file import (
     read_arm_file,
     write_arm_file,
 )
-from mitt.map.map_design import MapDesign, default_design
 
 TEXT = """schema = "mitt.arm/1"
 [arm]

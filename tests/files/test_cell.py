@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from mitt.arm.description import roll_pitch_yaw
-from mitt.errors import FileError, MittError
-from mitt.eyes.camera import fixed_rig
-from mitt.eyes.lens import Lens
-from mitt.files.cell import arm_of, around_of, cell_of, lenses_of, read_cell, rig_of
-from mitt.files.rig import CalibratedRig, RigCamera, write_rig
+from mitt.core.arm.description import roll_pitch_yaw
+from mitt.core.errors import FileError, MittError
+from mitt.core.eyes.camera import fixed_rig
+from mitt.core.eyes.lens import Lens
+from mitt.io.cell import arm_of, around_of, cell_of, lenses_of, read_cell, rig_of
+from mitt.io.rig import CalibratedRig, RigCamera, write_rig
 
 SHIPPED = Path(str(files("mitt") / "data" / "cells" / "wam-sim.toml"))
 

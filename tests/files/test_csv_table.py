@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mitt.ball.filter import BallFilter
-from mitt.cameras.filtering import follow_all, read_positions, write_track
-from mitt.errors import FileError
-from mitt.files.csv_table import header_of, read_table
-from mitt.signals import GRAVITY, Sighting
-from mitt.world.flights import read_flights
-from mitt.world.throws import read_throws
+from mitt.core.ball.filter import BallFilter
+from mitt.core.errors import FileError
+from mitt.core.signals import GRAVITY, Sighting
+from mitt.io.csv_table import header_of, read_table
+from mitt.lab.world.flights import read_flights
+from mitt.lab.world.throws import read_throws
+from mitt.robot.cameras.filtering import follow_all, read_positions, write_track
 
 POSITION = ("x_m", "y_m", "z_m")
 COLUMNS = ("t_s", *POSITION)

@@ -9,8 +9,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from mitt.errors import FileError, InputError, MittError
-from mitt.files.writing import (
+from mitt.core.errors import FileError, InputError, MittError
+from mitt.io.reading import read_json
+from mitt.io.writing import (
     LOCK,
     check_folder,
     file_name,
@@ -19,7 +20,6 @@ from mitt.files.writing import (
     write_json,
     write_text,
 )
-from mitt.reading import read_json
 
 LARGE = 10_000
 

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mitt.errors import InputError
-from mitt.files.writing import (
+from mitt.core.errors import InputError
+from mitt.io.writing import (
     Leaves,
     check_folder,
     check_ours,
@@ -19,7 +19,7 @@ from mitt.files.writing import (
     overlaps,
     wrote,
 )
-from mitt.trials.score import CATCH
+from mitt.lab.trials.score import CATCH
 
 LEAVES = Leaves(
     command="mitt try",

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mitt.arm.limits import KINDS
-from mitt.errors import MittError, UnknownNameError
-from mitt.files.arm_file import read_limits
-from mitt.reading import shipped
+from mitt.core.arm.limits import KINDS
+from mitt.core.errors import MittError, UnknownNameError
+from mitt.io.arm_file import read_limits
+from mitt.io.reading import shipped
 
 TEXT = 'schema = "mitt.limits/1"\n[limits]\njoints = ["a", "b"]\nspeed = [1.0, 2.0]\n'
 

@@ -12,13 +12,13 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from mitt.arm.arm import Arm
-from mitt.arm.load import build_arm
-from mitt.errors import FileError
-from mitt.files.maps import read_map, save_map
-from mitt.map.learn import Learned
-from mitt.map.map_design import MapDesign
-from mitt.map.neighbourhood import Neighbourhood, learn
+from mitt.core.arm.arm import Arm
+from mitt.core.errors import FileError
+from mitt.core.map.learn import Learned
+from mitt.core.map.map_design import MapDesign
+from mitt.core.map.neighbourhood import Neighbourhood, learn
+from mitt.io.load import build_arm
+from mitt.io.maps import read_map, save_map
 from mitt.version import __version__
 
 

@@ -11,8 +11,8 @@ from mcap_ros2.decoder import DecoderFactory
 from recorded_trials import CASES, recorded
 from rosbags.highlevel import AnyReader
 
-from mitt.files.recordings import Recorded
-from mitt.reading import shipped_path
+from mitt.io.reading import shipped_path
+from mitt.io.recordings import Recorded
 
 _TOPICS = {
     "/joint_states",

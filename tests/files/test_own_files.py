@@ -9,8 +9,8 @@ import pytest
 
 import mitt
 from mitt.cli.main import main
-from mitt.errors import InputError
-from mitt.files.writing import check_own, own_file, remove_own
+from mitt.core.errors import InputError
+from mitt.io.writing import check_own, own_file, remove_own
 
 PACKAGE = Path(mitt.__file__).parent
 SCHEMA = "mitt.search/1"
@@ -47,54 +47,54 @@ CHANGES = {
     "write_bytes",
     "write_text",
 }
-#: Functions of ``files/writing.py`` that replace what has the name: who calls them has asked first.
+#: Functions of ``io/writing.py`` that replace what has the name: who calls them has asked first.
 REPLACES = {"write_atomically", "write_bytes", "write_json", "write_text", "temporary_beside"}
 #: Where else the system is asked, and why nothing of a user can be lost there.
 SYSTEM = {
-    "cameras/video_writer.py VideoWriter.__init__": "a temporary file beside; check_new_files",
-    "cameras/video_writer.py VideoWriter.__exit__": "its own temporary file; check_new_files",
-    "cell/frames.py FrameWriter.__init__": "a file without a name, then a link that must be new",
-    "cell/frames.py FrameWriter._remove_left": "begins with our number, and nobody holds its lock",
-    "cell/frames.py FrameWriter.close": "the very file that was opened",
-    "cell/frames.py FrameReader.__init__": "reads",
-    "cell/exchange.py Exchange.__init__": "memory without a name",
-    "cell/exchange.py exchange_pair": "memory without a name",
-    "cell/recorder.py Ring.new": "memory without a name",
-    "cell/recorder.py recorder_main": "a file that must be new",
+    "robot/cameras/video_writer.py VideoWriter.__init__": "a temporary file; check_new_files",
+    "robot/cameras/video_writer.py VideoWriter.__exit__": "its own temporary file; check_new_files",
+    "robot/cell/frames.py FrameWriter.__init__": "without a name, then a link that must be new",
+    "robot/cell/frames.py FrameWriter._remove_left": "its number is ours, nobody holds its lock",
+    "robot/cell/frames.py FrameWriter.close": "the very file that was opened",
+    "robot/cell/frames.py FrameReader.__init__": "reads",
+    "robot/cell/exchange.py Exchange.__init__": "memory without a name",
+    "robot/cell/exchange.py exchange_pair": "memory without a name",
+    "robot/cell/recorder.py Ring.new": "memory without a name",
+    "robot/cell/recorder.py recorder_main": "a file that must be new",
     "cli/main.py _open_streams": "the null device",
     "cli/main.py _give_up": "the null device",
-    "design/search_jobs.py Answers.open": "what own_file opened",
-    "errors.py heard": "a file without a name",
-    "files/recordings.py _fill": "the temporary file of write_atomically",
-    "files/recordings.py Recorded._opened": "reads",
-    "kernels.py _is_writable": "the folder of compiled kernels; a file without a name",
-    "kernels.py _delete_old": "compiled kernels, in a folder that only those have; no link",
-    "reading.py read_bytes": "reads",
-    "report/__init__.py": "a new temporary folder",
-    "trials/journal.py Journal.__init__": "a file that must be new",
-    "trials/study_run.py record_trial": "a new temporary folder",
-    "trials/study_run.py _is_done": "a part of this study, in its own folder, that is not whole",
+    "lab/design/search_jobs.py Answers.open": "what own_file opened",
+    "core/errors.py heard": "a file without a name",
+    "io/recordings.py _fill": "the temporary file of write_atomically",
+    "io/recordings.py Recorded._opened": "reads",
+    "core/kernels.py _is_writable": "the folder of compiled kernels; a file without a name",
+    "core/kernels.py _delete_old": "compiled kernels, in a folder that only those have; no link",
+    "io/reading.py read_bytes": "reads",
+    "lab/report/__init__.py": "a new temporary folder",
+    "lab/trials/journal.py Journal.__init__": "a file that must be new",
+    "lab/trials/study_run.py record_trial": "a new temporary folder",
+    "lab/trials/study_run.py _is_done": "a part of this study that is not whole, in its own folder",
 }
-#: Who writes by the functions of ``files/writing.py``, and who has asked before.
+#: Who writes by the functions of ``io/writing.py``, and who has asked before.
 WRITERS = {
-    "cameras/filtering.py": "cli: check_new_files",
-    "cameras/video_writer.py": "cli: check_new_files",
+    "robot/cameras/filtering.py": "cli: check_new_files",
+    "robot/cameras/video_writer.py": "cli: check_new_files",
     "cli/measuring.py": "a run of ours that has no result",
-    "files/arm_file.py": "cli: check_new_files",
-    "files/maps.py": "cli: check_new_files or claim_folder; the cache of maps",
-    "files/recordings.py": "claim_folder",
-    "files/rig.py": "cli: check_new_files",
-    "report/bat_page.py": "claim_folder",
-    "report/design_page.py": "cli: check_new_files",
-    "report/meet_page.py": "claim_folder",
-    "report/pictures.py": "cli: check_new_files or claim_folder",
-    "report/recording_page.py": "cli: check_ours",
-    "report/run_page.py": "claim_folder",
-    "report/study_page.py": "cli: check_own; replays in the folder of the study",
-    "trials/journal.py": "claim_folder",
-    "trials/study_folder.py": "claim_folder",
-    "trials/study_run.py": "Folder.claim",
-    "trials/task_run.py": "claim_folder",
+    "io/arm_file.py": "cli: check_new_files",
+    "io/maps.py": "cli: check_new_files or claim_folder; the cache of maps",
+    "io/recordings.py": "claim_folder",
+    "io/rig.py": "cli: check_new_files",
+    "lab/report/bat_page.py": "claim_folder",
+    "lab/report/design_page.py": "cli: check_new_files",
+    "lab/report/meet_page.py": "claim_folder",
+    "lab/report/pictures.py": "cli: check_new_files or claim_folder",
+    "lab/report/recording_page.py": "cli: check_ours",
+    "lab/report/run_page.py": "claim_folder",
+    "lab/report/study_page.py": "cli: check_own; replays in the folder of the study",
+    "lab/trials/journal.py": "claim_folder",
+    "lab/trials/study_folder.py": "claim_folder",
+    "lab/trials/study_run.py": "Folder.claim",
+    "lab/trials/task_run.py": "claim_folder",
 }
 
 
@@ -141,11 +141,11 @@ def _calls(tree: ast.AST, place: tuple[str, ...]) -> list[tuple[str, ast.Call]]:
 
 
 def test_each_place_that_writes_is_listed_with_what_keeps_a_users_files() -> None:
-    """A new one, and one that is gone, has to be said here; ``files/writing.py`` holds the rule."""
+    """A new one, and one that is gone, has to be said here; ``io/writing.py`` holds the rule."""
     system, writers = set[str](), defaultdict[str, set[str]](set)
     for path in sorted(PACKAGE.rglob("*.py")):
         name = path.relative_to(PACKAGE).as_posix()
-        if name == "files/writing.py":
+        if name == "io/writing.py":
             continue
         for place, call in _calls(ast.parse(path.read_text(encoding="utf-8")), ()):
             if _changes(call):

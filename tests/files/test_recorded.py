@@ -20,13 +20,13 @@ from mcap.writer import LIBRARY_IDENTIFIER, CompressionType, Writer
 from recorded_trials import CASES, Case, recorded
 from soak.packing import MAGIC, chunk_of, records_of
 
-from mitt.arm.arm import Arm
-from mitt.errors import FileError
-from mitt.files import messages as of
-from mitt.files import recordings as recorded_file
-from mitt.files.about import about_of
-from mitt.files.cdr import encode_text
-from mitt.files.recordings import ABOUT, Recorded
+from mitt.core.arm.arm import Arm
+from mitt.core.errors import FileError
+from mitt.io import messages as of
+from mitt.io import recordings as recorded_file
+from mitt.io.about import about_of
+from mitt.io.cdr import encode_text
+from mitt.io.recordings import ABOUT, Recorded
 
 
 @pytest.fixture(scope="module")

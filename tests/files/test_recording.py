@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
-from mitt.errors import FileError, ShapeError
-from mitt.files import messages as of
-from mitt.files.messages import BRAKES, ESTIMATE, EVENT, PHASE, TICKS, TRUTH
-from mitt.files.recordings import METADATA, Heading, Notice, Recording, Track, write_recording
-from mitt.files.robot_description import LinkFrame
-from mitt.signals import Array
+from mitt.core.errors import FileError, ShapeError
+from mitt.core.signals import Array
+from mitt.io import messages as of
+from mitt.io.messages import BRAKES, ESTIMATE, EVENT, PHASE, TICKS, TRUTH
+from mitt.io.recordings import METADATA, Heading, Notice, Recording, Track, write_recording
+from mitt.io.robot_description import LinkFrame
 
 _NS = 1e-9
 

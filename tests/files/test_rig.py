@@ -13,9 +13,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from throws_on_film import calibrated
 
-from mitt.errors import FileError
-from mitt.eyes.camera import turned
-from mitt.files.rig import CalibratedRig, HeadAxes, read_rig, write_rig
+from mitt.core.errors import FileError
+from mitt.core.eyes.camera import turned
+from mitt.io.rig import CalibratedRig, HeadAxes, read_rig, write_rig
 
 
 def full() -> CalibratedRig:

@@ -6,11 +6,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from mitt.arm.arm import Arm
-from mitt.arm.hands import HandModel
-from mitt.arm.load import build_arm
-from mitt.files.messages import WORLD
-from mitt.files.robot_description import (
+from mitt.core.arm.arm import Arm
+from mitt.core.arm.hands import HandModel
+from mitt.core.signals import Array
+from mitt.io.load import build_arm
+from mitt.io.messages import WORLD
+from mitt.io.robot_description import (
     CATCH_POINT,
     HAND,
     LinkFrame,
@@ -18,7 +19,6 @@ from mitt.files.robot_description import (
     quaternion,
     urdf_of,
 )
-from mitt.signals import Array
 
 _EXACT_M = 1e-9
 _TELESCOPE = """<robot name="telescope">

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from mitt.errors import FileError
-from mitt.files.cell import read_cell
+from mitt.core.errors import FileError
+from mitt.io.cell import read_cell
 
 TEXT = (files("mitt") / "data" / "cells" / "wam-sim.toml").read_text()
 

@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 
 import mitt
-from mitt.arm.load import arm_names
-from mitt.arm.wam import LIMIT_SETS
 from mitt.cli.catching import prepare_run
 from mitt.cli.main import main
 from mitt.cli.options import CatchOptions
-from mitt.errors import InputError
-from mitt.files import arm_file
-from mitt.files.arm_file import ArmFile, design_of, load_arm
-from mitt.files.shipped_arms import ShippedArm, arm_digest, shipped_arms
-from mitt.map.map_design import default_design
-from mitt.reading import shipped
+from mitt.core.errors import InputError
+from mitt.core.map.map_design import default_design
+from mitt.io import arm_file
+from mitt.io.arm_file import ArmFile, design_of, load_arm
+from mitt.io.load import arm_names
+from mitt.io.reading import shipped
+from mitt.io.shipped_arms import ShippedArm, arm_digest, shipped_arms
+from mitt.io.wam import LIMIT_SETS
 
 ARMS = shipped_arms()
 DESIGNS = shipped("designs")

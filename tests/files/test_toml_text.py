@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.errors import InputError
-from mitt.files.writing import toml_text
+from mitt.core.errors import InputError
+from mitt.io.writing import toml_text
 
 _TEXT = st.text(st.characters(exclude_categories=["Cs"]), max_size=20)
 _PLAIN = st.one_of(

@@ -8,14 +8,13 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from mitt.arm.arm import Arm
-from mitt.ball.flight import acceleration, advance
-from mitt.errors import InputError, ModelError
-from mitt.files.arm_file import load_arm
-from mitt.map.batting import BattingMap, learn_batting, lift_strike, unlearned_batting
-from mitt.map.learn import Flight
-from mitt.map.map_design import MapDesign
-from mitt.map.striking import (
+from mitt.core.arm.arm import Arm
+from mitt.core.ball.flight import acceleration, advance
+from mitt.core.errors import InputError, ModelError
+from mitt.core.map.batting import BattingMap, learn_batting, lift_strike, unlearned_batting
+from mitt.core.map.learn import Flight
+from mitt.core.map.map_design import MapDesign
+from mitt.core.map.striking import (
     Impact,
     PaddleStrike,
     Restitution,
@@ -25,7 +24,8 @@ from mitt.map.striking import (
     rebound,
     shot,
 )
-from mitt.signals import GRAVITY, Array, BallState
+from mitt.core.signals import GRAVITY, Array, BallState
+from mitt.io.arm_file import load_arm
 
 #: Of each arm: joints of the file, a pose in which it strikes, free joints, held ones, catch joint.
 ARMS = {

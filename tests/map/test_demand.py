@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.arm.arm import Arm
-from mitt.arm.load import build_arm
-from mitt.arm.plant import add_arm
-from mitt.arm.wam import wam
-from mitt.map.demand import Tolerance, demand, shares_of
-from mitt.map.learn import limit_rows, sensitivity
-from mitt.signals import Array
+from mitt.core.arm.arm import Arm
+from mitt.core.map.demand import Tolerance, demand, shares_of
+from mitt.core.map.learn import limit_rows, sensitivity
+from mitt.core.signals import Array
+from mitt.io.load import build_arm
+from mitt.io.wam import wam
+from mitt.lab.world.plant import add_arm
 
 EXACT = 1e-9
 

@@ -9,11 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support import parabola
 
-from mitt.arm.arm import Arm
-from mitt.arm.wam import wam_limits
-from mitt.errors import InputError, ShapeError
-from mitt.map.demand import demand
-from mitt.map.learn import (
+from mitt.core.arm.arm import Arm
+from mitt.core.errors import InputError, ShapeError
+from mitt.core.map.demand import demand
+from mitt.core.map.learn import (
     Flight,
     Learned,
     cost,
@@ -23,10 +22,11 @@ from mitt.map.learn import (
     sensitivity,
     solve_step,
 )
-from mitt.map.map_design import MapDesign
-from mitt.map.mapping import DirectMap, answer_to_gap, coordinates, initial_matrix, project
-from mitt.map.tangent import to_go
-from mitt.signals import Array
+from mitt.core.map.map_design import MapDesign
+from mitt.core.map.mapping import DirectMap, answer_to_gap, coordinates, initial_matrix, project
+from mitt.core.map.tangent import to_go
+from mitt.core.signals import Array
+from mitt.io.wam import wam_limits
 
 STEP = 1e-6
 #: The catch lies between two instants of a flight; its velocities are carried there [m/s].

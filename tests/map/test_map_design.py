@@ -7,17 +7,17 @@ from sysconfig import get_paths
 import numpy as np
 import pytest
 
-from mitt.arm.arm import Arm
-from mitt.arm.hands import HandModel
-from mitt.arm.load import build_arm
-from mitt.errors import MittError
-from mitt.map.map_design import (
+from mitt.core.arm.arm import Arm
+from mitt.core.arm.hands import HandModel
+from mitt.core.errors import MittError
+from mitt.core.map.map_design import (
     MapDesign,
     default_design,
     nominal_catch,
     tangent_of,
     warnings_of,
 )
+from mitt.io.load import build_arm
 
 
 def test_the_paper_s_arm_has_the_paper_s_design(arm: Arm) -> None:

@@ -9,17 +9,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support import ball_state
 
-from mitt.arm.arm import Arm
-from mitt.arm.hands import HandModel
-from mitt.arm.load import build_arm
-from mitt.catcher.generators import Direct
-from mitt.errors import InputError, MittError, ModelError, ShapeError
-from mitt.map.learn import Learned
-from mitt.map.map_design import MapDesign, tangent_of
-from mitt.map.mapping import DirectMap, unlearned
-from mitt.map.prediction import NEAR, flown, root_time
-from mitt.map.tangent import invert_newton, scratch_of, to_go
-from mitt.signals import PASSED, Array, BallState, MapStatus
+from mitt.core.arm.arm import Arm
+from mitt.core.arm.hands import HandModel
+from mitt.core.catcher.generators import Direct
+from mitt.core.errors import InputError, MittError, ModelError, ShapeError
+from mitt.core.map.learn import Learned
+from mitt.core.map.map_design import MapDesign, tangent_of
+from mitt.core.map.mapping import DirectMap, unlearned
+from mitt.core.map.prediction import NEAR, flown, root_time
+from mitt.core.map.tangent import invert_newton, scratch_of, to_go
+from mitt.core.signals import PASSED, Array, BallState, MapStatus
+from mitt.io.load import build_arm
 
 STEP = 1e-5
 EXACT = 1e-9

@@ -8,14 +8,14 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from mitt.arm.arm import Arm
-from mitt.arm.tools import Suction
-from mitt.arm.wam import wrist_wam
-from mitt.errors import ModelError
-from mitt.files.arm_file import load_arm
-from mitt.map.meeting import MeetingMap, unlearned_meeting
-from mitt.map.reach import reach_of
-from mitt.signals import Array
+from mitt.core.arm.arm import Arm
+from mitt.core.arm.tools import Suction
+from mitt.core.errors import ModelError
+from mitt.core.map.meeting import MeetingMap, unlearned_meeting
+from mitt.core.map.reach import reach_of
+from mitt.core.signals import Array
+from mitt.io.arm_file import load_arm
+from mitt.io.wam import wrist_wam
 
 #: A pose of each arm from which targets are within reach, and its joints that reach for them.
 POSES = {

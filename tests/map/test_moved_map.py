@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 import mitt
-from mitt.arm.arm import Arm
-from mitt.map.demand import Tolerance
-from mitt.map.family import family_of, moved
-from mitt.map.foresight import foresee
-from mitt.map.learn import Learned
-from mitt.map.mapping import DirectMap
-from mitt.map.neighbourhood import Neighbourhood, learn, nominal_ball
-from mitt.signals import BallState
-from mitt.verdict.feasibility import Outcome, judge
+from mitt.core.arm.arm import Arm
+from mitt.core.map.demand import Tolerance
+from mitt.core.map.family import family_of, moved
+from mitt.core.map.foresight import foresee
+from mitt.core.map.learn import Learned
+from mitt.core.map.mapping import DirectMap
+from mitt.core.map.neighbourhood import Neighbourhood, learn, nominal_ball
+from mitt.core.signals import BallState
+from mitt.core.verdict.feasibility import Outcome, judge
 
 
 @pytest.fixture(scope="module", params=["wam", "kuka-iiwa14"])

@@ -8,12 +8,12 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import mitt
-from mitt.arm.arm import Arm
-from mitt.map.map_design import default_design
-from mitt.map.mapping import DirectMap, unlearned
-from mitt.map.polynomial import CatchBasis
-from mitt.map.tangent import catch_angle, expand, follow_coupling, scratch_of
-from mitt.signals import Array
+from mitt.core.arm.arm import Arm
+from mitt.core.map.map_design import default_design
+from mitt.core.map.mapping import DirectMap, unlearned
+from mitt.core.map.polynomial import CatchBasis
+from mitt.core.map.tangent import catch_angle, expand, follow_coupling, scratch_of
+from mitt.core.signals import Array
 
 #: Step of the differences in time [s]; agreement of position [m] and of velocity [m/s].
 STEP = 1e-5

@@ -5,21 +5,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mitt.arm.arm import Arm
-from mitt.ball.flight import advance
-from mitt.map.learn import Flight, LearnSettings
-from mitt.map.map_design import MapDesign
-from mitt.map.mapping import DirectMap
-from mitt.map.neighbourhood import (
+from mitt.core.arm.arm import Arm
+from mitt.core.ball.flight import advance
+from mitt.core.map.learn import Flight, LearnSettings
+from mitt.core.map.map_design import MapDesign
+from mitt.core.map.mapping import DirectMap
+from mitt.core.map.neighbourhood import (
     LEARNING_SEED,
     Neighbourhood,
     learn,
     neighbourhood,
     neighbourhood_of_ball,
 )
-from mitt.signals import Array
-from mitt.trials.source import aim_of
-from mitt.world.throws import default_throw
+from mitt.core.signals import Array
+from mitt.lab.trials.source import aim_of
+from mitt.lab.world.throws import default_throw
 
 FEW = Neighbourhood(flights=12, instants=12)
 

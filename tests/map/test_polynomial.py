@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.errors import ModelError
-from mitt.map.polynomial import CatchBasis
-from mitt.signals import Array
+from mitt.core.errors import ModelError
+from mitt.core.map.polynomial import CatchBasis
+from mitt.core.signals import Array
 
 STEP = 1e-5
 DIFFERENCE = 1e-6

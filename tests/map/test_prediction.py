@@ -8,12 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support import ball_state
 
-from mitt.ball.flight import forecast
-from mitt.map.foresight import foresee, sharpness
-from mitt.map.learn import Learned
-from mitt.map.mapping import DirectMap
-from mitt.map.prediction import FADES, flown, spread
-from mitt.signals import Array, BallState, MapStatus
+from mitt.core.ball.flight import forecast
+from mitt.core.map.foresight import foresee, sharpness
+from mitt.core.map.learn import Learned
+from mitt.core.map.mapping import DirectMap
+from mitt.core.map.prediction import FADES, flown, spread
+from mitt.core.signals import Array, BallState, MapStatus
 
 G = np.array([0.0, 0.0, -9.81])
 #: Step of the fine integration [s], agreement of the time of the catch [s] and of the flight [m].

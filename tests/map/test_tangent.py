@@ -8,12 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.arm.arm import Arm
-from mitt.arm.load import build_arm
-from mitt.errors import InputError, MittError, ModelError
-from mitt.map.map_design import MapDesign, tangent_of
-from mitt.map.mapping import DirectMap, unlearned, virtual
-from mitt.map.tangent import (
+from mitt.core.arm.arm import Arm
+from mitt.core.errors import InputError, MittError, ModelError
+from mitt.core.map.map_design import MapDesign, tangent_of
+from mitt.core.map.mapping import DirectMap, unlearned, virtual
+from mitt.core.map.tangent import (
     Scratch,
     curve,
     expand,
@@ -27,7 +26,8 @@ from mitt.map.tangent import (
     unpack,
     workspace,
 )
-from mitt.signals import Array
+from mitt.core.signals import Array
+from mitt.io.load import build_arm
 
 PANDA = "cmeel.prefix/share/example-robot-data/robots/panda_description/urdf/panda.urdf"
 #: Step of central differences [rad] and their agreement.

@@ -6,19 +6,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mitt.arm.arm import Arm
-from mitt.arm.hands import HandModel
-from mitt.arm.limits import Limits
-from mitt.arm.load import build_arm
-from mitt.catcher.catcher import Catcher
-from mitt.catcher.family import Family
-from mitt.catcher.generators import Direct, Generator, refining
-from mitt.catcher.given import check_arm, for_arm
-from mitt.errors import InputError
-from mitt.map.learn import Learned
-from mitt.rivals.planned import make_quintic
-from mitt.signals import BallState
-from mitt.trials.catcher_settings import reserved
+from mitt.core.arm.arm import Arm
+from mitt.core.arm.hands import HandModel
+from mitt.core.arm.limits import Limits
+from mitt.core.catcher.catcher import Catcher
+from mitt.core.catcher.family import Family
+from mitt.core.catcher.generators import Direct, Generator, refining
+from mitt.core.catcher.given import check_arm, for_arm
+from mitt.core.errors import InputError
+from mitt.core.map.learn import Learned
+from mitt.core.signals import BallState
+from mitt.io.load import build_arm
+from mitt.lab.rivals.planned import make_quintic
+from mitt.lab.trials.catcher_settings import reserved
 
 Change = Callable[[Arm], Arm]
 

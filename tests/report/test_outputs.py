@@ -10,17 +10,17 @@ import pytest
 from mitt.cli.catching import prepare_run
 from mitt.cli.options import CatchOptions
 from mitt.clock import Stopwatch
-from mitt.errors import InputError, MittError
-from mitt.files.maps import read_map, save_map
-from mitt.map.learn import Learned
-from mitt.report.outputs import write_page
-from mitt.trials.journal import read_kept
-from mitt.trials.result import result
-from mitt.trials.runs import Prepared, ThrownBalls
-from mitt.trials.score import CATCH, MAP, STATUSES, Trial
-from mitt.trials.scored_task import NAME, PAGE, RESULT
-from mitt.trials.statistics import wilson
-from mitt.trials.task_run import FinishedRun, keeping, run_trials, write_result
+from mitt.core.errors import InputError, MittError
+from mitt.core.map.learn import Learned
+from mitt.io.maps import read_map, save_map
+from mitt.lab.report.outputs import write_page
+from mitt.lab.trials.journal import read_kept
+from mitt.lab.trials.result import result
+from mitt.lab.trials.runs import Prepared, ThrownBalls
+from mitt.lab.trials.score import CATCH, MAP, STATUSES, Trial
+from mitt.lab.trials.scored_task import NAME, PAGE, RESULT
+from mitt.lab.trials.statistics import wilson
+from mitt.lab.trials.task_run import FinishedRun, keeping, run_trials, write_result
 
 #: How a page begins.
 PAGE_TEXT = "<!doctype html>\n<title>mitt: 2 balls</title>"
@@ -44,7 +44,7 @@ def prepared(tmp_path_factory: pytest.TempPathFactory, learned: Learned) -> Prep
 def here(prepared: Prepared, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Prepared:
     """That run in a folder of the test's own; its report is not drawn."""
     monkeypatch.setattr(
-        "mitt.report.outputs.write_report", lambda path, _: path.write_text(PAGE_TEXT)
+        "mitt.lab.report.outputs.write_report", lambda path, _: path.write_text(PAGE_TEXT)
     )
     return replace(prepared, out=tmp_path / "out")
 

@@ -8,12 +8,12 @@ import mujoco
 import numpy as np
 import pytest
 
-from mitt.arm.arm import Arm
-from mitt.report.painter import View, painted, png_of, seen_from
-from mitt.report.pictures import body_faces, placed_faces
-from mitt.signals import Array
-from mitt.world.build import build_scene
-from mitt.world.scene import Scene
+from mitt.core.arm.arm import Arm
+from mitt.core.signals import Array
+from mitt.lab.report.painter import View, painted, png_of, seen_from
+from mitt.lab.report.pictures import body_faces, placed_faces
+from mitt.lab.world.build import build_scene
+from mitt.lab.world.scene import Scene
 
 _FLOOR = -1.0
 #: What the camera looks at [m].

@@ -17,9 +17,9 @@ from trimesh import Trimesh
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
-from mitt.arm.arm import Arm
-from mitt.report.replay_3d import may_ask, replay_page, served
-from mitt.report.scene_meshes import (
+from mitt.core.arm.arm import Arm
+from mitt.lab.report.replay_3d import may_ask, replay_page, served
+from mitt.lab.report.scene_meshes import (
     bones,
     capsule,
     cylinder,
@@ -29,9 +29,9 @@ from mitt.report.scene_meshes import (
     skeleton,
     sphere,
 )
-from mitt.trials.runner import LoggedTrial
-from mitt.world.build import build_scene
-from mitt.world.scene import Scene
+from mitt.lab.trials.runner import LoggedTrial
+from mitt.lab.world.build import build_scene
+from mitt.lab.world.scene import Scene
 
 #: Meshes of 24 corners around the axis: their volume is short by 1 %, domes by 5 %.
 _FACETS = 0.07

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from mitt.arm.arm import Arm
-from mitt.errors import ShapeError
-from mitt.map.learn import Learned
-from mitt.report.pictures import picture_strip
-from mitt.report.run_figures import (
+from mitt.core.arm.arm import Arm
+from mitt.core.errors import ShapeError
+from mitt.core.map.learn import Learned
+from mitt.core.signals import Array
+from mitt.lab.report.pictures import picture_strip
+from mitt.lab.report.run_figures import (
     catching_trajectory,
     contact_errors,
     feedback_share,
@@ -23,11 +24,10 @@ from mitt.report.run_figures import (
     releases,
     target_and_hand,
 )
-from mitt.report.style import LEARNED, Plot, plot
-from mitt.signals import Array
-from mitt.trials.log import TrialLog
-from mitt.trials.runner import LoggedTrial
-from mitt.world.scene import Scene
+from mitt.lab.report.style import LEARNED, Plot, plot
+from mitt.lab.trials.log import TrialLog
+from mitt.lab.trials.runner import LoggedTrial
+from mitt.lab.world.scene import Scene
 
 #: A curve on the page may be off by this share of its height: simplified, two decimals.
 _ON_PAGE = 0.02

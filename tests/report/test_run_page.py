@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mitt.arm.arm import Arm
 from mitt.clock import Stopwatch
-from mitt.map.learn import Learned
-from mitt.report.run_page import ReportContent, report, result_summary, write_report
-from mitt.trials.result import result
-from mitt.trials.runner import LoggedTrial
-from mitt.trials.score import CATCH
-from mitt.trials.statistics import wilson
-from mitt.world.scene import Scene
+from mitt.core.arm.arm import Arm
+from mitt.core.map.learn import Learned
+from mitt.lab.report.run_page import ReportContent, report, result_summary, write_report
+from mitt.lab.trials.result import result
+from mitt.lab.trials.runner import LoggedTrial
+from mitt.lab.trials.score import CATCH
+from mitt.lab.trials.statistics import wilson
+from mitt.lab.world.scene import Scene
 
 #: Elements that never close, and the attributes that make a browser load something.
 _VOID = {"meta", "img", "link", "br", "hr", "input"}
@@ -211,7 +211,7 @@ def test_hostile_names_do_no_harm(
 ) -> None:
     """Names of arms, limits, generators and reasons show as text, whatever is in them."""
     for name in ("replay_page", "still", "picture_strip"):  # which are given no names
-        monkeypatch.setattr(f"mitt.report.run_page.{name}", lambda *_: "")
+        monkeypatch.setattr(f"mitt.lab.report.run_page.{name}", lambda *_: "")
     hostile = _result(direct, **dict.fromkeys(("arm", "limits", "generator", "version"), _HOSTILE))
     for trial in hostile["trials"]:
         trial["status"], trial["binding_limit"] = "dropped", _HOSTILE

@@ -14,13 +14,13 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from small_study import written
 
-from mitt.report import study_figures, study_page
-from mitt.report.style import BAND, Plot, plot
-from mitt.trials.bat_study import AXES, read_bat_study
-from mitt.trials.meet_study import read_meet_study
-from mitt.trials.study import Study
-from mitt.trials.study_folder import Folder
-from mitt.trials.study_results import StudyResult, columns_of, study_summary, write_rows
+from mitt.lab.report import study_figures, study_page
+from mitt.lab.report.style import BAND, Plot, plot
+from mitt.lab.trials.bat_study import AXES, read_bat_study
+from mitt.lab.trials.meet_study import read_meet_study
+from mitt.lab.trials.study import Study
+from mitt.lab.trials.study_folder import Folder
+from mitt.lab.trials.study_results import StudyResult, columns_of, study_summary, write_rows
 
 BAT = """
 task = "bat"

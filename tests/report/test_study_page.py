@@ -8,15 +8,15 @@ import pytest
 from small_study import TEXT, Here, quiet, ready, write_study
 
 from mitt.cli.main import main
-from mitt.errors import FileError
-from mitt.files.writing import write_json
-from mitt.map.learn import Learned
-from mitt.report.study_page import break_even, paired_tests, sweeps_of, write_study_page
-from mitt.trials.catch_study import CatchStudy
-from mitt.trials.score import CATCH
-from mitt.trials.study_folder import Folder
-from mitt.trials.study_results import read_result
-from mitt.trials.study_run import run_study
+from mitt.core.errors import FileError
+from mitt.core.map.learn import Learned
+from mitt.io.writing import write_json
+from mitt.lab.report.study_page import break_even, paired_tests, sweeps_of, write_study_page
+from mitt.lab.trials.catch_study import CatchStudy
+from mitt.lab.trials.score import CATCH
+from mitt.lab.trials.study_folder import Folder
+from mitt.lab.trials.study_results import read_result
+from mitt.lab.trials.study_run import run_study
 
 
 @pytest.fixture(scope="session")

@@ -14,17 +14,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from recorded_trials import CASES, recorded
 
-from mitt.ball.flight import forecast
-from mitt.cell.recorder import Recorder
 from mitt.cli.main import main
 from mitt.clock import monotonic, pause
-from mitt.errors import FileError
-from mitt.files.messages import TRUTH
-from mitt.files.recordings import Recorded
-from mitt.report.replay_3d import NODE, served
-from mitt.report.viewer import Viewer, around_catch, ellipsoid, newest, watch, way
-from mitt.signals import ArmState, BallState, Senses
-from mitt.trials.replayed import catcher_of
+from mitt.core.ball.flight import forecast
+from mitt.core.errors import FileError
+from mitt.core.signals import ArmState, BallState, Senses
+from mitt.io.messages import TRUTH
+from mitt.io.recordings import Recorded
+from mitt.lab.report.replay_3d import NODE, served
+from mitt.lab.report.viewer import Viewer, around_catch, ellipsoid, newest, watch, way
+from mitt.lab.trials.replayed import catcher_of
+from mitt.robot.cell.recorder import Recorder
 
 
 @pytest.fixture(scope="module")
@@ -192,7 +192,7 @@ def test_a_recording_that_vanishes_is_left_for_the_next(
     there.write_bytes(one.read_bytes())
     looks = iter((gone, there, there, gone, gone, there))
     seen: list[Path] = []
-    monkeypatch.setattr("mitt.report.viewer._LOOK", 0.1)
+    monkeypatch.setattr("mitt.lab.report.viewer._LOOK", 0.1)
     monkeypatch.setattr(Viewer, "step", lambda self: seen.append(self.path))
     with pytest.raises(StopIteration):  # after the last look
         watch(lambda: next(looks), host="127.0.0.1", port=8875, ready=lambda _: None)

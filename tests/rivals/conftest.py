@@ -5,13 +5,13 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from mitt.arm.arm import Arm
-from mitt.bench.libraries import ball_at
-from mitt.map.learn import Learned
-from mitt.rivals.intercept import Chooser
-from mitt.signals import BallState
-from mitt.trials.source import aim_of
-from mitt.world.throws import Throw, default_throw
+from mitt.core.arm.arm import Arm
+from mitt.core.map.learn import Learned
+from mitt.core.signals import BallState
+from mitt.lab.bench.libraries import ball_at
+from mitt.lab.rivals.intercept import Chooser
+from mitt.lab.trials.source import aim_of
+from mitt.lab.world.throws import Throw, default_throw
 
 
 @pytest.fixture(scope="session")

@@ -8,29 +8,29 @@ from typing import Any, final
 import numpy as np
 import pytest
 
-from mitt.arm.arm import Arm
-from mitt.catcher.catcher import Catcher
-from mitt.catcher.generators import (
+from mitt.core.arm.arm import Arm
+from mitt.core.catcher.catcher import Catcher
+from mitt.core.catcher.generators import (
     Direct,
     Generator,
     Remembering,
     fresh_for_throw,
     refining,
 )
-from mitt.catcher.given import added
-from mitt.catcher.meeting import Meeting, MeetingSettings
-from mitt.files.arm_file import load_arm
-from mitt.map.demand import Tolerance
-from mitt.map.learn import Learned
-from mitt.map.mapping import DirectMap
-from mitt.map.meeting import unlearned_meeting
-from mitt.rivals.batting import BATTERS, make_batter
-from mitt.rivals.meeting import MEETERS, encoder_of, make_meeter
-from mitt.signals import GRAVITY, TICK, Array, BallState, JointReference
-from mitt.trials.bat_station import bat_station
-from mitt.trials.registry import BUILT_IN, make_generator
-from mitt.verdict.feasibility import Verdict
-from mitt.world.scene import named_scene
+from mitt.core.catcher.given import added
+from mitt.core.catcher.meeting import Meeting, MeetingSettings
+from mitt.core.map.demand import Tolerance
+from mitt.core.map.learn import Learned
+from mitt.core.map.mapping import DirectMap
+from mitt.core.map.meeting import unlearned_meeting
+from mitt.core.signals import GRAVITY, TICK, Array, BallState, JointReference
+from mitt.core.verdict.feasibility import Verdict
+from mitt.io.arm_file import load_arm
+from mitt.lab.rivals.batting import BATTERS, make_batter
+from mitt.lab.rivals.meeting import MEETERS, encoder_of, make_meeter
+from mitt.lab.trials.bat_station import bat_station
+from mitt.lab.trials.registry import BUILT_IN, make_generator
+from mitt.lab.world.scene import named_scene
 
 #: Ticks for which a ball is watched, and followed.
 WATCHED = 3

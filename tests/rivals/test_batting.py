@@ -5,17 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mitt.ball.flight import acceleration, advance
-from mitt.catcher.batting import Batting
-from mitt.errors import UnknownNameError
-from mitt.map.demand import Tolerance
-from mitt.map.striking import PaddleStrike
-from mitt.rivals.batting import BATTERS, BatRival, make_batter
-from mitt.signals import TICK, Array, BallState
-from mitt.trials.bat_station import BatStation, bat_station
-from mitt.trials.batting import BatRunner
-from mitt.trials.source import source_of
-from mitt.world.scene import named_scene
+from mitt.core.ball.flight import acceleration, advance
+from mitt.core.catcher.batting import Batting
+from mitt.core.errors import UnknownNameError
+from mitt.core.map.demand import Tolerance
+from mitt.core.map.striking import PaddleStrike
+from mitt.core.signals import TICK, Array, BallState
+from mitt.lab.rivals.batting import BATTERS, BatRival, make_batter
+from mitt.lab.trials.bat_station import BatStation, bat_station
+from mitt.lab.trials.batting import BatRunner
+from mitt.lab.trials.source import source_of
+from mitt.lab.world.scene import named_scene
 
 TARGET = np.array([3.0, 0.0, 0.3])
 #: How far joints may be from what the contact asks for [rad, rad/s].

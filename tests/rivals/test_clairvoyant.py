@@ -10,16 +10,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support import ball_state
 
-from mitt.arm.arm import Arm
-from mitt.arm.hands import HandModel
-from mitt.arm.wam import wam, wam_limits
-from mitt.errors import InputError
-from mitt.map.demand import demand
-from mitt.map.learn import Learned
-from mitt.rivals.clairvoyant import Clairvoyant, Symbolic, make_clairvoyant, symbolic
-from mitt.signals import Array, BallState
-from mitt.verdict.feasibility import Outcome
-from mitt.world.throws import Throw, fly
+from mitt.core.arm.arm import Arm
+from mitt.core.arm.hands import HandModel
+from mitt.core.errors import InputError
+from mitt.core.map.demand import demand
+from mitt.core.map.learn import Learned
+from mitt.core.signals import Array, BallState
+from mitt.core.verdict.feasibility import Outcome
+from mitt.io.wam import wam, wam_limits
+from mitt.lab.rivals.clairvoyant import Clairvoyant, Symbolic, make_clairvoyant, symbolic
+from mitt.lab.world.throws import Throw, fly
 
 pytest.importorskip("casadi")
 

@@ -10,25 +10,25 @@ import numpy as np
 import pytest
 from support import ball_state
 
-from mitt.arm.arm import Arm
-from mitt.arm.hands import HandModel
-from mitt.arm.wam import wam, wam_limits
-from mitt.catcher.generators import Generator
-from mitt.errors import InputError, UnknownNameError
-from mitt.map.learn import Learned
-from mitt.map.map_design import default_design
-from mitt.map.mapping import DirectMap, unlearned
-from mitt.rivals.intercept import Intercept
-from mitt.rivals.planned import Plan, Planned, Planner
-from mitt.rivals.pursuit import rival as rival_by
-from mitt.signals import Array, BallState, JointReference, MapStatus
-from mitt.trials import registry
-from mitt.trials.registry import available, factory_of, make_generator
-from mitt.trials.runner import TrialRunner
-from mitt.trials.source import source_of
-from mitt.verdict.feasibility import Outcome
-from mitt.world.scene import Scene
-from mitt.world.throws import Throw
+from mitt.core.arm.arm import Arm
+from mitt.core.arm.hands import HandModel
+from mitt.core.catcher.generators import Generator
+from mitt.core.errors import InputError, UnknownNameError
+from mitt.core.map.learn import Learned
+from mitt.core.map.map_design import default_design
+from mitt.core.map.mapping import DirectMap, unlearned
+from mitt.core.signals import Array, BallState, JointReference, MapStatus
+from mitt.core.verdict.feasibility import Outcome
+from mitt.io.wam import wam, wam_limits
+from mitt.lab.rivals.intercept import Intercept
+from mitt.lab.rivals.planned import Plan, Planned, Planner
+from mitt.lab.rivals.pursuit import rival as rival_by
+from mitt.lab.trials import registry
+from mitt.lab.trials.registry import available, factory_of, make_generator
+from mitt.lab.trials.runner import TrialRunner
+from mitt.lab.trials.source import source_of
+from mitt.lab.world.scene import Scene
+from mitt.lab.world.throws import Throw
 
 #: Rivals that are told nothing.
 HONEST = ("ik", "quintic", "ruckig", "mpc", "ds")
@@ -171,7 +171,7 @@ def test_another_package_adds_a_generator(
     from importlib.metadata import EntryPoint  # noqa: PLC0415 (beside its use)
 
     points = (
-        EntryPoint("mine", "mitt.rivals.planned:make_quintic", registry.GROUP),
+        EntryPoint("mine", "mitt.lab.rivals.planned:make_quintic", registry.GROUP),
         EntryPoint("broken", "no_such_package:make", registry.GROUP),
     )
     monkeypatch.setattr(registry, "entry_points", lambda **_: points)

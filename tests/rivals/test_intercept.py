@@ -7,15 +7,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.arm.arm import Arm
-from mitt.arm.hands import HandModel
-from mitt.arm.kinematics import ZERO
-from mitt.arm.wam import wam, wam_limits
-from mitt.map.demand import demand
-from mitt.map.map_design import default_design
-from mitt.map.mapping import unlearned
-from mitt.map.prediction import flown, fly_on, state_of
-from mitt.rivals.intercept import (
+from mitt.core.arm.arm import Arm
+from mitt.core.arm.hands import HandModel
+from mitt.core.arm.kinematics import ZERO
+from mitt.core.map.demand import demand
+from mitt.core.map.map_design import default_design
+from mitt.core.map.mapping import unlearned
+from mitt.core.map.prediction import flown, fly_on, state_of
+from mitt.core.signals import Array, BallState
+from mitt.core.verdict.feasibility import Outcome
+from mitt.io.wam import wam, wam_limits
+from mitt.lab.rivals.intercept import (
     APPROACH,
     CLOSINGS,
     FOLLOW,
@@ -36,12 +38,10 @@ from mitt.rivals.intercept import (
     resolve,
     slowest,
 )
-from mitt.rivals.mpc import MpcPlanner, MpcSettings
-from mitt.rivals.paths import responses, sample_quintic
-from mitt.rivals.planned import QuinticPlan
-from mitt.rivals.pursuit import at_rest
-from mitt.signals import Array, BallState
-from mitt.verdict.feasibility import Outcome
+from mitt.lab.rivals.mpc import MpcPlanner, MpcSettings
+from mitt.lab.rivals.paths import responses, sample_quintic
+from mitt.lab.rivals.planned import QuinticPlan
+from mitt.lab.rivals.pursuit import at_rest
 
 seeds = st.integers(0, 2**31)
 #: Residuals of positions [m] and of central differences.

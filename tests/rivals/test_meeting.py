@@ -5,17 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mitt.arm.arm import Arm
-from mitt.arm.tools import TOOLS
-from mitt.catcher.meeting import Meeting, MeetingSettings
-from mitt.errors import InputError, UnknownNameError
-from mitt.files.arm_file import load_arm
-from mitt.map.meeting import unlearned_meeting
-from mitt.rivals.meeting import MEETERS, encoder_of, make_meeter
-from mitt.signals import TICK, BallState, MapStatus
-from mitt.trials.meeting import MeetRunner
-from mitt.trials.station import Station, station
-from mitt.world.scene import scene_of
+from mitt.core.arm.arm import Arm
+from mitt.core.arm.tools import TOOLS
+from mitt.core.catcher.meeting import Meeting, MeetingSettings
+from mitt.core.errors import InputError, UnknownNameError
+from mitt.core.map.meeting import unlearned_meeting
+from mitt.core.signals import TICK, BallState, MapStatus
+from mitt.io.arm_file import load_arm
+from mitt.lab.rivals.meeting import MEETERS, encoder_of, make_meeter
+from mitt.lab.trials.meeting import MeetRunner
+from mitt.lab.trials.station import Station, station
+from mitt.lab.world.scene import scene_of
 
 ALONG = np.array([0.0, 1.0, 0.0])
 #: At the end of the way: what is left [m, m/s].

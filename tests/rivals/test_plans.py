@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.map.demand import demand
-from mitt.rivals.intercept import Chooser, Intercept
-from mitt.rivals.mpc import MpcPlanner, MpcSettings, solve
-from mitt.rivals.paths import PathMotion, quintic, responses
-from mitt.rivals.planned import Budgeted, RuckigPlanner, plan_quintic
-from mitt.rivals.pursuit import at_rest
-from mitt.signals import Array, BallState
+from mitt.core.map.demand import demand
+from mitt.core.signals import Array, BallState
+from mitt.lab.rivals.intercept import Chooser, Intercept
+from mitt.lab.rivals.mpc import MpcPlanner, MpcSettings, solve
+from mitt.lab.rivals.paths import PathMotion, quintic, responses
+from mitt.lab.rivals.planned import Budgeted, RuckigPlanner, plan_quintic
+from mitt.lab.rivals.pursuit import at_rest
 
 seeds = st.integers(0, 2**31)
 #: Boundary conditions met by polynomials, and by solvers.

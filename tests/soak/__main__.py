@@ -10,8 +10,8 @@ import sys
 import tempfile
 from pathlib import Path
 
-from mitt.arm.load import build_arm
-from mitt.map.neighbourhood import learn
+from mitt.core.map.neighbourhood import learn
+from mitt.io.load import build_arm
 from soak import arrays, commands, files, kills, runs, studies, swings, ticks
 
 #: Where files that did harm are kept.

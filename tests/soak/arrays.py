@@ -19,9 +19,9 @@ from typing import Final
 import numpy as np
 from numba.core import event
 
-from mitt.arm.arm import Arm
-from mitt.errors import MittError
-from mitt.map.mapping import DirectMap
+from mitt.core.arm.arm import Arm
+from mitt.core.errors import MittError
+from mitt.core.map.mapping import DirectMap
 from soak.examples import Examples
 from soak.values import Value, absurd, nonsense, said, same, same_numbers, wrong_shapes
 

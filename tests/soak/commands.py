@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mitt.control.envelope import BOUNDS, clamp_joint, clamp_smooth
-from mitt.kernels import kernel
-from mitt.signals import TICK, Array
+from mitt.core.control.envelope import BOUNDS, clamp_joint, clamp_smooth
+from mitt.core.kernels import kernel
+from mitt.core.signals import TICK, Array
 
 #: Excess beyond a limit that is rounding, and how far inside a wish must be to pass untouched.
 ROUNDING = 1e-9

@@ -10,23 +10,23 @@ from typing import final
 import numpy as np
 
 import mitt
-from mitt.arm.arm import Arm
-from mitt.arm.load import build_arm
-from mitt.ball.filter import BallFilter
-from mitt.ball.flight import forecast
-from mitt.catcher.catcher import Catcher, CatcherSettings
-from mitt.catcher.family import Family
-from mitt.catcher.generators import Direct, Unoptimised, refining
-from mitt.eyes.camera import fixed_rig
-from mitt.eyes.eyes import Eyes
-from mitt.map.learn import Flight
-from mitt.map.map_design import default_design
-from mitt.map.mapping import DirectMap, unlearned
-from mitt.rivals.planned import make_quintic
-from mitt.signals import ArmState, Frame, Senses, Sighting
-from mitt.world.scene import Scene
-from mitt.world.simulation import World
-from mitt.world.throws import Throw
+from mitt.core.arm.arm import Arm
+from mitt.core.ball.filter import BallFilter
+from mitt.core.ball.flight import forecast
+from mitt.core.catcher.catcher import Catcher, CatcherSettings
+from mitt.core.catcher.family import Family
+from mitt.core.catcher.generators import Direct, Unoptimised, refining
+from mitt.core.eyes.camera import fixed_rig
+from mitt.core.eyes.eyes import Eyes
+from mitt.core.map.learn import Flight
+from mitt.core.map.map_design import default_design
+from mitt.core.map.mapping import DirectMap, unlearned
+from mitt.core.signals import ArmState, Frame, Senses, Sighting
+from mitt.io.load import build_arm
+from mitt.lab.rivals.planned import make_quintic
+from mitt.lab.world.scene import Scene
+from mitt.lab.world.simulation import World
+from mitt.lab.world.throws import Throw
 from soak.values import Value
 
 _R, _DR, _DDR = (np.array(x) for x in ((2.5, 0.125, 0.5), (-5.5, 0.0, 2.0), (0.25, 0.0, -9.75)))

@@ -10,9 +10,9 @@ from typing import Any, final
 
 import numpy as np
 
-from mitt.eyes.camera import Rig
-from mitt.kernels import kernel
-from mitt.signals import TICK, ArmState, Array, Frame, Image, Sighting
+from mitt.core.eyes.camera import Rig
+from mitt.core.kernels import kernel
+from mitt.core.signals import TICK, ArmState, Array, Frame, Image, Sighting
 
 #: Numbers that are none, or none that could be real.
 ABSURD = (np.nan, np.inf, -np.inf, 1e300, -1e300, 1e18, -1e9, 5e-324)

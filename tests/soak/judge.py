@@ -16,15 +16,15 @@ from typing import final
 
 import numpy as np
 
-from mitt.arm.arm import Arm
-from mitt.arm.hands import HandModel
-from mitt.arm.shapes import MARGIN, clearance, shapes_of
-from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
-from mitt.catcher.state import REASONS
-from mitt.control.envelope import bounds_of
-from mitt.control.health import ABORT, ENCODER_REASONS, Reason
-from mitt.kernels import Record, kernel
-from mitt.signals import TICK, Array, Command
+from mitt.core.arm.arm import Arm
+from mitt.core.arm.hands import HandModel
+from mitt.core.arm.shapes import MARGIN, clearance, shapes_of
+from mitt.core.catcher.catcher import Catcher, CatcherSettings, Phase
+from mitt.core.catcher.state import REASONS
+from mitt.core.control.envelope import bounds_of
+from mitt.core.control.health import ABORT, ENCODER_REASONS, Reason
+from mitt.core.kernels import Record, kernel
+from mitt.core.signals import TICK, Array, Command
 from soak.commands import ROUNDING, inside, obeys
 
 #: Poses that are looked at along a way to standstill.

@@ -14,13 +14,13 @@ from pathlib import Path
 
 import numpy as np
 
-from mitt.arm.load import build_arm
-from mitt.files.maps import read_map, save_map
-from mitt.files.writing import write_json, write_text
-from mitt.map.learn import Learned
-from mitt.map.map_design import default_design
-from mitt.map.mapping import unlearned
-from mitt.reading import read_json
+from mitt.core.map.learn import Learned
+from mitt.core.map.map_design import default_design
+from mitt.core.map.mapping import unlearned
+from mitt.io.load import build_arm
+from mitt.io.maps import read_map, save_map
+from mitt.io.reading import read_json
+from mitt.io.writing import write_json, write_text
 
 #: What is saved: a result, a page, a map.
 RESULT = "result.json"

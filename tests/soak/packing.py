@@ -12,7 +12,7 @@ from mcap.data_stream import ReadDataStream, RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Chunk
 
-from mitt.files.writing import json_digest
+from mitt.io.writing import json_digest
 
 MAGIC = b"\x89MCAP0\r\n"
 

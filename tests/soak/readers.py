@@ -10,14 +10,14 @@ import numpy as np
 from small_study import TEXT, Here, quiet, ready, write_study
 from throws_on_film import calibrated, film, write_film
 
-from mitt.catcher.generators import Direct
-from mitt.files.recordings import write_recording
-from mitt.files.rig import write_rig
-from mitt.trials.log import recording_of
-from mitt.trials.runner import TrialRunner
-from mitt.trials.source import source_of
-from mitt.trials.study_run import run_study
-from mitt.world.scene import named_scene
+from mitt.core.catcher.generators import Direct
+from mitt.io.recordings import write_recording
+from mitt.io.rig import write_rig
+from mitt.lab.trials.log import recording_of
+from mitt.lab.trials.runner import TrialRunner
+from mitt.lab.trials.source import source_of
+from mitt.lab.trials.study_run import run_study
+from mitt.lab.world.scene import named_scene
 from soak.packing import packed, unpacked
 from soak.samples import CATCHING, Sample, no_learning
 

@@ -11,15 +11,15 @@ from dataclasses import dataclass, field
 import numpy as np
 from exact_plant import FALL, SIGMA, ExactPlant
 
-from mitt.arm.arm import Arm
-from mitt.catcher.catcher import Catcher, Phase
-from mitt.catcher.generators import Generator
-from mitt.control.slow_motion import slow_motion
-from mitt.errors import InputError
-from mitt.signals import TICK, ArmState, Array, Senses, Sighting
-from mitt.trials.runner import TrialRunner
-from mitt.trials.source import Source
-from mitt.world.throws import Throw
+from mitt.core.arm.arm import Arm
+from mitt.core.catcher.catcher import Catcher, Phase
+from mitt.core.catcher.generators import Generator
+from mitt.core.errors import InputError
+from mitt.core.signals import TICK, ArmState, Array, Senses, Sighting
+from mitt.lab.trials.runner import TrialRunner
+from mitt.lab.trials.slow_motion import slow_motion
+from mitt.lab.trials.source import Source
+from mitt.lab.world.throws import Throw
 
 #: Longest throw, and how long it is gone on with once it is over [s].
 LONGEST = 1.8

@@ -18,9 +18,9 @@ from typing import Any
 
 import numpy as np
 
-from mitt.errors import FileError
-from mitt.trials.journal import read_kept
-from mitt.trials.scored_task import NAME
+from mitt.core.errors import FileError
+from mitt.lab.trials.journal import read_kept
+from mitt.lab.trials.scored_task import NAME
 
 #: Throws of a run: enough that the moments fall before, among and behind them.
 THROWS = 40

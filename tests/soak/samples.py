@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from mitt.arm.load import build_arm
-from mitt.files.maps import save_map
-from mitt.map.learn import Learned
-from mitt.map.map_design import default_design
-from mitt.map.mapping import unlearned
+from mitt.core.map.learn import Learned
+from mitt.core.map.map_design import default_design
+from mitt.core.map.mapping import unlearned
+from mitt.io.load import build_arm
+from mitt.io.maps import save_map
 
 #: Where the outputs would go; nothing is written by a check.
 _OUT = "never-written"

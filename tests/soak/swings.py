@@ -17,22 +17,22 @@ import numpy as np
 from exact_plant import FALL, SETTINGS, SIGMA, ExactPlant
 from numpy.typing import NDArray
 
-from mitt.arm.arm import Arm
-from mitt.arm.description import STOP_GAP
-from mitt.arm.shapes import MARGIN, Shapes, Surroundings, clearance, shapes_of
-from mitt.catcher.catcher import Catcher, Phase
-from mitt.catcher.generators import Direct
-from mitt.control.slow_motion import slow_motion
-from mitt.errors import InputError
-from mitt.files.arm_file import load_arm
-from mitt.kernels import Record, kernel
-from mitt.map.mapping import DirectMap
-from mitt.map.neighbourhood import learn
-from mitt.signals import TICK, ArmState, Array, Senses, Sighting
-from mitt.trials.runner import TrialRunner
-from mitt.trials.source import aim_of, ranges_of
-from mitt.world.scene import named_scene
-from mitt.world.throws import Throw, default_throw
+from mitt.core.arm.arm import Arm
+from mitt.core.arm.description import STOP_GAP
+from mitt.core.arm.shapes import MARGIN, Shapes, Surroundings, clearance, shapes_of
+from mitt.core.catcher.catcher import Catcher, Phase
+from mitt.core.catcher.generators import Direct
+from mitt.core.errors import InputError
+from mitt.core.kernels import Record, kernel
+from mitt.core.map.mapping import DirectMap
+from mitt.core.map.neighbourhood import learn
+from mitt.core.signals import TICK, ArmState, Array, Senses, Sighting
+from mitt.io.arm_file import load_arm
+from mitt.lab.trials.runner import TrialRunner
+from mitt.lab.trials.slow_motion import slow_motion
+from mitt.lab.trials.source import aim_of, ranges_of
+from mitt.lab.world.scene import named_scene
+from mitt.lab.world.throws import Throw, default_throw
 
 #: Arms, limit sets and masses of the ball [kg]; an arm's map is learned once.
 ROUND: tuple[tuple[str, str | None, float], ...] = (

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mitt.arm.arm import Arm
-from mitt.catcher.catcher import Phase
-from mitt.control.envelope import bounds_of
-from mitt.map.learn import Learned
-from mitt.signals import TICK
+from mitt.core.arm.arm import Arm
+from mitt.core.catcher.catcher import Phase
+from mitt.core.control.envelope import bounds_of
+from mitt.core.map.learn import Learned
+from mitt.core.signals import TICK
 from soak import commands, files, judge, kills, swings, ticks
 from soak.mutants import mutant
 

@@ -13,19 +13,19 @@ from typing import final
 import numpy as np
 from exact_plant import ExactPlant
 
-from mitt.arm.arm import Arm
-from mitt.arm.load import build_arm
-from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
-from mitt.catcher.generators import Direct, Generator, Unoptimised
-from mitt.errors import InputError, ShapeError
-from mitt.eyes.camera import fixed_rig
-from mitt.eyes.eyes import Eyes
-from mitt.eyes.head import active_rig
-from mitt.map.mapping import DirectMap
-from mitt.signals import TICK, ArmState, Array, BallState, JointReference, Senses
-from mitt.trials.source import aim_of
-from mitt.verdict.feasibility import Outcome, Verdict
-from mitt.world.throws import default_throw, fly
+from mitt.core.arm.arm import Arm
+from mitt.core.catcher.catcher import Catcher, CatcherSettings, Phase
+from mitt.core.catcher.generators import Direct, Generator, Unoptimised
+from mitt.core.errors import InputError, ShapeError
+from mitt.core.eyes.camera import fixed_rig
+from mitt.core.eyes.eyes import Eyes
+from mitt.core.eyes.head import active_rig
+from mitt.core.map.mapping import DirectMap
+from mitt.core.signals import TICK, ArmState, Array, BallState, JointReference, Senses
+from mitt.core.verdict.feasibility import Outcome, Verdict
+from mitt.io.load import build_arm
+from mitt.lab.trials.source import aim_of
+from mitt.lab.world.throws import default_throw, fly
 from soak import garbage
 from soak.garbage import Cameras, Channel
 from soak.judge import Judge

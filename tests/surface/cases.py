@@ -13,25 +13,25 @@ from soak.examples import ball_of
 
 import mitt
 import mitt.gym
-from mitt.arm.load import described
-from mitt.ball.filter import BallFilter, FilterConfig
-from mitt.catcher.catcher import Catcher
-from mitt.catcher.generators import Direct
-from mitt.catcher.settings import CatcherSettings
-from mitt.cell.recorder import Recorder
-from mitt.control.stop import plan_brake
-from mitt.eyes.camera import fixed_rig
-from mitt.eyes.eyes import Eyes, EyesConfig
-from mitt.files.about import About
-from mitt.files.cell import read_cell
-from mitt.files.maps import save_map
-from mitt.map.demand import Tolerance
-from mitt.map.learn import Flight, Learned, LearnSettings
-from mitt.map.mapping import unlearned
-from mitt.map.neighbourhood import Neighbourhood
-from mitt.signals import ArmState, Frame, Senses, Sighting
-from mitt.trials.meet_study import MeetStudySettings
-from mitt.world.scene import Scene, read_scene
+from mitt.core.ball.filter import BallFilter, FilterConfig
+from mitt.core.catcher.catcher import Catcher
+from mitt.core.catcher.generators import Direct
+from mitt.core.catcher.settings import CatcherSettings
+from mitt.core.control.stop import plan_brake
+from mitt.core.eyes.camera import fixed_rig
+from mitt.core.eyes.eyes import Eyes, EyesConfig
+from mitt.core.map.demand import Tolerance
+from mitt.core.map.learn import Flight, Learned, LearnSettings
+from mitt.core.map.mapping import unlearned
+from mitt.core.map.neighbourhood import Neighbourhood
+from mitt.core.signals import ArmState, Frame, Senses, Sighting
+from mitt.io.about import About
+from mitt.io.cell import read_cell
+from mitt.io.load import described
+from mitt.io.maps import save_map
+from mitt.lab.trials.meet_study import MeetStudySettings
+from mitt.lab.world.scene import Scene, read_scene
+from mitt.robot.cell.recorder import Recorder
 from surface import names
 
 URDF = names.ROOT / "examples" / "own_arm.urdf"
@@ -477,7 +477,7 @@ class Cases:
         for name, (reader, path) in names.readers().items():
             taken = inspect.signature(reader).parameters.values()
             given = {x.name: rest[x.name] for x in taken if x.name != path and x.default is x.empty}
-            if name.startswith("trials.study_results.") and "columns" in given:
+            if name.startswith("lab.trials.study_results.") and "columns" in given:
                 given["columns"] = pa.schema([("index", pa.int64())])
             found[name] = Case(partial(_read, reader, given), {path: self.folder / "missing.toml"})
         return found

@@ -20,7 +20,7 @@ ROOT = Path(__file__).parents[2]
 _DIRECTIVE = re.compile(r"auto(function|class|module):: (\S+)\n(?:[ ]+:members:[ ]*(.*))?")
 _READER = re.compile(r"^(read|open|load)_")
 #: Packages whose readers take files of users.
-_READERS = ("arm", "cameras", "files", "trials", "world")
+_READERS = ("io", "robot.cameras", "lab.trials", "lab.world")
 #: Methods that the planner alone calls, with what it knows of a verdict so far.
 _BY_THE_PLANNER = frozenset(("consider",))
 

@@ -6,7 +6,7 @@ import pytest
 from one_throw import direct, scene, throw, unoptimised
 from small_study import TEXT, write_study
 
-from mitt.trials.catch_study import CatchStudy
+from mitt.lab.trials.catch_study import CatchStudy
 
 __all__ = ["direct", "scene", "study", "throw", "unoptimised"]
 

@@ -10,14 +10,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.ball.flight import advance
 from mitt.cli.main import main
-from mitt.errors import InputError, ModelError
-from mitt.files.arm_file import load_arm
-from mitt.files.recordings import Recorded, write_recording
-from mitt.signals import BallState, Sighting
-from mitt.trials.bat_station import BatStation, bat_station
-from mitt.trials.batting import (
+from mitt.core.ball.flight import advance
+from mitt.core.errors import InputError, ModelError
+from mitt.core.signals import BallState, Sighting
+from mitt.core.verdict.feasibility import Outcome
+from mitt.io.arm_file import load_arm
+from mitt.io.recordings import Recorded, write_recording
+from mitt.lab.trials.bat_station import BatStation, bat_station
+from mitt.lab.trials.batting import (
     DOUBT,
     BatRunner,
     nearest,
@@ -26,10 +27,9 @@ from mitt.trials.batting import (
     returned_velocity,
     true_scene,
 )
-from mitt.trials.replayed import changed, replay
-from mitt.trials.source import source_of
-from mitt.verdict.feasibility import Outcome
-from mitt.world.scene import named_scene
+from mitt.lab.trials.replayed import changed, replay
+from mitt.lab.trials.source import source_of
+from mitt.lab.world.scene import named_scene
 
 TARGET = np.array([3.0, 0.0, 0.3])
 LEFT = np.array([0.0, 0.2, 0.0])

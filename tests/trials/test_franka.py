@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from franka_design import panda_file
 
-from mitt.arm.arm import Arm
-from mitt.catcher.generators import Direct
-from mitt.files.arm_file import load_arm, read_arm_file
-from mitt.map.neighbourhood import learn
-from mitt.signals import TICK
-from mitt.trials.runner import TrialRunner
-from mitt.trials.source import Source, source_of, widened
-from mitt.world.scene import read_scene
+from mitt.core.arm.arm import Arm
+from mitt.core.catcher.generators import Direct
+from mitt.core.map.neighbourhood import learn
+from mitt.core.signals import TICK
+from mitt.io.arm_file import load_arm, read_arm_file
+from mitt.lab.trials.runner import TrialRunner
+from mitt.lab.trials.source import Source, source_of, widened
+from mitt.lab.world.scene import read_scene
 
 THROWS = 4
 #: Rounding of a rate: a difference of two numbers, over a millisecond.

@@ -10,14 +10,14 @@ import pytest
 from small_study import TEXT, ready, write_study
 from soak.samples import URDF
 
-from mitt.errors import FileError, InputError
-from mitt.map.learn import Learned
-from mitt.reading import changed_file, noted, read_bytes
-from mitt.trials import registry
-from mitt.trials.catch_study import CatchStudy, throw_again
-from mitt.trials.study import Chunk, Material, Player
-from mitt.trials.study_folder import Folder
-from mitt.trials.study_run import ChunkError, all_chunks, run_chunk
+from mitt.core.errors import FileError, InputError
+from mitt.core.map.learn import Learned
+from mitt.io.reading import changed_file, noted, read_bytes
+from mitt.lab.trials import registry
+from mitt.lab.trials.catch_study import CatchStudy, throw_again
+from mitt.lab.trials.study import Chunk, Material, Player
+from mitt.lab.trials.study_folder import Folder
+from mitt.lab.trials.study_run import ChunkError, all_chunks, run_chunk
 
 ARM = """schema = "mitt.arm/1"
 [arm]
@@ -122,11 +122,13 @@ def test_a_worker_refuses_another_source_of_a_plug_in(
     study: CatchStudy, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It is held to what the study was begun with, wherever it runs."""
-    (tmp_path / "a_planner.py").write_text("from mitt.rivals.planned import make_quintic as f\n")
+    (tmp_path / "a_planner.py").write_text(
+        "from mitt.lab.rivals.planned import make_quintic as f\n"
+    )
     monkeypatch.syspath_prepend(tmp_path)
     point = EntryPoint("theirs", "a_planner:f", registry.GROUP)
     monkeypatch.setattr(registry, "entry_points", lambda **_: (point,))
-    monkeypatch.setattr("mitt.trials.catch_study._learned", lambda _: (None, None))
+    monkeypatch.setattr("mitt.lab.trials.catch_study._learned", lambda _: (None, None))
     plugins = {"theirs": "theirs 1.0, sources 0123"}
     made = study.model_copy(update={"plugins": plugins})
     chunk = replace(_chunk(made), player=Player("theirs"))

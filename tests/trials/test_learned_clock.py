@@ -7,22 +7,22 @@ import pytest
 from recorded_trials import replayed
 from throws_on_film import calibrated
 
-from mitt.cameras.hand_calibration import calibrate_by_catches, catches_in
-from mitt.catcher.catcher import Catcher
-from mitt.catcher.generators import Direct
-from mitt.catcher.settings import BRAKE
-from mitt.errors import InputError
-from mitt.eyes.clock_offset import LearnedClock, caught_offset
-from mitt.files.recordings import Recorded, write_recording
-from mitt.map.learn import Learned
-from mitt.trials.log import recording_of
-from mitt.trials.result import plain_fields
-from mitt.trials.runner import TrialRunner
-from mitt.trials.runs import _thrown
-from mitt.trials.source import Source, source_of
-from mitt.world.faults import Clock
-from mitt.world.scene import Scene
-from mitt.world.throws import Throw
+from mitt.core.catcher.catcher import Catcher
+from mitt.core.catcher.generators import Direct
+from mitt.core.catcher.settings import BRAKE
+from mitt.core.errors import InputError
+from mitt.core.eyes.clock_offset import LearnedClock, caught_offset
+from mitt.core.map.learn import Learned
+from mitt.io.recordings import Recorded, write_recording
+from mitt.lab.trials.log import recording_of
+from mitt.lab.trials.result import plain_fields
+from mitt.lab.trials.runner import TrialRunner
+from mitt.lab.trials.runs import _thrown
+from mitt.lab.trials.source import Source, source_of
+from mitt.lab.world.faults import Clock
+from mitt.lab.world.scene import Scene
+from mitt.lab.world.throws import Throw
+from mitt.robot.cameras.hand_calibration import calibrate_by_catches, catches_in
 
 #: By how much the clock of what the eyes say is ahead of the arm's [s].
 HIDDEN = 0.0015

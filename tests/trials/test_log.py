@@ -6,17 +6,17 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 
-from mitt.arm.arm import Arm
-from mitt.catcher.generators import Direct
-from mitt.catcher.settings import PHASES
-from mitt.files.about import About
-from mitt.files.messages import CATCH_POINT, EVENT, TRUTH
-from mitt.map.learn import Learned
-from mitt.trials.log import recording_of
-from mitt.trials.runner import LoggedTrial, TrialRunner
-from mitt.trials.source import source_of
-from mitt.world.faults import Encoder
-from mitt.world.scene import Scene
+from mitt.core.arm.arm import Arm
+from mitt.core.catcher.generators import Direct
+from mitt.core.catcher.settings import PHASES
+from mitt.core.map.learn import Learned
+from mitt.io.about import About
+from mitt.io.messages import CATCH_POINT, EVENT, TRUTH
+from mitt.lab.trials.log import recording_of
+from mitt.lab.trials.runner import LoggedTrial, TrialRunner
+from mitt.lab.trials.source import source_of
+from mitt.lab.world.faults import Encoder
+from mitt.lab.world.scene import Scene
 
 TICK = 0.001
 

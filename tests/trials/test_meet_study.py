@@ -8,13 +8,13 @@ import pyarrow.parquet as pq
 import pytest
 from small_study import Here, quiet, written
 
-from mitt.errors import InputError, UnknownNameError
-from mitt.report.study_page import write_study_page
-from mitt.trials.meet_study import read_meet_study
-from mitt.trials.studies import read_study
-from mitt.trials.study_folder import Folder, task_of_folder
-from mitt.trials.study_results import read_result
-from mitt.trials.study_run import all_chunks, run_study
+from mitt.core.errors import InputError, UnknownNameError
+from mitt.lab.report.study_page import write_study_page
+from mitt.lab.trials.meet_study import read_meet_study
+from mitt.lab.trials.studies import read_study
+from mitt.lab.trials.study_folder import Folder, task_of_folder
+from mitt.lab.trials.study_results import read_result
+from mitt.lab.trials.study_run import all_chunks, run_study
 
 TEXT = """
 task = "meet"

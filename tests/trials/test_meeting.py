@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from support import thorough
 
-from mitt.arm.tools import TOOLS
-from mitt.files.recordings import Recorded, write_recording
-from mitt.trials.meeting import MeetRunner, MeetTrial
-from mitt.trials.replayed import replay
-from mitt.trials.station import Target, station
-from mitt.world.flights import RecordedFlight
-from mitt.world.scene import scene_of
+from mitt.core.arm.tools import TOOLS
+from mitt.io.recordings import Recorded, write_recording
+from mitt.lab.trials.meeting import MeetRunner, MeetTrial
+from mitt.lab.trials.replayed import replay
+from mitt.lab.trials.station import Target, station
+from mitt.lab.world.flights import RecordedFlight
+from mitt.lab.world.scene import scene_of
 
 #: Largest speed of a tool near a person [m/s].
 NEAR = 0.25

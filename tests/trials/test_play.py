@@ -5,24 +5,24 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from mitt.arm.arm import Arm
-from mitt.catcher.catcher import Catcher
-from mitt.catcher.family import Family
-from mitt.catcher.generators import Direct, Generator
-from mitt.catcher.settings import BRAKE, FOLLOW, REFUSED, STOPPED, WATCH
-from mitt.map.learn import Learned
-from mitt.map.map_design import MapDesign
-from mitt.map.neighbourhood import Neighbourhood, learn
-from mitt.signals import TICK
-from mitt.trials.log import TrialLog
-from mitt.trials.runner import LoggedTrial, TrialRunner
-from mitt.trials.source import source_of
-from mitt.world.flights import BallPath, builtin_flights
-from mitt.world.imaging import BLOCK
-from mitt.world.motion import WATCHED
-from mitt.world.scene import Scene, Sensing, named_scene, scene_of
-from mitt.world.simulation import World
-from mitt.world.throws import Throw
+from mitt.core.arm.arm import Arm
+from mitt.core.catcher.catcher import Catcher
+from mitt.core.catcher.family import Family
+from mitt.core.catcher.generators import Direct, Generator
+from mitt.core.catcher.settings import BRAKE, FOLLOW, REFUSED, STOPPED, WATCH
+from mitt.core.map.learn import Learned
+from mitt.core.map.map_design import MapDesign
+from mitt.core.map.neighbourhood import Neighbourhood, learn
+from mitt.core.signals import TICK
+from mitt.lab.trials.log import TrialLog
+from mitt.lab.trials.runner import LoggedTrial, TrialRunner
+from mitt.lab.trials.source import source_of
+from mitt.lab.world.flights import BallPath, builtin_flights
+from mitt.lab.world.imaging import BLOCK
+from mitt.lab.world.motion import WATCHED
+from mitt.lab.world.scene import Scene, Sensing, named_scene, scene_of
+from mitt.lab.world.simulation import World
+from mitt.lab.world.throws import Throw
 
 #: Time in which the pieces of a verdict are worked out [s].
 WORKED_OUT = 0.008
@@ -172,7 +172,7 @@ def test_a_catcher_that_stops_is_the_same(
     arm: Arm, learned: Learned, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """An arm that strays farther than is allowed stops as it is, both ways."""
-    monkeypatch.setattr("mitt.trials.runner._max_tracking_error", lambda _: 0.001)
+    monkeypatch.setattr("mitt.lab.trials.runner._max_tracking_error", lambda _: 0.001)
     runner = TrialRunner(arm, Direct(learned.map), Scene())
     log = through_both(runner, throws(learned, 1), monkeypatch)[0]
     assert {FOLLOW, STOPPED} <= set(log.phase.tolist())

@@ -7,21 +7,21 @@ import numpy as np
 import pytest
 from recorded_trials import CASES, Case, map_for, recorded, replayed
 
-from mitt.catcher.generators import Direct
-from mitt.cell.recorder import Recorder
-from mitt.errors import FileError, InputError
-from mitt.files.maps import save_map
-from mitt.files.recordings import Recorded, write_recording
-from mitt.map.learn import Learned
-from mitt.trials.explain import evidence_of, explain
-from mitt.trials.log import FIRST_CONTACT, recording_of
-from mitt.trials.replayed import changed, recorded_generator, replay
-from mitt.trials.runner import TrialRunner
-from mitt.trials.runs import simulate
-from mitt.trials.source import source_of
+from mitt.core.catcher.generators import Direct
+from mitt.core.errors import FileError, InputError
+from mitt.core.map.learn import Learned
+from mitt.io.maps import save_map
+from mitt.io.recordings import Recorded, write_recording
+from mitt.lab.trials.explain import evidence_of, explain
+from mitt.lab.trials.log import FIRST_CONTACT, recording_of
+from mitt.lab.trials.replayed import changed, recorded_generator, replay
+from mitt.lab.trials.runner import TrialRunner
+from mitt.lab.trials.runs import simulate
+from mitt.lab.trials.source import source_of
+from mitt.lab.world.scene import Scene, read_scene
+from mitt.lab.world.throws import Throw
+from mitt.robot.cell.recorder import Recorder
 from mitt.version import __version__
-from mitt.world.scene import Scene, read_scene
-from mitt.world.throws import Throw
 
 _SEED = 17
 _QUICK = (

@@ -15,14 +15,14 @@ from support import thorough
 
 from mitt.cli.main import main
 from mitt.clock import Stopwatch
-from mitt.errors import FileError, InputError
-from mitt.files.maps import save_map
-from mitt.files.writing import LOCK, locked
-from mitt.map.learn import Learned
-from mitt.trials.journal import Journal, died, read_kept
-from mitt.trials.result import result
-from mitt.trials.score import CATCH, Trial
-from mitt.trials.scored_task import NAME, PAGE, RESULT
+from mitt.core.errors import FileError, InputError
+from mitt.core.map.learn import Learned
+from mitt.io.maps import save_map
+from mitt.io.writing import LOCK, locked
+from mitt.lab.trials.journal import Journal, died, read_kept
+from mitt.lab.trials.result import result
+from mitt.lab.trials.score import CATCH, Trial
+from mitt.lab.trials.scored_task import NAME, PAGE, RESULT
 
 HEAD = {"version": "0", "arm": "wam", "seed": 3}
 #: How long a process may go on after a signal [s]: a second is promised, on a machine of its own.
@@ -168,7 +168,9 @@ def test_kill_9_loses_at_most_the_throw_under_way(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Killed at any moment: all throws up to the last are there, and mitt report reads them."""
-    monkeypatch.setattr("mitt.report.outputs.write_report", lambda path, _: path.write_text("page"))
+    monkeypatch.setattr(
+        "mitt.lab.report.outputs.write_report", lambda path, _: path.write_text("page")
+    )
     with started(a_map, tmp_path):
         until_lines(tmp_path / NAME, 3)
     lines = (tmp_path / NAME).read_bytes().count(b"\n") - 1

@@ -8,28 +8,28 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mitt.arm.arm import Arm
-from mitt.arm.hands import HandModel
-from mitt.arm.load import build_arm
-from mitt.ball.filter import FilterConfig
-from mitt.catcher.family import direct
-from mitt.catcher.generators import Direct, Unoptimised
-from mitt.errors import InputError, StoppedError
-from mitt.files.recordings import write_recording
-from mitt.map.learn import Learned
-from mitt.map.mapping import DirectMap
-from mitt.map.neighbourhood import learn
-from mitt.rivals.planned import make_quintic
-from mitt.signals import Array, BallState, JointReference
-from mitt.trials.catcher_settings import driven, filter_settings
-from mitt.trials.log import recording_of
-from mitt.trials.runner import LoggedTrial, TrialRunner
-from mitt.trials.runs import simulate
-from mitt.trials.score import HELD_AFTER
-from mitt.trials.source import aim_of
-from mitt.verdict.feasibility import Verdict
-from mitt.world.scene import Scene, Sensing, named_scene, scene_of
-from mitt.world.throws import Throw, default_throw
+from mitt.core.arm.arm import Arm
+from mitt.core.arm.hands import HandModel
+from mitt.core.ball.filter import FilterConfig
+from mitt.core.catcher.family import direct
+from mitt.core.catcher.generators import Direct, Unoptimised
+from mitt.core.errors import InputError, StoppedError
+from mitt.core.map.learn import Learned
+from mitt.core.map.mapping import DirectMap
+from mitt.core.map.neighbourhood import learn
+from mitt.core.signals import Array, BallState, JointReference
+from mitt.core.verdict.feasibility import Verdict
+from mitt.io.load import build_arm
+from mitt.io.recordings import write_recording
+from mitt.lab.rivals.planned import make_quintic
+from mitt.lab.trials.catcher_settings import driven, filter_settings
+from mitt.lab.trials.log import recording_of
+from mitt.lab.trials.runner import LoggedTrial, TrialRunner
+from mitt.lab.trials.runs import simulate
+from mitt.lab.trials.score import HELD_AFTER
+from mitt.lab.trials.source import aim_of
+from mitt.lab.world.scene import Scene, Sensing, named_scene, scene_of
+from mitt.lab.world.throws import Throw, default_throw
 
 #: Agreement of figures reckoned two ways.
 EXACT = 1e-12

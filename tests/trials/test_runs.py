@@ -13,26 +13,26 @@ import numpy as np
 import pytest
 from numba import typeof, types
 
-from mitt.arm.arm import Arm
-from mitt.catcher.family import Family
-from mitt.catcher.generators import Direct, Unoptimised
 from mitt.cli.catching import prepare_run
 from mitt.cli.options import CatchOptions
-from mitt.errors import InputError, MittError
-from mitt.files.arm_file import ArmSpec
-from mitt.files.maps import save_map
+from mitt.core.arm.arm import Arm
+from mitt.core.catcher.family import Family
+from mitt.core.catcher.generators import Direct, Unoptimised
+from mitt.core.errors import InputError, MittError
+from mitt.core.map.learn import Learned
+from mitt.core.map.map_design import default_design
+from mitt.core.map.mapping import unlearned
 from mitt.interrupts import Interrupted
-from mitt.map.learn import Learned
-from mitt.map.map_design import default_design
-from mitt.map.mapping import unlearned
-from mitt.trials import play as loop
-from mitt.trials import runs
-from mitt.trials.registry import make_generator
-from mitt.trials.runner import TrialRunner
-from mitt.trials.runs import Prepared
-from mitt.trials.task_run import FinishedRun, run_trials
-from mitt.world.scene import Scene
-from mitt.world.throws import Throw
+from mitt.io.arm_file import ArmSpec
+from mitt.io.maps import save_map
+from mitt.lab.trials import play as loop
+from mitt.lab.trials import runs
+from mitt.lab.trials.registry import make_generator
+from mitt.lab.trials.runner import TrialRunner
+from mitt.lab.trials.runs import Prepared
+from mitt.lab.trials.task_run import FinishedRun, run_trials
+from mitt.lab.world.scene import Scene
+from mitt.lab.world.throws import Throw
 
 
 @pytest.fixture(scope="module")
@@ -122,7 +122,7 @@ def test_an_interrupt_keeps_what_is_finished(
 
 def test_throwing_again_gives_the_same_trial(prepared: Prepared) -> None:
     """A recording is made by throwing once more: it is the very same trial."""
-    from mitt.trials.runs import make_runner  # noqa: PLC0415 (beside its use)
+    from mitt.lab.trials.runs import make_runner  # noqa: PLC0415 (beside its use)
 
     finished = run_trials(prepared, progress=quiet, keeps=nothing)
     assert isinstance(finished.runner, runs.ThrownBalls)

@@ -9,14 +9,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mitt.arm.arm import Arm
-from mitt.arm.basket import Basket
-from mitt.arm.hands import HandModel
-from mitt.arm.load import build_arm
-from mitt.catcher.settings import Phase
-from mitt.catcher.state import Result, fresh_result, room_for
-from mitt.signals import Array, Command
-from mitt.trials.score import (
+from mitt.core.arm.arm import Arm
+from mitt.core.arm.basket import Basket
+from mitt.core.arm.hands import HandModel
+from mitt.core.catcher.settings import Phase
+from mitt.core.catcher.state import Result, fresh_result, room_for
+from mitt.core.signals import Array, Command
+from mitt.io.load import build_arm
+from mitt.lab.trials.score import (
     HELD_GAP,
     LYING,
     Measured,
@@ -27,9 +27,9 @@ from mitt.trials.score import (
     measure,
     trial_status,
 )
-from mitt.world.engine import ARM_FLOOR, BALL_FLOOR, BALL_HAND, SELF
-from mitt.world.simulation import World
-from mitt.world.truth import Trace, Truth
+from mitt.lab.world.engine import ARM_FLOOR, BALL_FLOOR, BALL_HAND, SELF
+from mitt.lab.world.simulation import World
+from mitt.lab.world.truth import Trace, Truth
 
 RADIUS = 0.04
 TICKS = 6
@@ -150,7 +150,7 @@ def test_held_takes_nearness_and_two_geoms(gap: float, geoms: int) -> None:
 
 def test_the_rule_for_held_is_the_contract() -> None:
     """20 mm and half a second, as docs/notation.md has it."""
-    from mitt.trials.score import HELD_AFTER, HELD_GEOMS  # noqa: PLC0415 (beside what it checks)
+    from mitt.lab.trials.score import HELD_AFTER, HELD_GEOMS  # noqa: PLC0415 (beside what it checks)
 
     assert (HELD_GAP, HELD_GEOMS, HELD_AFTER) == (0.020, 2, 0.5)
 

@@ -8,17 +8,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mitt.arm.arm import Arm
-from mitt.ball.flight import advance
-from mitt.errors import FileError
-from mitt.files.arm_file import load_arm
-from mitt.map.map_design import MapDesign
-from mitt.map.mapping import DirectMap, unlearned
-from mitt.map.neighbourhood import Neighbourhood, neighbourhood
-from mitt.signals import Array
-from mitt.trials.source import Source, release_of, source_of
-from mitt.world.flights import PlacedFlight, builtin_flights
-from mitt.world.throws import Throw
+from mitt.core.arm.arm import Arm
+from mitt.core.ball.flight import advance
+from mitt.core.errors import FileError
+from mitt.core.map.map_design import MapDesign
+from mitt.core.map.mapping import DirectMap, unlearned
+from mitt.core.map.neighbourhood import Neighbourhood, neighbourhood
+from mitt.core.signals import Array
+from mitt.io.arm_file import load_arm
+from mitt.lab.trials.source import Source, release_of, source_of
+from mitt.lab.world.flights import PlacedFlight, builtin_flights
+from mitt.lab.world.throws import Throw
 
 
 def source(

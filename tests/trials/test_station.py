@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 from support import thorough
 
-from mitt.arm.description import Capsule
-from mitt.arm.shapes import MARGIN, Surroundings, clearance, shapes_of
-from mitt.arm.tools import TOOLS
-from mitt.catcher.catcher import Catcher, Phase
-from mitt.catcher.meeting import Meeting
-from mitt.errors import ModelError
-from mitt.signals import TICK, ArmState, Array, Senses, Sighting
-from mitt.trials.meeting import MeetRunner
-from mitt.trials.station import PARTS_SCENE, Station, Target, station
-from mitt.verdict.feasibility import Outcome
-from mitt.world.scene import Belt, Scene, named_scene
+from mitt.core.arm.description import Capsule
+from mitt.core.arm.shapes import MARGIN, Surroundings, clearance, shapes_of
+from mitt.core.arm.tools import TOOLS
+from mitt.core.catcher.catcher import Catcher, Phase
+from mitt.core.catcher.meeting import Meeting
+from mitt.core.errors import ModelError
+from mitt.core.signals import TICK, ArmState, Array, Senses, Sighting
+from mitt.core.verdict.feasibility import Outcome
+from mitt.lab.trials.meeting import MeetRunner
+from mitt.lab.trials.station import PARTS_SCENE, Station, Target, station
+from mitt.lab.world.scene import Belt, Scene, named_scene
 
 #: Ticks from one sighting to the next, and time for which a hand is looked at [s].
 SEEN_EVERY = 16

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.trials.statistics import (
+from mitt.lab.trials.statistics import (
     holm,
     mcnemar,
     paired_difference,

@@ -5,15 +5,15 @@ from pathlib import Path
 import pytest
 from small_study import GENERATORS, TEXT, write_study
 
-from mitt.errors import InputError, MittError, UnknownNameError
-from mitt.files.schema import merged
-from mitt.reading import shipped
-from mitt.trials.catch_study import CatchStudy, read_catch_study
-from mitt.trials.registry import BUILT_IN
-from mitt.trials.studies import read_study
-from mitt.trials.study import extent, planned
-from mitt.trials.study_folder import Folder
-from mitt.world.disturbances import Kick
+from mitt.core.errors import InputError, MittError, UnknownNameError
+from mitt.io.reading import shipped
+from mitt.io.schema import merged
+from mitt.lab.trials.catch_study import CatchStudy, read_catch_study
+from mitt.lab.trials.registry import BUILT_IN
+from mitt.lab.trials.studies import read_study
+from mitt.lab.trials.study import extent, planned
+from mitt.lab.trials.study_folder import Folder
+from mitt.lab.world.disturbances import Kick
 
 #: Names that a registry with all rivals has.
 EVERY = tuple(BUILT_IN)

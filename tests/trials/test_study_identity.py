@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from mitt.trials.studies import read_study
-from mitt.trials.study_folder import throw_name
+from mitt.lab.trials.studies import read_study
+from mitt.lab.trials.study_folder import throw_name
 
 ROOT = Path(__file__).parents[2]
 CATCH = (

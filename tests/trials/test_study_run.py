@@ -10,15 +10,15 @@ import pyarrow.parquet as pq
 import pytest
 from small_study import TEXT, Here, quiet, ready, thrown_again, write_study
 
-from mitt.errors import FileError, InputError
-from mitt.files.writing import locked, write_json
-from mitt.map.learn import Learned
-from mitt.trials import registry
-from mitt.trials.catch_study import CatchStudy
-from mitt.trials.score import CATCH
-from mitt.trials.study_folder import Folder
-from mitt.trials.study_results import columns_of, read_part
-from mitt.trials.study_run import FinishedStudy, all_chunks, run_study
+from mitt.core.errors import FileError, InputError
+from mitt.core.map.learn import Learned
+from mitt.io.writing import locked, write_json
+from mitt.lab.trials import registry
+from mitt.lab.trials.catch_study import CatchStudy
+from mitt.lab.trials.score import CATCH
+from mitt.lab.trials.study_folder import Folder
+from mitt.lab.trials.study_results import columns_of, read_part
+from mitt.lab.trials.study_run import FinishedStudy, all_chunks, run_study
 
 #: What a finished study's folder is compared by.
 COMPARED = ("summary.json", "trials.parquet")
@@ -139,7 +139,7 @@ def test_a_plug_in_that_was_changed_is_another_study(
 ) -> None:
     """Its source is part of the study, and whoever goes on is told which one is not as it was."""
     source = tmp_path / "their_planner.py"
-    source.write_text("from mitt.rivals.planned import make_quintic as make\n")
+    source.write_text("from mitt.lab.rivals.planned import make_quintic as make\n")
     monkeypatch.syspath_prepend(tmp_path)
     point = EntryPoint("theirs", "their_planner:make", registry.GROUP)
     monkeypatch.setattr(registry, "entry_points", lambda **_: (point,))

@@ -11,13 +11,13 @@ import pytest
 
 from mitt.cli.measuring import _rate
 from mitt.clock import Stopwatch
-from mitt.control.health import Reason, State, StoppedBy
-from mitt.trials.catch_study import CatchCondition, CatchStudy
-from mitt.trials.result import force_words, run_summary
-from mitt.trials.score import CATCH, Trial, reason_of, stop_as_json
-from mitt.trials.statistics import wilson
-from mitt.trials.study import Player
-from mitt.trials.study_results import (
+from mitt.core.control.health import Reason, State, StoppedBy
+from mitt.lab.trials.catch_study import CatchCondition, CatchStudy
+from mitt.lab.trials.result import force_words, run_summary
+from mitt.lab.trials.score import CATCH, Trial, reason_of, stop_as_json
+from mitt.lab.trials.statistics import wilson
+from mitt.lab.trials.study import Player
+from mitt.lab.trials.study_results import (
     CellResult,
     against,
     cell_result,

@@ -11,21 +11,21 @@ import pytest
 pytest.importorskip("gymnasium")
 
 import mitt.gym
-from mitt.arm.arm import identity_of
-from mitt.arm.load import described
-from mitt.arm.tools import TOOLS, Paddle
-from mitt.cell.prepare import prepare
 from mitt.cli.main import main
-from mitt.errors import InputError, MittError, ModelError
-from mitt.files.arm_file import ArmFile, hand_of, read_arm_file, write_arm_file
-from mitt.files.cell import read_cell
-from mitt.reading import shipped_path
-from mitt.trials.bat_station import arm_with_paddle
-from mitt.trials.bat_study import read_bat_study
-from mitt.trials.meet_study import read_meet_study
-from mitt.trials.station import arm_with_tool
-from mitt.trials.study_folder import Folder
-from mitt.trials.study_run import all_chunks
+from mitt.core.arm.arm import identity_of
+from mitt.core.arm.tools import TOOLS, Paddle
+from mitt.core.errors import InputError, MittError, ModelError
+from mitt.io.arm_file import ArmFile, hand_of, read_arm_file, write_arm_file
+from mitt.io.cell import read_cell
+from mitt.io.load import described
+from mitt.io.reading import shipped_path
+from mitt.lab.trials.bat_station import arm_with_paddle
+from mitt.lab.trials.bat_study import read_bat_study
+from mitt.lab.trials.meet_study import read_meet_study
+from mitt.lab.trials.station import arm_with_tool
+from mitt.lab.trials.study_folder import Folder
+from mitt.lab.trials.study_run import all_chunks
+from mitt.robot.cell.prepare import prepare
 
 JOINTS = (
     "shoulder_pan_joint",

@@ -4,15 +4,15 @@ from dataclasses import replace
 
 import pytest
 
-from mitt.arm.load import build_arm
-from mitt.map.learn import Learned
-from mitt.map.neighbourhood import learn
-from mitt.trials.registry import make_generator
-from mitt.trials.runner import TrialRunner
-from mitt.trials.score import Trial
-from mitt.trials.source import Source, source_of
-from mitt.world.scene import Scene, scene_of
-from mitt.world.throws import ThrowRanges
+from mitt.core.map.learn import Learned
+from mitt.core.map.neighbourhood import learn
+from mitt.io.load import build_arm
+from mitt.lab.trials.registry import make_generator
+from mitt.lab.trials.runner import TrialRunner
+from mitt.lab.trials.score import Trial
+from mitt.lab.trials.source import Source, source_of
+from mitt.lab.world.scene import Scene, scene_of
+from mitt.lab.world.throws import ThrowRanges
 
 #: Throws and ball of the study show-throws; seeds on which nothing else is measured.
 FLAT = ThrowRanges(speed=(7.0, 10.0), duration=(0.28, 0.42), distance=(2.0, 4.2), height=(0.0, 1.2))

@@ -13,11 +13,11 @@ import pytest
 from dying_workers import aborts_at_three, raises_at_three, work
 from small_study import TEXT, quiet, ready, thrown_again, write_study
 
-from mitt.errors import InputError
-from mitt.map.learn import Learned
-from mitt.trials.study_folder import Folder
-from mitt.trials.study_run import run_study
-from mitt.trials.workers import Cluster, Processes, engine_of, run_tasks
+from mitt.core.errors import InputError
+from mitt.core.map.learn import Learned
+from mitt.lab.trials.study_folder import Folder
+from mitt.lab.trials.study_run import run_study
+from mitt.lab.trials.workers import Cluster, Processes, engine_of, run_tasks
 
 COMPARED = ("summary.json", "trials.parquet")
 
@@ -148,7 +148,7 @@ def test_an_interrupt_keeps_what_is_done_and_says_130(tmp_path: Path, learned: L
 
 def test_a_scheduler_that_does_not_answer_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed")
-    monkeypatch.setattr("mitt.trials.workers._ANSWER", "300ms")
+    monkeypatch.setattr("mitt.lab.trials.workers._ANSWER", "300ms")
     start = os.times().elapsed
     with pytest.raises(InputError, match="Dask scheduler that answers"):
         engine_of("dask://127.0.0.1:9", None)

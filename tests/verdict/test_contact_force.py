@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 from verdict.test_impact import BANDWIDTH, V, approach
 
-from mitt.arm.arm import Arm
-from mitt.arm.basket import Basket
-from mitt.arm.catch import CaughtBall, HandImpact
-from mitt.arm.description import Hand
-from mitt.arm.hands import HandModel, jam, rate
-from mitt.arm.load import build_arm
-from mitt.verdict.feasibility import Outcome, Verdict
-from mitt.verdict.holding import force_of
-from mitt.verdict.impact import examined, harms, shares_after
-from mitt.world.build import build_scene
-from mitt.world.hand_bodies import NET
-from mitt.world.scene import Ball, Contact, Scene
+from mitt.core.arm.arm import Arm
+from mitt.core.arm.basket import Basket
+from mitt.core.arm.catch import CaughtBall, HandImpact
+from mitt.core.arm.description import Hand
+from mitt.core.arm.hands import HandModel, jam, rate
+from mitt.core.verdict.feasibility import Outcome, Verdict
+from mitt.core.verdict.holding import force_of
+from mitt.core.verdict.impact import examined, harms, shares_after
+from mitt.io.load import build_arm
+from mitt.lab.world.build import build_scene
+from mitt.lab.world.hand_bodies import NET
+from mitt.lab.world.scene import Ball, Contact, Scene
 
 #: Share by which the model may err on a palm that is held still, for balls that do not jam; and for
 #: those that do.

@@ -8,13 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support import ball_state
 
-from mitt.map.demand import Tolerance, demand
-from mitt.map.foresight import sharpness
-from mitt.map.learn import Learned
-from mitt.map.mapping import DirectMap
-from mitt.map.prediction import flown
-from mitt.signals import BallState
-from mitt.verdict.feasibility import (
+from mitt.core.map.demand import Tolerance, demand
+from mitt.core.map.foresight import sharpness
+from mitt.core.map.learn import Learned
+from mitt.core.map.mapping import DirectMap
+from mitt.core.map.prediction import flown
+from mitt.core.signals import BallState
+from mitt.core.verdict.feasibility import (
     Outcome,
     Verdict,
     has_come_back,

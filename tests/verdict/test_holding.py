@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mitt.arm.arm import Arm
-from mitt.arm.basket import Basket
-from mitt.arm.catch import CaughtBall
-from mitt.arm.hands import Finger, HandModel
-from mitt.arm.load import build_arm
-from mitt.control.stop import Brake, plan_brake
-from mitt.errors import InputError
-from mitt.verdict.holding import hand_shares
-from mitt.verdict.impact import speed_jump
+from mitt.core.arm.arm import Arm
+from mitt.core.arm.basket import Basket
+from mitt.core.arm.catch import CaughtBall
+from mitt.core.arm.hands import Finger, HandModel
+from mitt.core.control.stop import Brake, plan_brake
+from mitt.core.errors import InputError
+from mitt.core.verdict.holding import hand_shares
+from mitt.core.verdict.impact import speed_jump
+from mitt.io.load import build_arm
 
 RADII = np.concatenate([np.linspace(0.005, 0.12, 24), np.linspace(0.13, 0.5, 4)]).tolist()
 """Of balls [m]."""

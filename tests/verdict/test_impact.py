@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mitt.arm.arm import Arm
-from mitt.arm.basket import Basket
-from mitt.arm.catch import CaughtBall
-from mitt.arm.hands import HandModel
-from mitt.arm.limits import joint_level
-from mitt.arm.load import build_arm
-from mitt.control.envelope import bounds_of
-from mitt.signals import Array
-from mitt.verdict.feasibility import Approach, Outcome, Verdict
-from mitt.verdict.impact import examined, gap_at_catch, shares_after, speed_caps, speed_jump
+from mitt.core.arm.arm import Arm
+from mitt.core.arm.basket import Basket
+from mitt.core.arm.catch import CaughtBall
+from mitt.core.arm.hands import HandModel
+from mitt.core.arm.limits import joint_level
+from mitt.core.control.envelope import bounds_of
+from mitt.core.signals import Array
+from mitt.core.verdict.feasibility import Approach, Outcome, Verdict
+from mitt.core.verdict.impact import examined, gap_at_catch, shares_after, speed_caps, speed_jump
+from mitt.io.load import build_arm
 
 #: Arithmetic of an impulse [kg m/s].
 EXACT = 1e-9

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.verdict.pieces import Pieces, Unfinished
+from mitt.core.verdict.pieces import Pieces, Unfinished
 
 CALLS = list[str]()
 

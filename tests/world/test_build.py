@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.arm.arm import Arm
-from mitt.arm.description import Capsule
-from mitt.arm.load import build_arm
-from mitt.errors import ModelError
-from mitt.signals import Array
-from mitt.world.build import PlantDraw, build_scene, describe
-from mitt.world.scene import Mismatch, Scene, exact_scene
+from mitt.core.arm.arm import Arm
+from mitt.core.arm.description import Capsule
+from mitt.core.errors import ModelError
+from mitt.core.signals import Array
+from mitt.io.load import build_arm
+from mitt.lab.world.build import PlantDraw, build_scene, describe
+from mitt.lab.world.scene import Mismatch, Scene, exact_scene
 
 ARM = build_arm("wam")
 PLANT = build_scene(exact_scene(), ARM.model)

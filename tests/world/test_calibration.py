@@ -3,11 +3,17 @@
 import numpy as np
 import pytest
 
-from mitt.errors import InputError
-from mitt.eyes.camera import Camera, Rig, fixed_rig
-from mitt.signals import Array
-from mitt.world.calibration_errors import bends, drawn_rig, error_root, image_grid, pinhole_errors
-from mitt.world.scene import scene_of
+from mitt.core.errors import InputError
+from mitt.core.eyes.camera import Camera, Rig, fixed_rig
+from mitt.core.signals import Array
+from mitt.lab.world.calibration_errors import (
+    bends,
+    drawn_rig,
+    error_root,
+    image_grid,
+    pinhole_errors,
+)
+from mitt.lab.world.scene import scene_of
 
 BEND = (-0.10, 0.02)
 #: The place of the paper's catch [m].
@@ -70,7 +76,7 @@ def test_the_ball_in_the_hand_fits_the_placed_rig(rig: Rig) -> None:
 
 def test_a_lens_moves_image_points_as_its_derivatives_say(rig: Rig) -> None:
     """The table of derivatives is that of a lens whose numbers are changed a little."""
-    from mitt.eyes.lens import Lens  # noqa: PLC0415 (beside its use)
+    from mitt.core.eyes.lens import Lens  # noqa: PLC0415 (beside its use)
 
     camera, step = rig.cameras[0], 1e-6
     xy = image_grid(camera)
@@ -101,7 +107,7 @@ def test_too_few_views_are_refused() -> None:
 
 def test_images_come_from_another_rig_than_the_catcher_has() -> None:
     """Drawn from the trial's seed: other trials have other rigs, an exact scene has none."""
-    from mitt.trials.runner import cameras_of  # noqa: PLC0415 (beside its use)
+    from mitt.lab.trials.runner import cameras_of  # noqa: PLC0415 (beside its use)
 
     rig = fixed_rig()
     for views, equal in ((0, True), (20, False)):

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mitt.world.capsules import Canvas, Edges, Point, capsule_in_view, misses, paint_capsule
+from mitt.lab.world.capsules import Canvas, Edges, Point, capsule_in_view, misses, paint_capsule
 
 SIDE = 24
 MARGIN = 60

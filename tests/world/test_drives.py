@@ -7,17 +7,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mitt.arm.arm import Arm
-from mitt.arm.load import build_arm
-from mitt.catcher.generators import Direct
-from mitt.control.setpoints import Setpoints
-from mitt.errors import InputError
-from mitt.map.learn import Learned
-from mitt.signals import TICK, Array, Command
-from mitt.trials.catcher_settings import bandwidth_of
-from mitt.trials.runner import TrialRunner
-from mitt.trials.source import source_of
-from mitt.world.drives import (
+from mitt.core.arm.arm import Arm
+from mitt.core.catcher.generators import Direct
+from mitt.core.control.setpoints import Setpoints
+from mitt.core.errors import InputError
+from mitt.core.map.learn import Learned
+from mitt.core.signals import TICK, Array, Command
+from mitt.io.load import build_arm
+from mitt.lab.trials.catcher_settings import bandwidth_of
+from mitt.lab.trials.runner import TrialRunner
+from mitt.lab.trials.source import source_of
+from mitt.lab.world.drives import (
     JointControl,
     JointServo,
     brakes_of,
@@ -26,10 +26,10 @@ from mitt.world.drives import (
     fresh_drives,
     hold,
 )
-from mitt.world.scene import Actuation, Mismatch, Scene, Sensing, named_scene, read_scene
-from mitt.world.sensors import encoder_steps, fresh_encoders, read_encoders
-from mitt.world.simulation import World
-from mitt.world.throws import Throw
+from mitt.lab.world.scene import Actuation, Mismatch, Scene, Sensing, named_scene, read_scene
+from mitt.lab.world.sensors import encoder_steps, fresh_encoders, read_encoders
+from mitt.lab.world.simulation import World
+from mitt.lab.world.throws import Throw
 
 HOLDING = np.array([0.0, 20.0, -3.0])
 THROW = Throw(r=np.array([3.6, 0.1, 0.2]), dr=np.array([-5.0, 0.0, 2.6]))

@@ -4,10 +4,10 @@ import mujoco
 import numpy as np
 from numba import njit
 
-from mitt.arm.load import build_arm
-from mitt.world.build import build_scene
-from mitt.world.engine import MOST, Plant, contact_force, plant_of, step1, step2
-from mitt.world.scene import exact_scene
+from mitt.io.load import build_arm
+from mitt.lab.world.build import build_scene
+from mitt.lab.world.engine import MOST, Plant, contact_force, plant_of, step1, step2
+from mitt.lab.world.scene import exact_scene
 
 SCENE = build_scene(exact_scene(), build_arm("wam").model)
 

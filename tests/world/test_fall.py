@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mitt.errors import FileError
-from mitt.signals import GRAVITY, Array
-from mitt.world.fall import doubt_of, doubt_of_throws
-from mitt.world.flights import builtin_flights, read_flights
+from mitt.core.errors import FileError
+from mitt.core.signals import GRAVITY, Array
+from mitt.lab.world.fall import doubt_of, doubt_of_throws
+from mitt.lab.world.flights import builtin_flights, read_flights
 
 Flights = list[tuple[Array, Array]]
 

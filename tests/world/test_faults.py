@@ -5,18 +5,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mitt.arm.arm import Arm
-from mitt.arm.hands import HandModel
-from mitt.arm.load import build_arm
-from mitt.errors import InputError
-from mitt.eyes.camera import fixed_rig
-from mitt.signals import TICK, ArmState, Array, Command, Frame, Senses, Sighting
-from mitt.world.disturbances import DisturbedTrial, Undisturbed
-from mitt.world.faults import ActiveFaults, AnyFault, true_rig
-from mitt.world.scene import Scene, exact_scene, read_scene
-from mitt.world.simulation import World
-from mitt.world.throws import Throw
-from mitt.world.throws import fly as exactly
+from mitt.core.arm.arm import Arm
+from mitt.core.arm.hands import HandModel
+from mitt.core.errors import InputError
+from mitt.core.eyes.camera import fixed_rig
+from mitt.core.signals import TICK, ArmState, Array, Command, Frame, Senses, Sighting
+from mitt.io.load import build_arm
+from mitt.lab.world.disturbances import DisturbedTrial, Undisturbed
+from mitt.lab.world.faults import ActiveFaults, AnyFault, true_rig
+from mitt.lab.world.scene import Scene, exact_scene, read_scene
+from mitt.lab.world.simulation import World
+from mitt.lab.world.throws import Throw
+from mitt.lab.world.throws import fly as exactly
 
 PLACE = np.array([3.0, 0.1, 0.4])
 THROW = Throw(r=np.array([3.6, 0.1, 0.2]), dr=np.array([-5.0, 0.0, 2.6]))

@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from thrower_hands import SWING, carried
 
-from mitt.errors import FileError
-from mitt.signals import Array
-from mitt.world.flights import (
+from mitt.core.errors import FileError
+from mitt.core.signals import Array
+from mitt.lab.world.flights import (
     JITTER_POSITION,
     JITTER_YAW,
     PiecewisePolynomial,
@@ -21,7 +21,7 @@ from mitt.world.flights import (
     read_flights,
     smooth,
 )
-from mitt.world.throws import Throw, fly
+from mitt.lab.world.throws import Throw, fly
 
 CATCH = np.array([0.785, 0.0, 0.057])
 NOISE_MM = np.array([1.6, 0.6, 0.85])

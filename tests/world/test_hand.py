@@ -8,16 +8,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.arm.description import steiner
-from mitt.arm.hands import HandModel, closing_angle
-from mitt.control.closing import LONGEST_INSIDE
-from mitt.errors import ModelError
-from mitt.signals import Array
-from mitt.world.build import STEP, contact_of, friction_of
-from mitt.world.drives import finger_servo, finger_torque
-from mitt.world.engine import plant_of, survey
-from mitt.world.hand_bodies import BALL, FRICTION, HAND, add_hand, finger_inertial
-from mitt.world.scene import Ball, Contact, Scene
+from mitt.core.arm.description import steiner
+from mitt.core.arm.hands import HandModel, closing_angle
+from mitt.core.control.closing import LONGEST_INSIDE
+from mitt.core.errors import ModelError
+from mitt.core.signals import Array
+from mitt.lab.world.build import STEP, contact_of, friction_of
+from mitt.lab.world.drives import finger_servo, finger_torque
+from mitt.lab.world.engine import plant_of, survey
+from mitt.lab.world.hand_bodies import BALL, FRICTION, HAND, add_hand, finger_inertial
+from mitt.lab.world.scene import Ball, Contact, Scene
 
 HAND_MODEL = HandModel()
 BIG = (0.04, 0.07)

@@ -4,8 +4,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.eyes.head import active_rig
-from mitt.world.imaging import Heads
+from mitt.core.eyes.head import active_rig
+from mitt.lab.world.imaging import Heads
 
 TICK = 0.001
 ROUNDING = 1e-9

@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mitt.errors import InputError
-from mitt.eyes.camera import Camera, Rig, fixed_rig
-from mitt.signals import Array
-from mitt.world.imaging import Imager, ImageSensor, bank_of, sensor_of
-from mitt.world.scene import Ball, Scene, Sensing
+from mitt.core.errors import InputError
+from mitt.core.eyes.camera import Camera, Rig, fixed_rig
+from mitt.core.signals import Array
+from mitt.lab.world.imaging import Imager, ImageSensor, bank_of, sensor_of
+from mitt.lab.world.scene import Ball, Scene, Sensing
 
 CLEAN = ImageSensor(
     brightness=200.0, background=20.0, texture=0.0, body=20.0, read_noise=0.0, electrons=1e12

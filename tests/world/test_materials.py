@@ -4,8 +4,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from mitt.arm.arm import Arm
-from mitt.world.build import (
+from mitt.core.arm.arm import Arm
+from mitt.lab.world.build import (
     FRICTION_ON_PAD,
     RESTITUTION,
     SceneModel,
@@ -14,7 +14,7 @@ from mitt.world.build import (
     on_pad,
     restitution_of,
 )
-from mitt.world.scene import Ball, Contact, Scene, named_scene
+from mitt.lab.world.scene import Ball, Contact, Scene, named_scene
 
 #: Distances from the palm at which an impact begins [m]: contacts begin anywhere within a step.
 STARTS = np.linspace(0.010, 0.012, 5)

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mitt.arm.arm import Arm
-from mitt.arm.basket import Basket
-from mitt.arm.load import build_arm
-from mitt.signals import Array
-from mitt.world.build import SceneModel, build_scene
-from mitt.world.capsules import body_of, lay_capsules
-from mitt.world.hand_bodies import HAND
-from mitt.world.scene import Ball, Scene
+from mitt.core.arm.arm import Arm
+from mitt.core.arm.basket import Basket
+from mitt.core.signals import Array
+from mitt.io.load import build_arm
+from mitt.lab.world.build import SceneModel, build_scene
+from mitt.lab.world.capsules import body_of, lay_capsules
+from mitt.lab.world.hand_bodies import HAND
+from mitt.lab.world.scene import Ball, Scene
 
 #: Relative growth of the kinetic energy that is rounding of the integrator.
 GROWTH = 1e-3

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt.world.outline import PaintScratch, paint_ball, scratch_for
+from mitt.lab.world.outline import PaintScratch, paint_ball, scratch_for
 
 LENS = (200.0, 49.5, 30.0)
 BALL = (0.02, 0.01, 1.0, 0.03, 0.012, 1.0, 0.04)

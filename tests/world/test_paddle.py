@@ -6,12 +6,12 @@ import mujoco
 import numpy as np
 import pytest
 
-from mitt.arm.arm import Arm
-from mitt.arm.tools import Paddle
-from mitt.files.arm_file import load_arm
-from mitt.signals import TICK, Array
-from mitt.world.build import TOUCH, SceneModel, build_scene, restitution_on
-from mitt.world.scene import Ball, Material, Scene
+from mitt.core.arm.arm import Arm
+from mitt.core.arm.tools import Paddle
+from mitt.core.signals import TICK, Array
+from mitt.io.arm_file import load_arm
+from mitt.lab.world.build import TOUCH, SceneModel, build_scene, restitution_on
+from mitt.lab.world.scene import Ball, Material, Scene
 
 #: Balls: mass [kg] and radius [m].
 BALLS: dict[Material, tuple[float, float]] = {

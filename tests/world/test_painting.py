@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from mitt.eyes.camera import Camera, Rig
-from mitt.signals import Array
-from mitt.world.imaging import Imager, ImageSensor
+from mitt.core.eyes.camera import Camera, Rig
+from mitt.core.signals import Array
+from mitt.lab.world.imaging import Imager, ImageSensor
 
 CAMERA = Camera(width=48, height=40, f_px=60.0, cu=23.5, cv=19.5, T_world_cam=np.eye(4))
 QUIET = {"read_noise": 0.0, "electrons": 1e12, "texture": 0.0}

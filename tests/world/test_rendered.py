@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from rendered_views import SIDE
 
-from mitt.eyes.camera import Camera, Rig, pack_cameras, sphere_centroid
-from mitt.signals import Array
-from mitt.world.imaging import Imager, ImageSensor
+from mitt.core.eyes.camera import Camera, Rig, pack_cameras, sphere_centroid
+from mitt.core.signals import Array
+from mitt.lab.world.imaging import Imager, ImageSensor
 
 CLOSE = 0.1
 """Distance of the centroids [px]; the project's own bound."""

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
-from mitt.errors import FileError, InputError
-from mitt.world.scene import (
+from mitt.core.errors import FileError, InputError
+from mitt.lab.world.scene import (
     NAMES,
     TABLE_TENNIS,
     Ball,

@@ -4,15 +4,15 @@ import mujoco
 import numpy as np
 import pytest
 
-from mitt.arm.arm import Arm
-from mitt.arm.load import build_arm
-from mitt.signals import TICK, Array, Command, Frame, Senses
-from mitt.world.engine import plant_of, survey
-from mitt.world.flights import builtin_flights, place_flight
-from mitt.world.imaging import Imager
-from mitt.world.scene import TABLE_TENNIS, Scene, Sensing, exact_scene
-from mitt.world.simulation import World
-from mitt.world.throws import Throw, fly
+from mitt.core.arm.arm import Arm
+from mitt.core.signals import TICK, Array, Command, Frame, Senses
+from mitt.io.load import build_arm
+from mitt.lab.world.engine import plant_of, survey
+from mitt.lab.world.flights import builtin_flights, place_flight
+from mitt.lab.world.imaging import Imager
+from mitt.lab.world.scene import TABLE_TENNIS, Scene, Sensing, exact_scene
+from mitt.lab.world.simulation import World
+from mitt.lab.world.throws import Throw, fly
 
 FLIGHT_M = 1e-6  # both fly by the same kernel, in other steps
 THROW = Throw(r=np.array([3.5, 0.1, 0.3]), dr=np.array([-6.0, -0.1, 2.0]))

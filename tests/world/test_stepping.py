@@ -6,13 +6,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.arm.arm import Arm
-from mitt.arm.load import build_arm
-from mitt.signals import Command
-from mitt.world.motion import NEAR
-from mitt.world.scene import exact_scene
-from mitt.world.simulation import World
-from mitt.world.throws import Throw, fly
+from mitt.core.arm.arm import Arm
+from mitt.core.signals import Command
+from mitt.io.load import build_arm
+from mitt.lab.world.motion import NEAR
+from mitt.lab.world.scene import exact_scene
+from mitt.lab.world.simulation import World
+from mitt.lab.world.throws import Throw, fly
 
 FLIGHT_M = 1e-6
 """Flight in the world against Runge-Kutta over the whole way."""

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from mitt.world.flights import RecordedFlight
-from mitt.world.targets import recorded
+from mitt.lab.world.flights import RecordedFlight
+from mitt.lab.world.targets import recorded
 
 
 def test_a_motion_with_even_samples_keeps_its_speed() -> None:

@@ -7,11 +7,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.arm.arm import Arm
-from mitt.errors import FileError, InputError, ShapeError
-from mitt.files.csv_table import MAX_BYTES
-from mitt.signals import GRAVITY
-from mitt.world.throws import Aim, ThrowRanges, default_throw, fly, read_throws, release_velocity
+from mitt.core.arm.arm import Arm
+from mitt.core.errors import FileError, InputError, ShapeError
+from mitt.core.signals import GRAVITY
+from mitt.io.csv_table import MAX_BYTES
+from mitt.lab.world.throws import (
+    Aim,
+    ThrowRanges,
+    default_throw,
+    fly,
+    read_throws,
+    release_velocity,
+)
 
 NEAR_M = 1e-6
 HEADER = "x,y,z,vx,vy,vz\n"

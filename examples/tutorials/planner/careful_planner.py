@@ -2,10 +2,10 @@
 
 from dataclasses import dataclass, replace
 
-from mitt.catcher.generators import Direct, Generator
-from mitt.map.mapping import DirectMap
-from mitt.signals import Array, BallState, JointReference
-from mitt.verdict.feasibility import Outcome, Verdict
+from mitt.core.catcher.generators import Direct, Generator
+from mitt.core.map.mapping import DirectMap
+from mitt.core.signals import Array, BallState, JointReference
+from mitt.core.verdict.feasibility import Outcome, Verdict
 
 SHARE = 0.6  # of the limit that is asked most
 

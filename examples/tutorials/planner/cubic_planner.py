@@ -4,12 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mitt.catcher.generators import Generator
-from mitt.map.mapping import DirectMap
-from mitt.rivals.intercept import Intercept
-from mitt.rivals.planned import Planned
-from mitt.rivals.pursuit import rival
-from mitt.signals import Array
+from mitt.core.catcher.generators import Generator
+from mitt.core.map.mapping import DirectMap
+from mitt.core.signals import Array
+from mitt.lab.rivals.intercept import Intercept
+from mitt.lab.rivals.planned import Planned
+from mitt.lab.rivals.pursuit import rival
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mitt.cell.drivers import LocalRobot
 from mitt.clock import monotonic, sleep_until
-from mitt.signals import Command
+from mitt.core.signals import Command
+from mitt.robot.cell.drivers import LocalRobot
 
 
 class State(NamedTuple):

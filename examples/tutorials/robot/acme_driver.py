@@ -5,13 +5,13 @@ from collections.abc import Sequence
 import numpy as np
 from acme_client import AcmeClient, State
 
-from mitt.arm.arm import Arm
-from mitt.cell.drivers import local_robot
-from mitt.cell.prepare import cell_map, prepare
-from mitt.cell.session import rehearse
-from mitt.errors import InputError
-from mitt.files.cell import Cell
-from mitt.signals import ArmState, Command, Sighting
+from mitt.core.arm.arm import Arm
+from mitt.core.errors import InputError
+from mitt.core.signals import ArmState, Command, Sighting
+from mitt.io.cell import Cell
+from mitt.robot.cell.drivers import local_robot
+from mitt.robot.cell.prepare import cell_map, prepare
+from mitt.robot.cell.session import rehearse
 
 #: The controller's joints in its own order, and which way each turns in the arm's description.
 JOINTS = ("elbow", "lift", "yaw")
@@ -32,7 +32,7 @@ def acme(cell: Cell, arm: Arm) -> "AcmeRobot":
 
 
 class AcmeRobot:
-    """One arm; what each method owes is said in ``mitt.cell.robot.Robot``."""
+    """One arm; what each method owes is said in ``mitt.robot.cell.robot.Robot``."""
 
     brakes = True
 

@@ -7,11 +7,11 @@ from typing import Any
 from acme_client import AcmeClient
 from acme_driver import AcmeRobot
 
-from mitt.cell.drivers import Connection, local_robot
-from mitt.cell.live import Mode
-from mitt.cell.prepare import cell_map, prepare
-from mitt.cell.session import loop_of
-from mitt.files.cell import read_cell
+from mitt.io.cell import read_cell
+from mitt.robot.cell.drivers import Connection, local_robot
+from mitt.robot.cell.live import Mode
+from mitt.robot.cell.prepare import cell_map, prepare
+from mitt.robot.cell.session import loop_of
 
 #: Controllers that are not as the driver believes.
 MISTAKES: dict[str, dict[str, Any]] = {

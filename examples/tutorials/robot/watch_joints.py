@@ -8,10 +8,10 @@ from contextlib import closing
 
 import numpy as np
 
-from mitt.cell.drivers import connect_robot
-from mitt.cell.prepare import prepare
 from mitt.clock import monotonic
-from mitt.files.cell import read_cell
+from mitt.io.cell import read_cell
+from mitt.robot.cell.drivers import connect_robot
+from mitt.robot.cell.prepare import prepare
 
 prepared = prepare(read_cell(sys.argv[1]))
 arm = prepared.arm

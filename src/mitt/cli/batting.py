@@ -17,12 +17,12 @@ from mitt.cli.screen import (
     table_number,
 )
 from mitt.clock import Progress
-from mitt.errors import InputError
-from mitt.files.arm_file import arm_of_task
-from mitt.files.writing import check_ours
-from mitt.reading import reals_of
-from mitt.signals import Array
-from mitt.trials.bat_station import (
+from mitt.core.errors import InputError
+from mitt.core.signals import Array
+from mitt.io.arm_file import arm_of_task
+from mitt.io.reading import reals_of
+from mitt.io.writing import check_ours
+from mitt.lab.trials.bat_station import (
     TARGET,
     BatStation,
     bat_station,
@@ -30,12 +30,12 @@ from mitt.trials.bat_station import (
     strike_share,
     throw_ranges,
 )
-from mitt.trials.batting import BAT, BatRunner, BatTrial
-from mitt.trials.scored_task import ScoredTask
-from mitt.trials.source import Source, source_of
-from mitt.trials.task_run import FinishedRun
-from mitt.world.flights import RecordedFlight, builtin_flights, read_flights
-from mitt.world.scene import DEFAULT_SCENE, Scene, read_scene
+from mitt.lab.trials.batting import BAT, BatRunner, BatTrial
+from mitt.lab.trials.scored_task import ScoredTask
+from mitt.lab.trials.source import Source, source_of
+from mitt.lab.trials.task_run import FinishedRun
+from mitt.lab.world.flights import RecordedFlight, builtin_flights, read_flights
+from mitt.lab.world.scene import DEFAULT_SCENE, Scene, read_scene
 
 #: Options that may name a file.
 _FILES = ("arm", "scene", "limits", "flights")

@@ -20,23 +20,23 @@ from mitt.cli.screen import (
     table_number,
     warn,
 )
-from mitt.errors import InputError
-from mitt.files.arm_file import ArmSpec
-from mitt.files.maps import read_map, save_map
-from mitt.files.writing import check_ours
-from mitt.map.learn import Learned
-from mitt.map.map_design import warnings_of
-from mitt.map.mapping import unlearned
-from mitt.map.neighbourhood import LEARNING_SEED, Neighbourhood
-from mitt.map.neighbourhood import learn as learn_map
-from mitt.trials.registry import check_generator
-from mitt.trials.result import force_words
-from mitt.trials.runs import Prepared, RunSettings, ThrownBalls
-from mitt.trials.score import CATCH, MAP, STATUSES, Trial, reason_of
-from mitt.trials.source import source_of, widened
-from mitt.trials.task_run import FinishedRun
-from mitt.world.overlap import check_scene
-from mitt.world.scene import DEFAULT_SCENE, read_scene
+from mitt.core.errors import InputError
+from mitt.core.map.learn import Learned
+from mitt.core.map.map_design import warnings_of
+from mitt.core.map.mapping import unlearned
+from mitt.core.map.neighbourhood import LEARNING_SEED, Neighbourhood
+from mitt.core.map.neighbourhood import learn as learn_map
+from mitt.io.arm_file import ArmSpec
+from mitt.io.maps import read_map, save_map
+from mitt.io.writing import check_ours
+from mitt.lab.trials.registry import check_generator
+from mitt.lab.trials.result import force_words
+from mitt.lab.trials.runs import Prepared, RunSettings, ThrownBalls
+from mitt.lab.trials.score import CATCH, MAP, STATUSES, Trial, reason_of
+from mitt.lab.trials.source import source_of, widened
+from mitt.lab.trials.task_run import FinishedRun
+from mitt.lab.world.overlap import check_scene
+from mitt.lab.world.scene import DEFAULT_SCENE, read_scene
 
 #: Options that may name a file.
 _FILES = ("arm", "limits", "scene", "map", "throws_file", "flights")

@@ -6,8 +6,16 @@ from contextlib import closing, contextmanager, nullcontext
 from typing import Any
 
 import mitt
-from mitt.cell.drivers import check_driver, connect_robot
-from mitt.cell.prepare import (
+from mitt.cli.options import RunOptions, SimOptions
+from mitt.cli.screen import checked, live_table, print_json, show, tell_of_kernels
+from mitt.clock import hurried, pinned, timekeeping, uncollected
+from mitt.core.errors import InputError
+from mitt.interrupts import notice, status_of, tell
+from mitt.io.cell import read_cell
+from mitt.io.writing import Leaves, check_folder, check_ours, claim_folder, file_name, locked
+from mitt.lab.trials.result import spread_words
+from mitt.robot.cell.drivers import check_driver, connect_robot
+from mitt.robot.cell.prepare import (
     CellMap,
     PreparedCell,
     cell_about,
@@ -15,8 +23,8 @@ from mitt.cell.prepare import (
     prepare,
     scene_of_cell,
 )
-from mitt.cell.recorder import Recorder
-from mitt.cell.session import (
+from mitt.robot.cell.recorder import Recorder
+from mitt.robot.cell.session import (
     CORE,
     STATES,
     Person,
@@ -27,14 +35,6 @@ from mitt.cell.session import (
     shared_numbers,
     words,
 )
-from mitt.cli.options import RunOptions, SimOptions
-from mitt.cli.screen import checked, live_table, print_json, show, tell_of_kernels
-from mitt.clock import hurried, pinned, timekeeping, uncollected
-from mitt.errors import InputError
-from mitt.files.cell import read_cell
-from mitt.files.writing import Leaves, check_folder, check_ours, claim_folder, file_name, locked
-from mitt.interrupts import notice, status_of, tell
-from mitt.trials.result import spread_words
 
 #: Core of the loop among those allowed: the last; ``mitt sim`` takes the first.
 _CORE = -1

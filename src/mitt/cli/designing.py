@@ -8,10 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from mitt.arm.arm import Arm
-from mitt.arm.basket import MOST_TILT
-from mitt.arm.load import arm_names
-from mitt.arm.shapes import check_floor
 from mitt.cli.options import DesignOptions
 from mitt.cli.screen import (
     check_new_files,
@@ -24,16 +20,12 @@ from mitt.cli.screen import (
     tell_of_kernels,
     warn,
 )
-from mitt.design.arm_design import Design, best_so_far, default_balls, release_speed
-from mitt.design.arm_design import design as search_design
-from mitt.design.candidate import candidate_of
-from mitt.design.driven_arm import held_as, whole_arm
-from mitt.design.evaluation import ENOUGH
-from mitt.design.search import effort_of, search_of
-from mitt.design.search_jobs import Answers
-from mitt.design.task import AROUND_FLIGHTS, DesignTask, box_of, of_flights, of_throws, seen
-from mitt.errors import InputError, MittError, UnknownNameError
-from mitt.files.arm_file import (
+from mitt.core.arm.arm import Arm
+from mitt.core.arm.basket import MOST_TILT
+from mitt.core.arm.shapes import check_floor
+from mitt.core.errors import InputError, MittError, UnknownNameError
+from mitt.interrupts import finally_do, notice, status_of, tell, words_of
+from mitt.io.arm_file import (
     ArmFile,
     design_of,
     hand_of,
@@ -41,13 +33,21 @@ from mitt.files.arm_file import (
     with_notes_logged,
     write_arm_file,
 )
-from mitt.files.writing import check_own
-from mitt.interrupts import finally_do, notice, status_of, tell, words_of
-from mitt.reading import MAX_TOML_BYTES, read_text, reals_of
-from mitt.trials.workers import check_engine, engine_of
-from mitt.world.flights import read_flights
-from mitt.world.scene import DEFAULT_SCENE, Scene, read_scene
-from mitt.world.throws import read_throws
+from mitt.io.load import arm_names
+from mitt.io.reading import MAX_TOML_BYTES, read_text, reals_of
+from mitt.io.writing import check_own
+from mitt.lab.design.arm_design import Design, best_so_far, default_balls, release_speed
+from mitt.lab.design.arm_design import design as search_design
+from mitt.lab.design.candidate import candidate_of
+from mitt.lab.design.driven_arm import held_as, whole_arm
+from mitt.lab.design.evaluation import ENOUGH
+from mitt.lab.design.search import effort_of, search_of
+from mitt.lab.design.search_jobs import Answers
+from mitt.lab.design.task import AROUND_FLIGHTS, DesignTask, box_of, of_flights, of_throws, seen
+from mitt.lab.trials.workers import check_engine, engine_of
+from mitt.lab.world.flights import read_flights
+from mitt.lab.world.scene import DEFAULT_SCENE, Scene, read_scene
+from mitt.lab.world.throws import read_throws
 
 #: Options that say nothing of the design.
 _ELSEWHERE = ("arm", "out", "workers", "resume", "overwrite", "json", "check")
@@ -235,7 +235,7 @@ def _words(options: DesignOptions) -> str:
 
 def _write_page(path: Path, found: Design, scene: Scene, command: str) -> None:
     """Write the page beside the arm file; plots are loaded only now."""
-    from mitt.report.design_page import write_design_page  # noqa: PLC0415
+    from mitt.lab.report.design_page import write_design_page  # noqa: PLC0415
 
     write_design_page(path, found, scene, command=command)
 

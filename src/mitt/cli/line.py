@@ -14,7 +14,7 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import mitt
 from mitt.cli.options import COMMANDS, Arg, Options
-from mitt.errors import FileError, InputError, MittError, UnknownNameError, meant
+from mitt.core.errors import FileError, InputError, MittError, UnknownNameError, meant
 from mitt.interrupts import safe_path
 from mitt.numerals import real_of, whole_of
 

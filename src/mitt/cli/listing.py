@@ -6,8 +6,8 @@ from rich import box
 
 from mitt.cli.options import ArmsOptions
 from mitt.cli.screen import checked, print_json, show, table
-from mitt.files.cell import RobotPart, read_cell
-from mitt.files.shipped_arms import ShippedArm, shipped_arms
+from mitt.io.cell import RobotPart, read_cell
+from mitt.io.shipped_arms import ShippedArm, shipped_arms
 from mitt.version import __version__
 
 #: Hands as the table calls them.

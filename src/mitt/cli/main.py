@@ -12,7 +12,7 @@ import sys
 from collections.abc import Sequence
 from typing import TextIO
 
-from mitt.errors import FileError, InputError, MittError, printable
+from mitt.core.errors import FileError, InputError, MittError, printable
 from mitt.interrupts import (
     Interrupted,
     listening,

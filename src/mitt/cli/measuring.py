@@ -5,7 +5,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from mitt.bench.measure import QUICK, BenchSettings, measure_all
 from mitt.cli.batting import BATS
 from mitt.cli.catching import CATCHING
 from mitt.cli.meeting import MEETINGS
@@ -21,28 +20,29 @@ from mitt.cli.screen import (
     tell_of_kernels,
     warn,
 )
-from mitt.errors import FileError, InputError
-from mitt.files.writing import check_folder, check_own, locked, write_json
+from mitt.core.errors import FileError, InputError
 from mitt.interrupts import tell, words_of
-from mitt.reading import read_json
-from mitt.trials.journal import MAX_BYTES, died, read_kept
-from mitt.trials.scored_task import NAME, PAGE, RESULT, ScoredTask
-from mitt.trials.studies import read_study
-from mitt.trials.study import Study, extent, planned
-from mitt.trials.study_folder import MANIFEST, Folder
-from mitt.trials.task_run import FinishedRun
-from mitt.trials.workers import check_engine, engine_of
+from mitt.io.reading import read_json
+from mitt.io.writing import check_folder, check_own, locked, write_json
+from mitt.lab.bench.measure import QUICK, BenchSettings, measure_all
+from mitt.lab.trials.journal import MAX_BYTES, died, read_kept
+from mitt.lab.trials.scored_task import NAME, PAGE, RESULT, ScoredTask
+from mitt.lab.trials.studies import read_study
+from mitt.lab.trials.study import Study, extent, planned
+from mitt.lab.trials.study_folder import MANIFEST, Folder
+from mitt.lab.trials.task_run import FinishedRun
+from mitt.lab.trials.workers import check_engine, engine_of
 
 #: Commands that run trials, by task.
 RUNS: Final = {"catch": CATCHING, "meet": MEETINGS, "bat": BATS}
 
 if TYPE_CHECKING:
-    from mitt.trials.study_run import FinishedStudy
+    from mitt.lab.trials.study_run import FinishedStudy
 
 
 def study_command(options: StudyOptions) -> int:
     """Run ``mitt study``; return its exit status."""
-    from mitt.trials.study_run import run_study  # noqa: PLC0415 (needs pyarrow, as nothing else here)
+    from mitt.lab.trials.study_run import run_study  # noqa: PLC0415 (needs pyarrow, as nothing else here)
 
     study = read_study(options.study)
     folder = _folder(options, study)
@@ -137,8 +137,8 @@ def report_command(options: ReportOptions) -> int:
 
 def _page_of_study(options: ReportOptions) -> int:
     """Write the page of a study; tables and plots are loaded only now."""
-    from mitt.report.study_page import write_study_page  # noqa: PLC0415
-    from mitt.trials.study_results import read_result  # noqa: PLC0415
+    from mitt.lab.report.study_page import write_study_page  # noqa: PLC0415
+    from mitt.lab.trials.study_results import read_result  # noqa: PLC0415
 
     folder = Folder(options.folder)
     result = read_result(folder)
@@ -164,7 +164,7 @@ def _page_of_run(options: ReportOptions) -> int:
     said = f"{len(kept.trials)} {task.in_result} of a run that was broken off"
     if options.check:
         return checked(said)
-    from mitt.report.outputs import write_page  # noqa: PLC0415 (plots: when written)
+    from mitt.lab.report.outputs import write_page  # noqa: PLC0415 (plots: when written)
 
     with locked(folder), progress() as report:
         result = read_json(folder / RESULT, max_bytes=MAX_BYTES) if not died(folder) else None

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any, ClassVar, Final, final
 
 import mitt
-from mitt.arm.tools import TOOLS
 from mitt.cli.options import MeetOptions
 from mitt.cli.running import OptionsRun, RunCommand, run_of, with_origin
 from mitt.cli.screen import (
@@ -16,17 +15,18 @@ from mitt.cli.screen import (
     table_number,
 )
 from mitt.clock import Progress
-from mitt.errors import FileError, InputError, meant
-from mitt.files.arm_file import joint_names
-from mitt.files.writing import check_ours
-from mitt.rivals.meeting import PLANNERS
-from mitt.trials.meeting import MEET, MeetRunner, MeetTrial
-from mitt.trials.result import finite
-from mitt.trials.scored_task import ScoredTask
-from mitt.trials.station import PARTS_SCENE, TARGETS, Station, station
-from mitt.trials.task_run import FinishedRun
-from mitt.world.flights import RecordedFlight, read_flights
-from mitt.world.scene import read_scene
+from mitt.core.arm.tools import TOOLS
+from mitt.core.errors import FileError, InputError, meant
+from mitt.io.arm_file import joint_names
+from mitt.io.writing import check_ours
+from mitt.lab.rivals.meeting import PLANNERS
+from mitt.lab.trials.meeting import MEET, MeetRunner, MeetTrial
+from mitt.lab.trials.result import finite
+from mitt.lab.trials.scored_task import ScoredTask
+from mitt.lab.trials.station import PARTS_SCENE, TARGETS, Station, station
+from mitt.lab.trials.task_run import FinishedRun
+from mitt.lab.world.flights import RecordedFlight, read_flights
+from mitt.lab.world.scene import read_scene
 
 #: Options that may name a file.
 _FILES = ("arm", "scene", "limits", "target")

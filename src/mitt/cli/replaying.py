@@ -10,14 +10,14 @@ from typing import Any
 import mitt
 from mitt.cli.options import ReplayOptions, ViewOptions
 from mitt.cli.screen import checked, print_json, progress, say, show, table, tell_of_kernels
-from mitt.errors import FileError, InputError
-from mitt.files.recordings import Recorded
-from mitt.files.writing import Leaves, check_folder, check_ours, locked
-from mitt.report.viewer import newest, watch
-from mitt.trials.explain import Explanation, evidence_of, explain
-from mitt.trials.registry import check_generator
-from mitt.trials.replayed import Replayed, changed
-from mitt.trials.replayed import replay as played
+from mitt.core.errors import FileError, InputError
+from mitt.io.recordings import Recorded
+from mitt.io.writing import Leaves, check_folder, check_ours, locked
+from mitt.lab.report.viewer import newest, watch
+from mitt.lab.trials.explain import Explanation, evidence_of, explain
+from mitt.lab.trials.registry import check_generator
+from mitt.lab.trials.replayed import Replayed, changed
+from mitt.lab.trials.replayed import replay as played
 
 #: Most recordings in one call.
 _MOST = 10_000
@@ -104,7 +104,7 @@ def _row(x: Replayed, why: Explanation) -> dict[str, Any]:
 
 def _page(out: Path, x: Replayed, count: int, k: int) -> None:
     """Write the page of a replay."""
-    from mitt.report.recording_page import write_replay_page  # noqa: PLC0415 (plots: when written)
+    from mitt.lab.report.recording_page import write_replay_page  # noqa: PLC0415 (plots: when written)
 
     name = _name(x.recorded.path, count, k)
     write_replay_page(out / name, x, command=shlex.join(["replay", x.recorded.path.name]))

@@ -22,14 +22,14 @@ from mitt.cli.screen import (
     worth_a_row,
 )
 from mitt.clock import Progress
-from mitt.errors import FileError
-from mitt.files.writing import locked
+from mitt.core.errors import FileError
 from mitt.interrupts import notice, status_of, words_of
-from mitt.reading import changed_file, noted
-from mitt.trials.journal import Kept
-from mitt.trials.result import kept_words
-from mitt.trials.scored_task import PAGE, RESULT, ScoredTask
-from mitt.trials.task_run import FinishedRun, TaskRun, recorded_as, run_trials, write_result
+from mitt.io.reading import changed_file, noted
+from mitt.io.writing import locked
+from mitt.lab.trials.journal import Kept
+from mitt.lab.trials.result import kept_words
+from mitt.lab.trials.scored_task import PAGE, RESULT, ScoredTask
+from mitt.lab.trials.task_run import FinishedRun, TaskRun, recorded_as, run_trials, write_result
 
 
 class PreparedRun(TaskRun, Protocol):
@@ -151,7 +151,7 @@ def run_of(command: RunCommand, options: Any) -> int:  # noqa: ANN401 (those of 
 
 def _run(run: TaskRun, report: Progress) -> FinishedRun:
     """Run and write; an interrupt that comes while pages are drawn leaves the result."""
-    from mitt.report.outputs import write_page  # noqa: PLC0415 (plots: when written)
+    from mitt.lab.report.outputs import write_page  # noqa: PLC0415 (plots: when written)
 
     finished = run_trials(run, progress=report)
     try:

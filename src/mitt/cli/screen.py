@@ -21,9 +21,9 @@ from rich.text import Text
 
 from mitt.cli.options import BatOptions, CatchOptions, MeetOptions
 from mitt.clock import Pace, Progress
-from mitt.errors import InputError, printable
-from mitt.files.writing import check_folder, check_own, file_name, new_folder, overlaps
+from mitt.core.errors import InputError, printable
 from mitt.interrupts import end_with_parent, safe_path, tell
+from mitt.io.writing import check_folder, check_own, file_name, new_folder, overlaps
 
 
 class _Ended(Protocol):
@@ -187,7 +187,7 @@ def _named(options: Any, *, without: Collection[str] = ()) -> list[Path]:  # noq
 
 def tell_of_kernels() -> None:
     """Say in one line that kernels are to be compiled; that they cannot be kept is logged."""
-    from mitt.kernels import cache_folder, is_cold  # noqa: PLC0415 (loads Numba)
+    from mitt.core.kernels import cache_folder, is_cold  # noqa: PLC0415 (loads Numba)
 
     if cache_folder() is not None and is_cold():
         tell("compiling, once: 1 to 2 minutes")
@@ -316,7 +316,7 @@ def live_table(
     """Show the numbers of a session on stderr while it runs, where that is a terminal.
 
     Args:
-        shown: Shared memory of as many numbers as :data:`mitt.cell.session.SHOWN` has.
+        shown: Shared memory of as many numbers as :data:`mitt.robot.cell.session.SHOWN` has.
         said: Shared memory of what is odd, in words.
         states: What the first of the numbers counts, in words.
         counted: What comes, what becomes of it and what of that, in words, as of :func:`picture`.
@@ -350,7 +350,7 @@ def _draw(shown: Any, said: Any, states: Sequence[str], counted: Sequence[str]) 
 def picture(
     numbers: list[float], states: Sequence[str], counted: Sequence[str], odd: str = ""
 ) -> Table:
-    """Return the table of some numbers, in the order of :data:`mitt.cell.session.SHOWN`.
+    """Return the table of some numbers, in the order of :data:`mitt.robot.cell.session.SHOWN`.
 
     Args:
         numbers: The numbers.

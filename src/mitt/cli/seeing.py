@@ -9,38 +9,6 @@ from pathlib import Path
 from rich.table import Table
 
 import mitt
-from mitt.arm.arm import Arm
-from mitt.ball.filter import MAX_HORIZON
-from mitt.cameras.board_calibration import (
-    CELLS,
-    BoardProblem,
-    BoardViews,
-    calibrate_boards,
-    look_for_board,
-)
-from mitt.cameras.cameras import check_cameras, check_library, open_cameras
-from mitt.cameras.charuco import Board, BoardSpec
-from mitt.cameras.filtering import (
-    POINTS,
-    STATE,
-    follow_all,
-    read_positions,
-    write_table,
-    write_track,
-)
-from mitt.cameras.hand_calibration import (
-    calibrate_by_catches,
-    calibrate_clock,
-    calibrate_hand,
-    centroid_columns,
-    centroids_in,
-    read_places,
-)
-from mitt.cameras.head_calibration import FACE_UP, calibrate_head, read_head_views
-from mitt.cameras.least_squares import CalibrationStage, Fit
-from mitt.cameras.two_cameras import WATCHED, SeenSoFar, complaints, seen_status, sighting_rate
-from mitt.cameras.two_cameras import see_ball as follow
-from mitt.cameras.video_writer import SUFFIXES, VideoWriter
 from mitt.cli.options import CalibrateOptions, SeeOptions, TrackOptions
 from mitt.cli.screen import (
     check_new_files,
@@ -51,14 +19,52 @@ from mitt.cli.screen import (
     warn,
 )
 from mitt.clock import Progress
-from mitt.errors import FileError, InputError
-from mitt.eyes.camera import inverse
-from mitt.files.arm_file import load_arm
-from mitt.files.csv_table import header_of
-from mitt.files.rig import CalibratedRig, read_rig, write_rig
+from mitt.core.arm.arm import Arm
+from mitt.core.ball.filter import MAX_HORIZON
+from mitt.core.errors import FileError, InputError
+from mitt.core.eyes.camera import inverse
 from mitt.interrupts import notice
+from mitt.io.arm_file import load_arm
+from mitt.io.csv_table import header_of
+from mitt.io.rig import CalibratedRig, read_rig, write_rig
+from mitt.lab.world.fall import WANTED, doubt_of
 from mitt.numerals import whole_of
-from mitt.world.fall import WANTED, doubt_of
+from mitt.robot.cameras.board_calibration import (
+    CELLS,
+    BoardProblem,
+    BoardViews,
+    calibrate_boards,
+    look_for_board,
+)
+from mitt.robot.cameras.cameras import check_cameras, check_library, open_cameras
+from mitt.robot.cameras.charuco import Board, BoardSpec
+from mitt.robot.cameras.filtering import (
+    POINTS,
+    STATE,
+    follow_all,
+    read_positions,
+    write_table,
+    write_track,
+)
+from mitt.robot.cameras.hand_calibration import (
+    calibrate_by_catches,
+    calibrate_clock,
+    calibrate_hand,
+    centroid_columns,
+    centroids_in,
+    read_places,
+)
+from mitt.robot.cameras.head_calibration import FACE_UP, calibrate_head, read_head_views
+from mitt.robot.cameras.least_squares import CalibrationStage, Fit
+from mitt.robot.cameras.two_cameras import (
+    WATCHED,
+    SeenSoFar,
+    complaints,
+    seen_status,
+    sighting_rate,
+)
+from mitt.robot.cameras.two_cameras import see_ball as follow
+from mitt.robot.cameras.video_writer import SUFFIXES, VideoWriter
 
 #: Largest standard deviation of a coordinate that makes sense [m].
 _MAX_SIGMA = 1.0
@@ -301,7 +307,7 @@ def _show_stage(stage: CalibrationStage) -> None:
 
 def _draw_coverage(picture: Path, views: BoardViews, solved: Fit[BoardProblem]) -> None:
     """Draw the coverage of the boards."""
-    from mitt.report.pictures import draw_coverage  # noqa: PLC0415 (plots: only when drawn)
+    from mitt.lab.report.pictures import draw_coverage  # noqa: PLC0415 (plots: only when drawn)
 
     corners = solved.problem.corners
     r = solved.problem.residuals().reshape(-1, 2)

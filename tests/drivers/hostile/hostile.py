@@ -13,9 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
-from mitt.arm.arm import Arm
-from mitt.files.cell import Cell
-from mitt.signals import ArmState, Command, Sighting
+from mitt.core.arm.arm import Arm
+from mitt.core.signals import ArmState, Command, Sighting
+from mitt.io.cell import Cell
 
 #: Speed of a joint from which the arm moves [rad/s].
 MOVES = 0.2

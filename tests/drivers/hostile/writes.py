@@ -5,10 +5,10 @@ import time
 
 import numpy as np
 
-from mitt.cell.hosted import HostedRobot
 from mitt.clock import hurried
-from mitt.files.cell import arm_of, read_cell
-from mitt.signals import Command
+from mitt.core.signals import Command
+from mitt.io.cell import arm_of, read_cell
+from mitt.robot.cell.hosted import HostedRobot
 
 cell = read_cell("wam-sim")
 arm = arm_of(cell)

@@ -1,0 +1,1 @@
+"""The live side: the loop of a cell, its robot, its cameras."""

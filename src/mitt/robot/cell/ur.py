@@ -1,0 +1,229 @@
+"""Universal Robots by ur_rtde, the client in Python that most use. No real arm was used yet.
+
+Options of ``[robot.options]``:
+
+| option    | what                                                                             |
+|-----------|----------------------------------------------------------------------------------|
+| address   | of the robot                                                                     |
+| lookahead | of ``servoj``, for positions: 0.03 to 0.2 [s]                                    |
+| gain      | of ``servoj``, for positions: 100 to 2000                                        |
+
+A UR reads its joints and takes commands 500 times a second: ``robot.rate = 500``. It takes
+
+- speeds by ``speedj``: its leading axis accelerates by 40 rad/s^2 at most, the others in step;
+- positions by ``servoj``: users measure 34 ms of lag with a lookahead of 0.03 s;
+- torques by ``direct_torque``, which the script of ur_rtde 1.6.5 has from PolyScope 5.26 on. The
+  controller adds those against the arm's weight, so that mitt's are sent without.
+
+``robot.delay`` and ``robot.servo`` say how it follows: measure both, by a step of one joint.
+
+A command is written into the input registers, which the controller looks at each 2 ms: nothing else
+is sent between two commands, or it would see that instead. Each command also feeds the watchdog.
+
+There is no call that engages the brakes of an arm in operation: ``engage_brakes`` lets it stop, and
+its drives hold it. The hand is not driven here.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any, Final, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mitt.clock import monotonic, pause
+from mitt.core.arm.arm import Arm
+from mitt.core.errors import InputError, check_package
+from mitt.core.signals import TICK, ArmState, Array, Command, Sighting
+from mitt.io.cell import Cell
+from mitt.robot.cell.robot import option_of
+from mitt.robot.cell.robot_clock import RobotClock
+
+NAMES: Final = (
+    "shoulder_pan_joint",
+    "shoulder_lift_joint",
+    "elbow_joint",
+    "wrist_1_joint",
+    "wrist_2_joint",
+    "wrist_3_joint",
+)
+#: Time from one cycle of the controller to the next [s].
+PERIOD: Final = 0.002
+#: Acceleration of speedj, the largest that ur_rtde takes, and of a stop [rad/s^2].
+_FASTEST: Final = 40.0
+_STOP: Final = 10.0
+#: Spring [N m/rad] and damper [N m s/rad] of the joints that are held, under torques.
+_SPRING: Final = 200.0
+_DAMPER: Final = 8.0
+#: Time between two looks for a reading [s].
+_LOOK: Final = 1e-4
+_OPTIONS: Final = {"address": "", "lookahead": 0.03, "gain": 300.0}
+
+
+def check_ur(cell: Cell, arm: Arm) -> list[str]:
+    """Refuse a cell that this driver cannot be for; connects to nothing: the entry point."""
+    ur_index(cell, arm)
+    of = option_of(cell, _OPTIONS)
+    if not of["address"]:
+        raise InputError("robot.options.address", "the address of the robot", "none")
+    for name, low, high in (("lookahead", 0.03, 0.2), ("gain", 100.0, 2000.0)):
+        if not low <= of[name] <= high:
+            raise InputError(f"robot.options.{name}", f"{low:g} to {high:g}", of[name])
+    if round(PERIOD / TICK) != cell.robot.ticks:
+        raise InputError("robot.rate", "500 Hz, as the controller has it", cell.robot.rate)
+    for library in ("dashboard_client", "rtde_control", "rtde_receive"):
+        check_package("driver 'ur'", library, "ur_rtde", "ur")
+    return []
+
+
+def ur_index(cell: Cell, arm: Arm) -> NDArray[np.int64]:
+    """Return which of the robot's joints the arm's are."""
+    names = tuple(cell.robot.joints or arm.names)
+    if not set(names) <= set(NAMES):
+        raise InputError("robot.joints", f"some of {', '.join(NAMES)}", ", ".join(names))
+    return np.array([NAMES.index(x) for x in names])
+
+
+def ur_robot(cell: Cell, arm: Arm) -> "UrRobot":
+    """Return the robot of a cell: the entry point."""
+    check_ur(cell, arm)
+    import dashboard_client  # noqa: PLC0415 (of ur_rtde)
+    import rtde_control  # noqa: PLC0415
+    import rtde_receive  # noqa: PLC0415
+
+    address, rate = str(option_of(cell, _OPTIONS)["address"]), 1.0 / PERIOD
+    dashboard = dashboard_client.DashboardClient(address)
+    dashboard.connect()
+    return UrRobot(
+        rtde_control.RTDEControlInterface(address, rate),
+        rtde_receive.RTDEReceiveInterface(address, rate),
+        dashboard.unlockProtectiveStop,
+        cell,
+        arm,
+    )
+
+
+@final
+class UrRobot:
+    """One arm; see :class:`mitt.robot.cell.robot.Robot`.
+
+    Attributes:
+        brakes: Whether its drives hold the arm once it has stopped.
+    """
+
+    brakes = True
+
+    def __init__(
+        self,
+        control: Any,  # noqa: ANN401 (ur_rtde)
+        receive: Any,  # noqa: ANN401 (ur_rtde)
+        unlock: Callable[[], object],
+        cell: Cell,
+        arm: Arm,
+        *,
+        clock: RobotClock | None = None,
+        acceleration: float = _FASTEST,
+    ) -> None:
+        """Take what is connected.
+
+        Args:
+            control: ``rtde_control.RTDEControlInterface``.
+            receive: ``rtde_receive.RTDEReceiveInterface``.
+            unlock: Acknowledges a protective stop.
+            cell: What its file says.
+            arm: The arm.
+            clock: Turns the robot's stamps into times of day.
+            acceleration: Of ``speedj`` [rad/s^2].
+        """
+        of = option_of(cell, _OPTIONS)
+        self._index, self._arm, self._takes = ur_index(cell, arm), arm, cell.robot.takes
+        self._control, self._receive, self._unlock = control, receive, unlock
+        self._clock, self._acceleration = clock or RobotClock(), acceleration
+        self._lookahead, self._gain = of["lookahead"], of["gain"]
+        self._watchdog, self._stamp, self._moves = cell.robot.watchdog, -np.inf, False
+        self._q = self._dq = self._held = np.zeros(len(NAMES))
+        self._weight(arm.q_ready)  # loaded before it is needed
+
+    def read(self, timeout: float) -> Sequence[ArmState]:
+        """Return the next reading."""
+        end = monotonic() + timeout
+        while (stamp := self._receive.getTimestamp()) == self._stamp:
+            if monotonic() >= end:
+                return ()
+            pause(_LOOK)
+        self._stamp, at = stamp, self._clock.at(stamp)
+        self._q, self._dq = (
+            np.array(x) for x in (self._receive.getActualQ(), self._receive.getActualQd())
+        )
+        return (ArmState(t=at, q=self._q[self._index], dq=self._dq[self._index]),)
+
+    def points(self) -> Sequence[Sighting]:
+        """Return none: the arm sees no ball."""
+        return ()
+
+    def write(self, command: Command, answers: float) -> None:  # noqa: ARG002 (it answers the last)
+        """Send what the drives take."""
+        if not self._moves:
+            return
+        if self._takes == "velocity":
+            speeds = np.zeros(len(NAMES))
+            speeds[self._index] = command.dq  # corrected by mitt for angles that are off
+            self._control.speedJ(speeds.tolist(), self._acceleration, PERIOD)
+        elif self._takes == "position":
+            angles = self._held.copy()
+            angles[self._index] = command.q
+            times = PERIOD, self._lookahead
+            self._control.servoJ(angles.tolist(), 0.0, 0.0, *times, self._gain)
+        else:
+            torques = _SPRING * (self._held - self._q) - _DAMPER * self._dq
+            torques[self._index] = command.tau - self._weight(self._q[self._index])
+            self._control.directTorque(torques.tolist())
+
+    def _weight(self, q: Array) -> Array:
+        """Return the torques against the arm's weight [N m]."""
+        still = np.zeros(len(q))
+        return self._arm.inverse_dynamics(q, still, still)
+
+    def engage_brakes(self) -> None:
+        """Let the arm stop; its drives hold it then."""
+        if self._moves:
+            self._moves = False
+            stop = self._control.servoStop if self._takes == "position" else self._control.speedStop
+            stop(_STOP)
+
+    def release(self) -> None:
+        """Acknowledge a stop and start the program anew; without one, commands count from now."""
+        if self.trouble():
+            self._moves = False
+            if self._receive.isProtectiveStopped():
+                self._unlock()
+            if not self._receive.isEmergencyStopped():
+                self._control.reuploadScript()  # its program ended with the stop
+        else:
+            self._clock.fix()
+            self._control.setWatchdog(1.0 / self._watchdog)
+            self._held, self._moves = np.array(self._receive.getActualQ()), True
+
+    def waits(self) -> str:
+        """Return what keeps it from being commanded: nothing does."""
+        return ""
+
+    def conflict(self) -> str:
+        """Return who else commands it: nobody can."""
+        return ""
+
+    def trouble(self) -> str:
+        """Return why the robot takes no commands."""
+        if self._receive.isEmergencyStopped():
+            return "emergency stop"
+        if self._receive.isProtectiveStopped():
+            return "protective stop"
+        return "" if self._control.isProgramRunning() else "its program does not run"
+
+    def news(self) -> Sequence[str]:
+        """Return none: nobody knows what became of a ball."""
+        return ()
+
+    def close(self) -> None:
+        """Stop, and end the program on the robot."""
+        self.engage_brakes()
+        self._control.stopScript()
