@@ -96,6 +96,19 @@ def test_without_a_folder_that_can_be_written_to_nothing_is_kept(
     assert not list(tmp_path.rglob("*.nb[ic]"))
 
 
+def test_a_source_is_cold_until_its_tick_is_compiled(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In an empty cache it is, and no longer where the code of a tick is kept."""
+    monkeypatch.setattr(kernels, "cache_folder", lambda: tmp_path)
+    assert kernels.is_cold()
+    tick = Path(kernels.__file__).parent / "catcher" / "tick.py"
+    folder = kernels._folder_of(tick, tmp_path)
+    folder.mkdir(parents=True)
+    (folder / "tick.tick-1.py311.1.nbc").touch()
+    assert not kernels.is_cold()
+
+
 def test_all_forms_of_import_are_seen() -> None:
     source = (
         "import mitt.core.ball.flight\n"
