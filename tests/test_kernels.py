@@ -102,7 +102,7 @@ def test_a_source_is_cold_until_its_tick_is_compiled(
     """In an empty cache it is, and no longer where the code of a tick is kept."""
     monkeypatch.setattr(kernels, "cache_folder", lambda: tmp_path)
     assert kernels.is_cold()
-    tick = Path(kernels.__file__).parent / "catcher" / "tick.py"
+    tick = kernels.PACKAGE / "core" / "catcher" / "tick.py"
     folder = kernels._folder_of(tick, tmp_path)
     folder.mkdir(parents=True)
     (folder / "tick.tick-1.py311.1.nbc").touch()

@@ -155,7 +155,7 @@ def is_cold() -> bool:
     """Tell whether no kernel of this source has been compiled yet."""
     cache = cache_folder()
     return cache is None or not any(
-        _folder_of(Path(__file__).parent / "catcher" / "tick.py", cache).glob("tick.tick*.nbc")
+        _folder_of(PACKAGE / "core" / "catcher" / "tick.py", cache).glob("tick.tick*.nbc")
     )
 
 
