@@ -46,6 +46,8 @@ def readers() -> dict[str, tuple[Callable[..., Any], str]]:
     for package in _READERS:
         home = import_module(f"mitt.{package}")
         for place in pkgutil.walk_packages(home.__path__, f"mitt.{package}."):
+            if place.name == "mitt.io.reading":  # takes any file: those of formats read by it
+                continue
             for name, value in vars(import_module(place.name)).items():
                 if not (inspect.isfunction(value) and _READER.match(name)):
                     continue

@@ -15,6 +15,7 @@ from mitt.lab.trials.study import extent, planned
 from mitt.lab.trials.study_folder import Folder
 from mitt.lab.world.disturbances import Kick
 
+ROOT = Path(__file__).parents[2]
 #: Names that a registry with all rivals has.
 EVERY = tuple(BUILT_IN)
 
@@ -78,7 +79,7 @@ def test_two_names_never_share_a_recording(tmp_path: Path) -> None:
 def test_studies_that_ship_can_be_read_by_name(name: str) -> None:
     study = read_study(Path(name))
     assert study.name == name
-    assert study == read_study(Path("studies") / f"{name}.toml")
+    assert study == read_study(ROOT / "studies" / f"{name}.toml")
 
 
 def test_the_studies_that_ship_are_those_that_are_promised() -> None:
