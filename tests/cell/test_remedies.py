@@ -21,6 +21,7 @@ from mitt.robot.cell.frames import FrameWriter
 from mitt.robot.cell.prepare import prepare, scene_of_cell
 from mitt.robot.cell.robot import RobotLink
 from mitt.robot.cell.ros2_messages import JointReading, Orders
+from mitt.robot.cell.trackers import check_tracker
 
 try:
     from mitt.robot.cell import dds
@@ -30,7 +31,7 @@ except InputError:
 
 HERE = Path(messages.__file__).parent
 #: How a message names a setting of a cell's file.
-SETTING = re.compile(r"\b(?:robot|source|task|motion)\.(?:options\.)?[a-z][a-z_]*\b")
+SETTING = re.compile(r"\b(?<!mitt\.)(?:robot|source|task|motion)\.(?:options\.)?[a-z][a-z_]*\b")
 
 
 def texts(module: ast.Module) -> Iterator[str]:
@@ -104,6 +105,13 @@ def source_of(cell: Cell, **given: Any) -> Cell:  # noqa: ANN401
     return cell.model_copy(update={"source": cell.source.model_copy(update=given)})
 
 
+def tracker_said(name: str, **options: object) -> str:
+    """Return what is wrong with a cell for a tracker, whose library is there."""
+    cell = source_of(cell_with("x"), tracker=name, options=options)
+    with patch("mitt.core.errors.find_spec"):
+        return line_of(lambda: check_tracker(cell, ARM))
+
+
 def joined(cell: Cell) -> str:
     """Return what a driver says that waits at a cell of which only ``/there/...`` is there."""
     node, robot, q = dds.Node(), Ros2Robot(cell, ARM), np.zeros(3)
@@ -168,7 +176,8 @@ BALL = messages.point(1.0, "mocap", np.ones(3))
 def frame_said(cell: Cell) -> str:
     """Return what is wrong with the frame of a position."""
     robot = Ros2Robot(cell, ARM)
-    robot._ball.take = lambda: [BALL]  # type: ignore[method-assign, misc, assignment]
+    assert robot._ball is not None
+    robot._ball._heard.take = lambda: [BALL]  # type: ignore[method-assign, misc, assignment]
     return line_of(robot.points)
 
 
@@ -214,6 +223,26 @@ REMEDIES: dict[str, tuple[Callable[[], str], Callable[[], str]]] = {
         lambda: line_of(lambda: dds.Node("eth77")),
         lambda: line_of(lambda: dds.Node(if_nameindex()[0][1]).close()),
     ),
+    "source.options.kind": (
+        lambda: tracker_said("motioncapture"),
+        lambda: tracker_said("motioncapture", kind="vicon"),
+    ),
+    "source.options.rigid_body": (
+        lambda: tracker_said("natnet", rigid_body=-1.0),
+        lambda: tracker_said("natnet", rigid_body=1.0),
+    ),
+    "source.options.tick_rate": (
+        lambda: tracker_said("natnet", tick_rate=1.0),
+        lambda: tracker_said("natnet", tick_rate=1e9),
+    ),
+    "source.options.port": (
+        lambda: tracker_said("qtm", port=-1.0),
+        lambda: tracker_said("qtm", port=22225.0),
+    ),
+    "source.options.interface": (
+        lambda: tracker_said("ros2", interface="eth77"),
+        lambda: tracker_said("ros2", interface=if_nameindex()[0][1]),
+    ),
     "robot.options.address": (ur_said, lambda: ur_said(address="192.0.2.1")),
     "robot.rate": (
         lambda: ur_said(address="192.0.2.1", rate=1000.0),
@@ -225,7 +254,16 @@ REMEDIES: dict[str, tuple[Callable[[], str], Callable[[], str]]] = {
     ),
 }
 #: Settings that a line names as what is wrong, or as what it speaks of.
-NO_REMEDY = {"robot.watchdog", "robot.driver", "robot.options", "task.put", "task.belt"}
+NO_REMEDY = {
+    "robot.watchdog",
+    "robot.driver",
+    "robot.options",
+    "source.tracker",
+    "source.options",
+    "source.options.multicast",
+    "task.put",
+    "task.belt",
+}
 
 
 def test_each_setting_that_a_line_names_is_tried() -> None:

@@ -11,7 +11,7 @@ from mitt.core.arm.arm import Arm
 from mitt.core.errors import InputError
 from mitt.core.signals import ArmState, Command, Sighting
 from mitt.io.cell import read_cell
-from mitt.robot.cell.robot import GROUP, RobotLink, driver_named
+from mitt.robot.cell.robot import DRIVERS, RobotLink, driver_named
 
 
 class Driver:
@@ -100,8 +100,8 @@ def test_a_robot_without_brakes_says_so_when_the_link_is_made() -> None:
 
 def test_drivers_of_other_packages_are_found_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
     """An unknown name lists those that there are; one that does not load says so."""
-    entry = EntryPoint("mine", "nowhere.at_all:driver", GROUP)
-    monkeypatch.setattr("mitt.robot.cell.robot.entry_points", lambda **_: [entry])
+    entry = EntryPoint("mine", "nowhere.at_all:driver", DRIVERS.group)
+    monkeypatch.setattr("mitt.robot.cell.plugins.entry_points", lambda **_: [entry])
     with pytest.raises(InputError, match="one of ros2, sim, franka, mine, ur"):
         driver_named("yours")
     with pytest.raises(InputError, match="repair that package"):
@@ -119,8 +119,8 @@ def test_what_a_driver_makes_has_to_be_a_robot(monkeypatch: pytest.MonkeyPatch, 
     package = ModuleType("of_a_vendor")
     vars(package)["none"] = lambda _cell, _arm: object()
     monkeypatch.setitem(sys.modules, "of_a_vendor", package)
-    points = [EntryPoint(name, "of_a_vendor:none", GROUP) for name in ("none", "franka")]
-    monkeypatch.setattr("mitt.robot.cell.robot.entry_points", lambda **_: points)
+    points = [EntryPoint(name, "of_a_vendor:none", DRIVERS.group) for name in ("none", "franka")]
+    monkeypatch.setattr("mitt.robot.cell.plugins.entry_points", lambda **_: points)
     with pytest.raises(InputError, match=r"robot: wanted .*Robot"):
         driver_named("none")(read_cell("wam-sim"), arm)
     with pytest.raises(InputError, match=r"robot\.joints: wanted some of panda_joint1"):

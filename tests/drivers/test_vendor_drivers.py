@@ -14,13 +14,13 @@ from mitt.core.signals import Command
 from mitt.io.arm_file import read_arm_file
 from mitt.io.cell import ArmPart, Cell, read_cell
 from mitt.robot.cell import ur
+from mitt.robot.cell.device_clock import DeviceClock
 from mitt.robot.cell.drivers import LocalRobot
 from mitt.robot.cell.franka import FrankaRobot
 from mitt.robot.cell.live import Mode
 from mitt.robot.cell.prepare import PreparedCell, prepare
 from mitt.robot.cell.readings import Lag
 from mitt.robot.cell.robot import Robot
-from mitt.robot.cell.robot_clock import RobotClock
 
 STARTED = 1.7e9
 FRANKA_JOINTS = ["panda_joint1", "panda_joint2", "panda_joint4"]
@@ -67,7 +67,7 @@ def franka_at(cell: Cell, seen: list[FakeFranka]) -> LocalCell:
             ControlException=ControlException,
             RealtimeConfig=SimpleNamespace(kEnforce="enforced", kIgnore="ignored"),
         )
-        robot = FrankaRobot(vendor, prepared.cell, prepared.arm, clock=RobotClock(lambda: local.t))
+        robot = FrankaRobot(vendor, prepared.cell, prepared.arm, clock=DeviceClock(lambda: local.t))
         return Beside(robot, local, fake)
 
     return LocalCell(throws=2, prepared=prepare(cell), driver=driver)
@@ -93,7 +93,7 @@ def ur_at(cell: Cell, seen: list[FakeUr], *, acceleration: float) -> LocalCell:
             fake.unlock,
             prepared.cell,
             prepared.arm,
-            clock=RobotClock(lambda: local.t),
+            clock=DeviceClock(lambda: local.t),
             acceleration=acceleration,
         )
         return Beside(robot, local, fake)
@@ -199,9 +199,9 @@ def test_the_ur_driver_goes_on_once_a_person_says_so() -> None:
     assert cell.loop.mode is Mode.CATCHING
 
 
-def clock_of(now: list[float]) -> RobotClock:
+def clock_of(now: list[float]) -> DeviceClock:
     """Return the clock of a robot where it is ``now`` [s], a list of one number."""
-    return RobotClock(lambda: now[0])
+    return DeviceClock(lambda: now[0])
 
 
 def test_the_clock_of_a_robot_may_drift_but_not_jump() -> None:

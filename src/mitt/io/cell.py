@@ -143,6 +143,10 @@ class SourcePart(FileSection):
 
     Attributes:
         kind: Positions of the ball, or images of two cameras.
+        tracker: What sends the positions: ``natnet`` (OptiTrack), ``qtm`` (Qualisys),
+            ``motioncapture``, ``ros2``, or a name of the entry points ``mitt.trackers``; if left
+            out, the robot's driver.
+        options: Options of the tracker.
         topic: ROS 2 topic.
         message: ``geometry_msgs/PointStamped`` or ``PoseStamped``.
         frame: Frame that the messages must name (REP 105).
@@ -156,6 +160,8 @@ class SourcePart(FileSection):
     """
 
     kind: Literal["points", "images"] = "points"
+    tracker: Name | None = None
+    options: dict[str, str | float | bool] = Field(default_factory=dict)
     topic: Name = "/ball"
     message: Literal["point", "pose"] = "point"
     frame: Name = "world"
@@ -297,12 +303,24 @@ def cell_of(raw: Any, *, place: str, folder: Path = Path()) -> Cell:  # noqa: AN
         raise FileError(
             f"{place} key 'robot.rate'", "1000 or 500 Hz for torques", f"{cell.robot.rate:g}"
         )
+    _check_source(cell, place)
     _check_task(cell, place)
     named = {"file": _beside(folder, cell.arm.file), "limits": _beside(folder, cell.arm.limits)}
     arm = cell.arm.model_copy(update=named)
     source = cell.source.model_copy(update={"rig": _beside(folder, cell.source.rig)})
     beside = {"arm": arm, "source": source, "map": _beside(folder, cell.map)}
     return cell.model_copy(update=beside)
+
+
+def _check_source(cell: Cell, place: str) -> None:
+    """Refuse a tracker where nothing asks one, and options of none."""
+    of = cell.source
+    if of.tracker is None and of.options:
+        wanted, given = "a tracker that they are for", "none"
+        raise FileError(f"{place} key 'source.options'", wanted, given, do="say source.tracker")
+    if of.tracker is not None and of.kind == "images":
+        wanted, given = "none where images are taken", of.tracker
+        raise FileError(f"{place} key 'source.tracker'", wanted, given, do="leave it out")
 
 
 def _check_task(cell: Cell, place: str) -> None:

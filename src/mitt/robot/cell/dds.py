@@ -45,6 +45,8 @@ Kind = Literal["command", "sensor"]
 _TOPIC = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 #: Messages that wait to be taken.
 _DEPTH = {"command": 10, "sensor": 40}
+#: Key of a cell that names the interface, where no other is said.
+_KEY = "robot.options.interface"
 _ANY = SampleState.Any | ViewState.Any | InstanceState.Any
 
 
@@ -140,18 +142,18 @@ def domain_id() -> int:
     return number
 
 
-def check_network(interface: str) -> int:
-    """Return the domain of a node on an interface; joins nothing.
+def check_network(interface: str, *, key: str = _KEY) -> int:
+    """Return the domain of a node on an interface, named by a key of a cell; joins nothing.
 
     Raises:
         InputError: ``ROS_DOMAIN_ID`` is no domain, or the interface is not there.
     """
     number = domain_id()
     if not interface.replace("-", "").replace(".", "").replace("_", "").isalnum():
-        raise InputError("robot.options.interface", "the name of an interface", repr(interface))
+        raise InputError(key, "the name of an interface", repr(interface))
     known = [name for _, name in if_nameindex()]
     if interface not in known:  # DDS would take all networks instead
-        raise InputError("robot.options.interface", f"one of {', '.join(known)}", interface)
+        raise InputError(key, f"one of {', '.join(known)}", interface)
     return number
 
 
@@ -194,7 +196,7 @@ def _sockets() -> dict[int, str]:
 
 
 @contextmanager
-def kept_to(interface: str) -> Iterator[None]:
+def kept_to(interface: str, key: str = _KEY) -> Iterator[None]:
     """Bind each UDP socket that is made inside the block to an interface.
 
     Cyclone DDS 11 binds its receiving sockets to all addresses, whatever interface it is told to
@@ -202,7 +204,7 @@ def kept_to(interface: str) -> Iterator[None]:
     """
     if sys.platform != "linux":
         raise InputError(
-            "robot.options.interface",
+            key,
             "Linux for the loopback alone",
             sys.platform,
             do="name another interface",
@@ -221,7 +223,7 @@ def kept_to(interface: str) -> Iterator[None]:
             except OSError as error:
                 do = "needs Linux 5.7 or the capability CAP_NET_RAW; or name another interface"
                 raise InputError(
-                    "robot.options.interface",
+                    key,
                     f"sockets bound to {interface}",
                     error.strerror,
                     do=do,
@@ -297,10 +299,10 @@ class Subscriber:
 class Node:
     """A participant in a domain, with what it publishes and subscribes to."""
 
-    def __init__(self, interface: str = "lo") -> None:
-        """Join the domain on one network interface."""
-        number = check_network(interface)
-        with kept_to(interface) if interface == "lo" else nullcontext():
+    def __init__(self, interface: str = "lo", *, key: str = _KEY) -> None:
+        """Join the domain on one network interface, named by a key of a cell."""
+        number = check_network(interface, key=key)
+        with kept_to(interface, key) if interface == "lo" else nullcontext():
             with suppress(DDSException):  # this process is in the domain already
                 self._domain = Domain(number, _configuration(interface))
             try:

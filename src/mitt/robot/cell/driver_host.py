@@ -119,9 +119,8 @@ class Host:
             state[Mark.SINCE] = 0.0
 
     def _named(self, error: BaseException) -> str:
-        """Return what a driver has raised, in words."""
-        kind = "" if isinstance(error, MittError) else f"{type(error).__name__}: "
-        return f"driver {self._cell.robot.driver!r}: {kind}{error}".removesuffix(": ")
+        """Return what the driver has raised, in words."""
+        return said_of(f"driver {self._cell.robot.driver!r}", error)
 
     def _cycle(self) -> None:
         """Do what was ordered; read, publish, write what answers it; say how the robot is."""
@@ -274,18 +273,33 @@ class Host:
             self._brake(asked[-1])
 
 
-def serve_driver(bell: int, memory: int) -> None:
-    """Be the process of a driver: the loop's is the parent, and sends cell and arm."""
+def said_of(name: str, error: BaseException) -> str:
+    """Return what a maker's client has raised, in words."""
+    kind = "" if isinstance(error, MittError) else f"{type(error).__name__}: "
+    return f"{name}: {kind}{error}".removesuffix(": ")
+
+
+def join_exchange(bell: int, memory: int) -> tuple[Exchange, int, tuple[Any, ...]]:
+    """Join the exchange of the loop's process, from one that it has started.
+
+    Returns:
+        The exchange, the number of the loop's process, and what that has sent.
+    """
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):  # mitt sees to these
         signal.signal(number, signal.SIG_IGN)
     signal.signal(signal.SIGALRM, signal.SIG_DFL)
     os.dup2(2, 1)  # what a client prints is no result of mitt
     sys.setswitchinterval(0.0005)
     with Connection(os.dup(bell)) as link:
-        parent, path, cell, arm = link.recv()
+        parent, path, n, sent = link.recv()
     sys.path[:] = path
-    exchange = Exchange(memory, socket(fileno=bell), arm.n)
-    Host(exchange, cell, arm, parent).run()
+    return Exchange(memory, socket(fileno=bell), n), parent, sent
+
+
+def serve_driver(bell: int, memory: int) -> None:
+    """Be the process of a driver: the loop's is the parent, and sends cell and arm."""
+    exchange, parent, sent = join_exchange(bell, memory)
+    Host(exchange, sent[0], sent[1], parent).run()
     exchange.ring()
     gc.enable()
     os._exit(0)

@@ -15,8 +15,9 @@ from mitt.io.cell import Cell
 from mitt.robot.cell.frames import FrameSet, FrameSource, SharedFrames, memory_name
 from mitt.robot.cell.hosted import HostedRobot
 from mitt.robot.cell.prepare import PreparedCell, feed_of, scene_of_cell
-from mitt.robot.cell.robot import ReceivedCommand, Robot, check_added
+from mitt.robot.cell.robot import DRIVERS, ReceivedCommand, Robot
 from mitt.robot.cell.simulated import SimulatedCell
+from mitt.robot.cell.trackers import HostedTracker, TrackedRobot, check_tracker
 
 
 @final
@@ -185,11 +186,27 @@ def connect_robot(prepared: PreparedCell) -> Connection:
         return local_connection(cell, local)
     shapes = [(camera.height, camera.width) for camera in prepared.rig.cameras]
     frames = SharedFrames(cell.source.memory, shapes) if cell.source.kind == "images" else None
+    return Connection(_tracked(cell, _robot_of(cell, arm)), frames, monotonic)
+
+
+def _robot_of(cell: Cell, arm: Arm) -> Robot:
+    """Return the robot of a driver: mitt's own of ROS 2 here, any other in its process."""
     if cell.robot.driver == "ros2":
         from mitt.robot.cell.ros2 import Ros2Robot  # noqa: PLC0415 (needs the extra ros2)
 
-        return Connection(Ros2Robot(cell, arm), frames, monotonic)
-    return Connection(HostedRobot(cell, arm), frames, monotonic)
+        return Ros2Robot(cell, arm)
+    return HostedRobot(cell, arm)
+
+
+def _tracked(cell: Cell, robot: Robot) -> Robot:
+    """Return a robot with its tracker beside it, where its cell has one."""
+    if cell.source.tracker is None:
+        return robot
+    try:
+        return TrackedRobot(robot, HostedTracker(cell))
+    except BaseException:
+        robot.close()
+        raise
 
 
 def check_driver(cell: Cell, arm: Arm) -> list[str]:
@@ -203,8 +220,11 @@ def check_driver(cell: Cell, arm: Arm) -> list[str]:
     """
     if cell.source.kind == "images":
         memory_name(cell.source.memory)
+    if cell.robot.driver == "sim":
+        return []
+    asked = check_tracker(cell, arm)
     if cell.robot.driver == "ros2":
         from mitt.robot.cell.ros2 import check_cell  # noqa: PLC0415 (needs the extra ros2)
 
-        return check_cell(cell, arm).wanted()
-    return [] if cell.robot.driver == "sim" else check_added(cell, arm)
+        return check_cell(cell, arm).wanted() + asked
+    return DRIVERS.check(cell.robot.driver, cell, arm) + asked

@@ -40,8 +40,8 @@ from mitt.core.arm.arm import Arm
 from mitt.core.errors import InputError, check_package
 from mitt.core.signals import ArmState, Array, Command, Sighting
 from mitt.io.cell import Cell
-from mitt.robot.cell.robot import option_of
-from mitt.robot.cell.robot_clock import RobotClock
+from mitt.robot.cell.device_clock import DeviceClock
+from mitt.robot.cell.plugins import given_options
 
 #: Names of the joints in the vendor's descriptions of the arms that the library drives.
 NAMES: Final = {kind: tuple(f"{kind}_joint{k}" for k in range(1, 8)) for kind in ("panda", "fr3")}
@@ -75,7 +75,7 @@ _OPTIONS: Final = {
 def check_franka(cell: Cell, arm: Arm) -> list[str]:
     """Refuse a cell that this driver cannot be for; connects to nothing: the entry point."""
     franka_index(cell, arm)
-    of = option_of(cell, _OPTIONS)
+    of = given_options("robot.options", cell.robot.options, _OPTIONS)
     if not of["address"]:
         raise InputError("robot.options.address", "the address of the robot", "none")
     if (of["collision_force"] > 0.0) != (of["collision_torque"] > 0.0):
@@ -124,7 +124,7 @@ class FrankaRobot:
         cell: Cell,
         arm: Arm,
         *,
-        clock: RobotClock | None = None,
+        clock: DeviceClock | None = None,
     ) -> None:
         """Connect.
 
@@ -134,7 +134,7 @@ class FrankaRobot:
             arm: The arm.
             clock: Turns the robot's stamps into times of day.
         """
-        of = option_of(cell, _OPTIONS)
+        of = given_options("robot.options", cell.robot.options, _OPTIONS)
         self._index, self._vendor = franka_index(cell, arm), vendor
         kind = vendor.RealtimeConfig
         self._robot = vendor.Robot(of["address"], kind.kEnforce if of["realtime"] else kind.kIgnore)
@@ -145,7 +145,7 @@ class FrankaRobot:
             inertia = np.diag([of["load"] * _GYRATION**2] * 3).ravel().tolist()
             self._robot.set_load(of["load"], [0.0, 0.0, of["load_height"]], inertia)
         self._model, self._control = self._robot.load_model(), None
-        self._clock, self._reflex = clock or RobotClock(), ""
+        self._clock, self._reflex = clock or DeviceClock(), ""
         self.state = self._robot.read_once()
         self._held, self._sent = np.array(self.state.q), deque[Array](maxlen=_ON_THE_WAY)
 

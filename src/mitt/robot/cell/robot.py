@@ -12,36 +12,36 @@ and before the start: from cell and arm to lines that say what the robot has to 
 nothing, and loads no maker's library.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import partial
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 from math import inf
-from typing import Any, NamedTuple, Protocol, final, runtime_checkable
+from typing import Final, NamedTuple, Protocol, final, runtime_checkable
 
 import numpy as np
 
 from mitt.core import checks
 from mitt.core.arm.arm import Arm
 from mitt.core.control.setpoints import Setpoints
-from mitt.core.errors import (
-    InputError,
-    MissingPackageError,
-    MittError,
-    UnknownNameError,
-)
+from mitt.core.errors import InputError
 from mitt.core.signals import TICK, ArmState, Array, Command, Sighting
 from mitt.io.cell import Cell
+from mitt.robot.cell.plugins import Plugins
 
-#: Groups of the entry points: drivers, and their checks.
-GROUP = "mitt.robots"
-CHECKS = "mitt.robot_checks"
-#: Drivers that come with mitt, found as those of other packages are, and before them.
-_OWN = (
-    EntryPoint("franka", "mitt.robot.cell.franka:franka_robot", GROUP),
-    EntryPoint("franka", "mitt.robot.cell.franka:check_franka", CHECKS),
-    EntryPoint("ur", "mitt.robot.cell.ur:ur_robot", GROUP),
-    EntryPoint("ur", "mitt.robot.cell.ur:check_ur", CHECKS),
+#: Drivers, mitt's own found as those of other packages are, and before them.
+DRIVERS: Final = Plugins(
+    "driver",
+    "mitt.robots",
+    "mitt.robot_checks",
+    key="robot.driver",
+    own=(
+        EntryPoint("franka", "mitt.robot.cell.franka:franka_robot", "mitt.robots"),
+        EntryPoint("franka", "mitt.robot.cell.franka:check_franka", "mitt.robot_checks"),
+        EntryPoint("ur", "mitt.robot.cell.ur:ur_robot", "mitt.robots"),
+        EntryPoint("ur", "mitt.robot.cell.ur:check_ur", "mitt.robot_checks"),
+    ),
+    others=("ros2", "sim"),
 )
 #: Time after which a setpoint says nothing of the next [s].
 _STALE = 0.05
@@ -215,96 +215,5 @@ def driver_named(name: str) -> Driver:
         UnknownNameError: No driver is called that.
         InputError: It does not load.
     """
-    return partial(_added, f"driver {name!r}", _entry(name, GROUP))
-
-
-def check_added(cell: Cell, arm: Arm) -> list[str]:
-    """Return what the robot of a driver of another package has to be, a line each.
-
-    The driver is loaded, and its check is called if it has one; no robot is connected.
-
-    Raises:
-        UnknownNameError: No driver is called that.
-        InputError: It does not load, a library is missing, or the check refuses the cell.
-    """
-    name = cell.robot.driver
-    _entry(name, GROUP)
-    if name not in _entries(CHECKS):
-        return []
-    check: DriverCheck = _entry(name, CHECKS)
-    with _libraries(f"driver {name!r}"):
-        try:
-            return [checks.text("robot", line) for line in check(cell, arm)]
-        except InputError:  # it is about the cell
-            raise
-        except MittError as error:
-            raise InputError(f"driver {name!r}", "a cell that its check takes", error) from error
-
-
-def _entries(group: str) -> dict[str, EntryPoint]:
-    """Return the entry points of a group by their names; those of mitt are no other package's."""
-    own = [entry for entry in _OWN if entry.group == group]
-    return {entry.name: entry for entry in (*entry_points(group=group), *own)}
-
-
-def option_of(cell: Cell, known: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the options of a cell's robot, with what is left out as in ``known``.
-
-    Raises:
-        InputError: One is not known, or of another kind.
-    """
-    for key, value in cell.robot.options.items():
-        if key not in known:
-            raise InputError(f"robot.options.{key}", f"one of {', '.join(known)}", "another")
-        if type(value) is not type(known[key]):
-            raise InputError(f"robot.options.{key}", type(known[key]).__name__, repr(value)[:60])
-    return {**known, **cell.robot.options}
-
-
-def _entry(name: str, group: str) -> Any:  # noqa: ANN401 (whatever the package has there)
-    """Return what the entry point of a driver stands for."""
-    added = _entries(group)
-    if name not in added:
-        raise UnknownNameError(
-            "robot.driver",
-            name,
-            ("ros2", "sim", *sorted(added)),
-            do="other drivers come with packages: pip install it into the Python of mitt",
-        )
-    entry, where = added[name], f"driver {name!r}"
-    try:
-        return entry.load()
-    except (ImportError, AttributeError) as error:
-        if isinstance(error, ImportError) and not entry.module.startswith(error.name or ""):
-            raise _lacking(where, error) from error
-        raise InputError(
-            where, f"the entry point {entry.value} to load", error, do="repair that package"
-        ) from error
-
-
-@contextmanager
-def _libraries(where: str) -> Iterator[None]:
-    """Name a library that a driver needs and that is not installed."""
-    try:
-        yield
-    except MissingPackageError:  # of mitt's own drivers: it names the extra
-        raise
-    except ImportError as error:
-        raise _lacking(where, error) from error
-
-
-def _lacking(where: str, error: ImportError) -> InputError:
-    """Return the error of a library that is not there."""
-    missing = error.name or str(error)
-    return InputError(
-        where,
-        f"the library {missing}",
-        "a Python without it",
-        do=f"pip install what has {missing}, into the Python of mitt",
-    )
-
-
-def _added(name: str, driver: Driver, cell: Cell, arm: Arm) -> Robot:
-    """Return the robot that a driver makes."""
-    with _libraries(name):
-        return checks.instance("robot", driver(cell, arm), Robot)
+    DRIVERS.load(name)
+    return partial(DRIVERS.made, name, Robot)

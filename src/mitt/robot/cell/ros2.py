@@ -29,15 +29,17 @@ from numpy.typing import NDArray
 
 from mitt.clock import monotonic
 from mitt.core.arm.arm import Arm
-from mitt.core.arm.description import roll_pitch_yaw
 from mitt.core.errors import InputError, MittError
 from mitt.core.signals import TICK, ArmState, Array, Command, Image, Sighting
 from mitt.io.cell import Cell
 from mitt.robot.cell import dds
 from mitt.robot.cell import ros2_messages as messages
 from mitt.robot.cell.frames import FrameWriter
-from mitt.robot.cell.robot import ReceivedCommand, check_brakes, option_of
+from mitt.robot.cell.plugins import given_options
+from mitt.robot.cell.robot import ReceivedCommand, check_brakes
+from mitt.robot.cell.ros2_ball import Ros2Ball
 from mitt.robot.cell.ros2_messages import Orders, joints_of
+from mitt.robot.cell.trackers import SourceFrame
 
 #: Where a simulated cell says how a throw ended; never read inside the loop.
 RESULTS = "/mitt/throw_result"
@@ -78,7 +80,7 @@ _LEASE = 25.0
 
 def ros2_options(cell: Cell) -> dict[str, Any]:
     """Return the options of a cell's robot, with what is left out."""
-    return option_of(cell, _KNOWN)
+    return given_options("robot.options", cell.robot.options, _KNOWN)
 
 
 _Places: TypeAlias = tuple[NDArray[np.int64], NDArray[np.int64]]
@@ -94,7 +96,7 @@ def check_cell(cell: Cell, arm: Arm) -> Orders:
     of = ros2_options(cell)
     dds.check_network(of["interface"])
     topics = [
-        cell.source.topic,
+        cell.source.topic if _sees_ball(cell) else "",
         of["state"],
         of["command"],
         of["brake"],
@@ -106,6 +108,11 @@ def check_cell(cell: Cell, arm: Arm) -> Orders:
             dds.check_topic(name)
     check_brakes(bool(of["brake"]), unbraked=of["unbraked"])
     return Orders(cell, arm, of)
+
+
+def _sees_ball(cell: Cell) -> bool:
+    """Say whether the ball comes through the robot's graph."""
+    return cell.source.kind == "points" and cell.source.tracker is None
 
 
 @final
@@ -266,8 +273,7 @@ class Ros2Robot:
         self._cell, self._of = cell, of
         self.brakes = bool(of["brake"]) or bool(of["unbraked"])
         self._state = node.subscribe(of["state"], dds.JointState, "sensor", wakes=True)
-        kind = dds.PointStamped if source.message == "point" else dds.PoseStamped
-        self._ball = node.subscribe(source.topic, kind, "sensor")
+        self._ball = Ros2Ball(node, source) if _sees_ball(cell) else None
         self._diagnostics = (
             node.subscribe(of["diagnostics"], dds.Diagnostics, "command") if of["status"] else None
         )
@@ -280,8 +286,7 @@ class Ros2Robot:
         self._join_brakes_and_hand()
         # A velocity of zero moves no joint, an angle does.
         self._needed = self._orders.held if cell.robot.takes == "position" else {}
-        self._R, self._place = roll_pitch_yaw(np.array(source.rpy)), np.array(source.origin)
-        self._covariance = source.sigma**2 * np.eye(3)
+        self._frame = SourceFrame(source)
         self._trouble, self._braked, self._status = "", "", -inf
         self._conflict, self._absent, self._due = "", "", 0.0
         self._begun, self._meddled = monotonic(), ("", -inf)
@@ -317,27 +322,8 @@ class Ros2Robot:
 
     def points(self) -> Sequence[Sighting]:
         """Return all positions of the ball since the last call, in the arm's base frame."""
-        source, found = self._cell.source, []
-        for raw in self._ball.take():
-            t, frame, r_o = messages.read_point(raw)
-            if frame != source.frame:
-                raise InputError(
-                    f"frame of {source.topic}",
-                    source.frame,
-                    repr(frame)[:60],
-                    do="say it in source.frame",
-                )
-            seen = self._R @ r_o + self._place
-            good = bool(np.all(np.isfinite(seen)))
-            found.append(
-                Sighting(
-                    t=t - source.latency,
-                    found=good,
-                    covariance=self._covariance,
-                    r_o=seen if good else np.zeros(3),
-                )
-            )
-        return found
+        seen = [] if self._ball is None else self._ball.places()
+        return [self._frame.sighting(t, r) for t, r in seen]
 
     def write(self, command: Command, answers: float) -> None:
         """Send a command: the hand's angle where that is new, then what the drives take."""
@@ -411,7 +397,8 @@ class Ros2Robot:
         topic, joint = self._of["command"], self._joints.twice(now)
         foreign = self._foreign.speakers() > 0 or bool(self._foreign.take())
         state = f"{joint} on {self._of['state']}" if joint else ""
-        twice = state or (self._cell.source.topic if self._ball.speakers() > 1 else "")
+        ball = self._cell.source.topic if self._ball is not None and self._ball.twice() else ""
+        twice = state or ball
         if not twice and not foreign:
             self._twice_since = inf
             said, t = self._meddled
@@ -468,19 +455,14 @@ class Ros2Robot:
 
     def _unsaid(self, now: float) -> str:
         """Say who does not say how the robot is, or where the ball is."""
-        of, source = self._of, self._cell.source
+        of = self._of
         if self._diagnostics is not None and now - self._status > _STALE_STATUS:
             return (
                 f"no entry {of['status']} on {of['diagnostics']} for {_STALE_STATUS:.0f} s: a"
                 " protective stop would not be known; name the robot's entry in"
                 " robot.options.status, or leave that out"
             )
-        if source.kind == "points" and not self._ball.speakers():
-            return (
-                f"nobody publishes {source.topic}: start what sees the ball, or name its topic"
-                " in source.topic"
-            )
-        return ""
+        return "" if self._ball is None else self._ball.absent()
 
     def _unheard(self) -> str:
         """Say where joint states were looked for, and where else they may be."""

@@ -35,8 +35,8 @@ from mitt.core.arm.arm import Arm
 from mitt.core.errors import InputError, check_package
 from mitt.core.signals import TICK, ArmState, Array, Command, Sighting
 from mitt.io.cell import Cell
-from mitt.robot.cell.robot import option_of
-from mitt.robot.cell.robot_clock import RobotClock
+from mitt.robot.cell.device_clock import DeviceClock
+from mitt.robot.cell.plugins import given_options
 
 NAMES: Final = (
     "shoulder_pan_joint",
@@ -62,7 +62,7 @@ _OPTIONS: Final = {"address": "", "lookahead": 0.03, "gain": 300.0}
 def check_ur(cell: Cell, arm: Arm) -> list[str]:
     """Refuse a cell that this driver cannot be for; connects to nothing: the entry point."""
     ur_index(cell, arm)
-    of = option_of(cell, _OPTIONS)
+    of = given_options("robot.options", cell.robot.options, _OPTIONS)
     if not of["address"]:
         raise InputError("robot.options.address", "the address of the robot", "none")
     for name, low, high in (("lookahead", 0.03, 0.2), ("gain", 100.0, 2000.0)):
@@ -90,7 +90,10 @@ def ur_robot(cell: Cell, arm: Arm) -> "UrRobot":
     import rtde_control  # noqa: PLC0415
     import rtde_receive  # noqa: PLC0415
 
-    address, rate = str(option_of(cell, _OPTIONS)["address"]), 1.0 / PERIOD
+    address, rate = (
+        str(given_options("robot.options", cell.robot.options, _OPTIONS)["address"]),
+        1.0 / PERIOD,
+    )
     dashboard = dashboard_client.DashboardClient(address)
     dashboard.connect()
     return UrRobot(
@@ -120,7 +123,7 @@ class UrRobot:
         cell: Cell,
         arm: Arm,
         *,
-        clock: RobotClock | None = None,
+        clock: DeviceClock | None = None,
         acceleration: float = _FASTEST,
     ) -> None:
         """Take what is connected.
@@ -134,10 +137,10 @@ class UrRobot:
             clock: Turns the robot's stamps into times of day.
             acceleration: Of ``speedj`` [rad/s^2].
         """
-        of = option_of(cell, _OPTIONS)
+        of = given_options("robot.options", cell.robot.options, _OPTIONS)
         self._index, self._arm, self._takes = ur_index(cell, arm), arm, cell.robot.takes
         self._control, self._receive, self._unlock = control, receive, unlock
-        self._clock, self._acceleration = clock or RobotClock(), acceleration
+        self._clock, self._acceleration = clock or DeviceClock(), acceleration
         self._lookahead, self._gain = of["lookahead"], of["gain"]
         self._watchdog, self._stamp, self._moves = cell.robot.watchdog, -np.inf, False
         self._q = self._dq = self._held = np.zeros(len(NAMES))

@@ -1,9 +1,9 @@
-"""Stamps of a robot's own clock as times of day, as cameras and ``mitt`` stamp them.
+"""Stamps of a device's own clock as times of day, as cameras and ``mitt`` stamp them.
 
-What came fastest tells how far the robot's clock is behind. As two clocks drift apart, this
-difference follows them: by what came fastest in the last seconds, and no faster than clocks drift,
-as stamps must not jump while an arm moves. Readings that are late all of a sudden are no drift:
-their stamps stay as they are, so that the live loop finds them late.
+A device is a robot, or what tracks the ball. What came fastest tells how far its clock is behind.
+As two clocks drift apart, this difference follows them: by what came fastest in the last seconds,
+and no faster than clocks drift, as stamps must not jump while an arm moves. Readings that are late
+all of a sudden are no drift: their stamps stay as they are, so that the live loop finds them late.
 """
 
 from collections.abc import Callable
@@ -20,8 +20,8 @@ _MOST = 0.002
 
 
 @final
-class RobotClock:
-    """Adds to a robot's stamps what they were behind the clock here when they came fastest."""
+class DeviceClock:
+    """Adds to a device's stamps what they were behind the clock here when they came fastest."""
 
     def __init__(self, day: Callable[[], float] = time_of_day) -> None:
         """Know no stamp yet; ``day`` returns the time of day [s]."""
