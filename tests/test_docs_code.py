@@ -148,12 +148,13 @@ def test_the_arm_of_the_tutorial_catches(tmp_path: Path, monkeypatch: pytest.Mon
 
 def test_scene_and_cell_of_the_ur5e_tutorial_can_be(tmp_path: Path) -> None:
     """The scene is one for its arm; the table of the driver fits into the cell that ships."""
-    scene, robot = blocks(ROOT / "docs/tutorials/ur5e.md", "toml")
+    scene, robot, source = blocks(ROOT / "docs/tutorials/ur5e.md", "toml")
     path = tmp_path / "ur.toml"
     path.write_text(scene)
     line = ["--arm", "ur5e", "--scene", str(path), "--vision", "points", "--check"]
     assert main(["catch", *line]) == 0
-    raw = tomllib.loads(shipped_path("cells", "ur5e-sim").read_text()) | tomllib.loads(robot)
+    raw = tomllib.loads(shipped_path("cells", "ur5e-sim").read_text())
+    raw |= tomllib.loads(robot) | tomllib.loads(source)
     cell = cell_of(raw, place="CELL.toml")
     assert cell.robot.takes == read_cell("ur5e-sim").robot.takes == read_scene(path).actuation.takes
 
