@@ -168,6 +168,7 @@ def test_the_tutorial_on_planners_is_its_files() -> None:
         assert is_part(text, PLANNER / name), name
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.usefixtures("no_pages")
 def test_the_planner_of_the_tutorial_catches(

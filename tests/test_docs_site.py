@@ -15,6 +15,7 @@ from typing import ParamSpec, TypeVar
 import numpy as np
 import pytest
 from PIL import Image, ImageSequence
+from support import thorough
 
 import mitt
 from mitt.cli.main import main
@@ -115,7 +116,7 @@ def seldom(made: Callable[P, T]) -> Callable[P, T]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("script", FIGURES, ids=lambda path: path.stem)
+@pytest.mark.parametrize("script", thorough(FIGURES[:3], FIGURES[3:]), ids=lambda path: path.stem)
 def test_a_figure_is_drawn_by_its_script(
     script: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -262,6 +263,7 @@ def test_the_tutorial_catches(capsys: pytest.CaptureFixture[str]) -> None:
     assert float(rest.group(1)) < 0.05
 
 
+@pytest.mark.thorough
 def test_the_cameras_of_the_tutorial_see(capsys: pytest.CaptureFixture[str]) -> None:
     """Placed by a ball in the hand, they give a ball that the arm can start for."""
     runpy.run_path(str(ROOT / "examples/tutorials/cameras.py"), run_name="__main__")

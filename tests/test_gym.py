@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv
-from support import BASKET_ARM
+from support import BASKET_ARM, thorough
 
 import mitt.gym
 from mitt.core.catcher.settings import Phase
@@ -39,7 +39,7 @@ def _same(a: Any, b: Any) -> bool:  # noqa: ANN401 (observations)
     return bool(np.array_equal(a, b))
 
 
-@pytest.mark.parametrize("action", ["torque", "residual"])
+@pytest.mark.parametrize("action", thorough(["torque"], ["residual"]))
 @pytest.mark.parametrize("name", _IDS)
 def test_check_env_passes_without_warnings(name: str, action: str, map_file: Path) -> None:
     """Gymnasium's own checker: spaces, seeds, rendering, types."""

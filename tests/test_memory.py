@@ -126,6 +126,7 @@ def runner(arm: Arm, learned: Learned) -> TrialRunner:
     return TrialRunner(arm, Direct(learned.map), Scene(), pixels=False)
 
 
+@pytest.mark.thorough
 def test_a_catch_bears_a_collection_of_garbage_and_a_stage_outlives_its_world() -> None:
     """Every owner deleted, garbage collected in each tick, or before a throw: the same, to the bit.
 

@@ -62,6 +62,7 @@ def test_opencv_finds_the_same_minimum(board: Board) -> None:
     assert np.sqrt(2.0) * ours.rms == pytest.approx(rms, rel=1e-4)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_errors_are_those_of_the_cramer_rao_bound() -> None:
     """20 views, 0.2 px: rms errors of base line and points at 2 m within 1.3 of the bound."""

@@ -11,6 +11,7 @@ from numba import njit
 from numba.core.runtime import _nrt_python as nrt
 from numba.core.runtime import rtsys
 from stages import Tracker
+from support import thorough
 
 from mitt.core.arm.arm import Arm
 from mitt.core.ball.filter import BallFilter
@@ -303,7 +304,7 @@ def differ(
 
 
 @pytest.mark.parametrize("kind", [Direct, Unoptimised])
-@pytest.mark.parametrize("pixels", [True, False])
+@pytest.mark.parametrize("pixels", thorough([False], [True]))
 def test_the_tick_is_its_stages(
     arm: Arm,
     taught: DirectMap,

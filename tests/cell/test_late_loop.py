@@ -35,7 +35,7 @@ def stall(cell: LocalCell, ticks: int) -> None:
     [
         ("wam-sim", 6, 0),
         pytest.param("ur5e-sim", 3, 0, marks=pytest.mark.thorough),
-        ("ur5e-belt-sim", 1, 1),
+        pytest.param("ur5e-belt-sim", 1, 1, marks=pytest.mark.thorough),
         pytest.param("wam-sim", 6, 1, marks=pytest.mark.thorough),
         pytest.param("wam-sim", 6, 3, marks=pytest.mark.thorough),
         pytest.param("ur5e-belt-sim", 3, 1, marks=pytest.mark.thorough),

@@ -419,6 +419,7 @@ def bent_cell() -> LocalCell:
     )
 
 
+@pytest.mark.thorough
 def test_balls_are_caught_in_images_of_bent_lenses(monkeypatch: pytest.MonkeyPatch) -> None:
     """The loop straightens them; with the images as they are it misses or drops the ball."""
     cell = bent_cell()

@@ -79,6 +79,7 @@ def test_a_tool_that_does_not_answer_is_noticed(monkeypatch: pytest.MonkeyPatch)
     assert cell.simulated.violations == 0
 
 
+@pytest.mark.thorough
 def test_torques_keep_their_rates_from_one_catcher_to_the_next(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

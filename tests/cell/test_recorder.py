@@ -97,6 +97,7 @@ def test_every_number_comes_back(
             assert np.array_equal(mine.pixels, frame.pixels)
 
 
+@pytest.mark.thorough
 def test_a_tick_never_waits_and_what_is_dropped_is_said(
     tmp_path: Path, arm: Arm, runner: TrialRunner, about: About
 ) -> None:
@@ -163,6 +164,7 @@ def test_a_file_survives_whoever_is_killed(tmp_path: Path, about: About, victim:
         assert len(back.ticks) > 100
 
 
+@pytest.mark.thorough
 def test_an_interpreter_that_starts_slowly_is_waited_for(
     tmp_path: Path, about: About, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -217,6 +219,7 @@ def test_a_file_cut_anywhere_is_readable_to_its_last_chunk(
     assert max(refused) < len(about.text)
 
 
+@pytest.mark.thorough
 def test_a_file_that_grows_is_followed(
     tmp_path: Path, arm: Arm, runner: TrialRunner, about: About
 ) -> None:

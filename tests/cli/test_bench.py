@@ -39,6 +39,7 @@ def taught(learned: Learned, monkeypatch: pytest.MonkeyPatch) -> Learned:
     return learned
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.usefixtures("taught")
 def test_the_json_has_the_keys_of_the_contract(

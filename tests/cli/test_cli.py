@@ -454,7 +454,7 @@ def test_a_map_that_cannot_be_written_is_bad_input(call: Call, tmp_path: Path, p
     [
         (TrialRunner, "throw", ["catch", "--throws", "6", "--vision", "points"]),
         (BatRunner, "trial", ["bat", "--throws", "6", "--vision", "points"]),
-        (MeetRunner, "trial", ["meet", "--trials", "6"]),
+        pytest.param(MeetRunner, "trial", ["meet", "--trials", "6"], marks=pytest.mark.thorough),
     ],
     ids=["catch", "bat", "meet"],
 )

@@ -19,6 +19,7 @@ def motions(path: Path) -> Path:
     return path
 
 
+@pytest.mark.thorough
 def test_motions_of_a_file_are_met(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """One trial a motion, near a person slowly; the result is what is printed; a page beside it."""
     out, file = tmp_path / "out", motions(tmp_path / "motions.csv")

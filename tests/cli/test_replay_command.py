@@ -17,6 +17,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     return [path for case in cases for _, path in recorded(case, folder, throws=1, seed=6)]
 
 
+@pytest.mark.thorough
 def test_json_is_as_the_contract_says(
     files: list[Path], capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:

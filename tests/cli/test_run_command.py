@@ -95,6 +95,7 @@ def test_a_session_ends_with_its_throws_and_knows_what_was_caught() -> None:
     assert list(s.shown)[5:] == [2.0, 2.0, 2.0, 0.0]
 
 
+@pytest.mark.thorough
 def test_a_recording_whose_writer_has_died_is_told_at_once(tmp_path: Path) -> None:
     """Not only at the end, and once; the catch goes on."""
     cell, said = LocalCell(throws=1, record=tmp_path / "cell.mcap"), list[str]()
@@ -113,6 +114,7 @@ def test_a_recording_whose_writer_has_died_is_told_at_once(tmp_path: Path) -> No
         recorder.close()
 
 
+@pytest.mark.thorough
 def test_a_second_run_leaves_the_recording_that_a_first_one_writes(tmp_path: Path) -> None:
     """With --overwrite too: the folder is locked until the file is written to its end."""
     prepared, out = prepare(read_cell("wam-sim")), tmp_path / "out"

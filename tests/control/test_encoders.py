@@ -408,6 +408,7 @@ def test_a_reading_that_gains_speed_against_the_torques_has_the_wrong_sign(
     assert watch.estimated[1, 0] == pytest.approx(dq[0], abs=0.6)
 
 
+@pytest.mark.thorough
 @settings(max_examples=300)
 @given(seed=seeds, joint=joints)
 def test_a_passive_contact_is_not_a_wrong_sign(arm: Arm, seed: int, joint: int) -> None:

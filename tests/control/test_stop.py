@@ -347,6 +347,7 @@ def test_a_stop_that_is_found_takes_what_is_said_of_it(arm: Arm, seed: int, hard
     assert found.max() <= BETWEEN_RATES * max(share, SHARE) + 0.1 * share
 
 
+@pytest.mark.thorough
 def test_a_panda_is_not_let_into_a_motion_that_it_cannot_stop(panda: Arm) -> None:
     """Stretched out and driven down as fast as may be: it stops in its range, by its torques.
 

@@ -24,6 +24,7 @@ def region(found: Design) -> Region:
     return found.region
 
 
+@pytest.mark.thorough
 def test_balls_at_the_middle_of_the_box_are_caught_and_far_off_it_they_are_not(
     region: Region,
 ) -> None:

@@ -200,6 +200,7 @@ def test_small_changes_stay_in_the_ranges_and_keep_the_aim_near_the_hand(
         np.testing.assert_array_equal(still.aim, c.aim)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("speed", [2.0, 3.0, 5.0, 6.05, 9.0])
 def test_throws_of_one_speed_leave_and_arrive_as_is_said(task: DesignTask, speed: float) -> None:
     at = task_at(task, speed)
@@ -686,6 +687,7 @@ def test_the_fastest_throws_are_the_last_before_the_first_failure(
     assert str(of(_rows(False, False), 0.0)) == "none"
 
 
+@pytest.mark.thorough
 def test_a_design_for_slower_throws_only_is_the_one_described(
     found: Design, whole: Arm, task: DesignTask, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -43,6 +43,7 @@ def breaking(stage: str) -> Callable[[str, int, int], None]:
     return progress
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_a_search_that_is_broken_off_again_and_again_comes_to_the_same_design(
     found: Design, answered: list[bytes], whole: Arm, task: DesignTask, tmp_path: Path

@@ -140,8 +140,7 @@ def stopped(ready: tuple[PreparedCell, CellMap], notes: Path, call: str, fault: 
     raise AssertionError(f"stopped {TRIES} times before the driver failed: {loop.why}")
 
 
-MAIN = [("write", "blocks"), ("read", "holds"), ("points", "stops"), ("read", "crashes")]
-MAIN += [("read", "fails")]
+MAIN = [("write", "blocks"), ("read", "holds"), ("read", "fails")]
 FURTHER = [(x, y) for x in CALLS for y in FAULTS if (x, y) not in MAIN]
 
 

@@ -112,6 +112,7 @@ def test_with_the_torque_rate_of_a_franka_the_arm_of_the_example_stops() -> None
     assert not seen[0].controlled
 
 
+@pytest.mark.thorough
 def test_a_panda_catches_with_the_torque_rate_of_a_franka(tmp_path: Path) -> None:
     """1 N m a millisecond from what the robot took, the weight taken off, other joints held."""
     seen = list[FakeFranka]()

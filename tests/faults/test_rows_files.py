@@ -123,6 +123,7 @@ def test_row_25_malformed_log(tmp_path: Path, learned: Learned, arm: Arm) -> Non
     assert refused > 50
 
 
+@pytest.mark.thorough
 def test_row_26_truncated_log(tmp_path: Path, thrown_study: Path) -> None:
     """A part of a study cut anywhere is refused, and only what it held is thrown again."""
     study, folder = thrown_again(thrown_study, tmp_path)

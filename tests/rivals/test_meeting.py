@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support import thorough
 
 from mitt.core.arm.arm import Arm
 from mitt.core.arm.tools import TOOLS
@@ -62,7 +63,13 @@ def test_the_tool_moves_as_the_target_at_the_end(name: str, meeting: Meeting) ->
     assert np.linalg.norm(arm.jacobian(answer.q_d) @ answer.dq_d - dr) < SLOW
 
 
-@pytest.mark.parametrize("name", [x for x in MEETERS if x not in ("direct", "line")])
+@pytest.mark.parametrize(
+    "name",
+    thorough(
+        ["line-compensated"],
+        [x for x in MEETERS if x not in ("direct", "line", "line-compensated")],
+    ),
+)
 def test_each_takes_a_part_from_a_belt_that_is_seen_exactly(name: str, exact: Station) -> None:
     """Within all limits; the map and a straight line do so in ``trials/test_meet_study.py``."""
     generator = exact.generator(name, rate=20.0)

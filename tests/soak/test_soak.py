@@ -116,6 +116,7 @@ def test_a_joint_outside_may_brake_but_not_dawdle(arm: Arm, share: float) -> Non
     assert judge.breaks(b, last, jumped, True) == 0
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_no_broken_file_gets_more_than_one_line(tmp_path: Path) -> None:
     """Mutants of a valid file for every reader: status 0 or 2, one line, no traceback."""

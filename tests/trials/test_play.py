@@ -127,7 +127,7 @@ def test_a_laboratory_is_the_same_both_ways(
         ({"kind": "kick", "magnitude": 1.0}, {"kind": "payload", "magnitude": 0.2}),
         ({"kind": "bounce"},),
         ({"kind": "flutter", "magnitude": 10.0},),
-        ({"kind": "spring", "magnitude": 4.0},),
+        pytest.param(({"kind": "spring", "magnitude": 4.0},), marks=pytest.mark.thorough),
     ],
     ids=lambda faults: str(faults[0]["kind"]),
 )

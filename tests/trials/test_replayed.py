@@ -160,6 +160,7 @@ _CAUSES = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", _CAUSES)
 def test_the_first_cause_is_named(name: str, tmp_path: Path) -> None:
     """A stop, a refusal, a catch: said in words, with figures that are finite."""

@@ -181,6 +181,7 @@ def test_kill_9_loses_at_most_the_throw_under_way(
     assert [t["index"] for t in found["trials"]] == list(range(lines))
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("number", "status"), thorough([(signal.SIGTERM, 143)], [(signal.SIGHUP, 129)])

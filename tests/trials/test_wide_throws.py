@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import pytest
+from support import thorough
 
 from mitt.core.map.learn import Learned
 from mitt.core.map.neighbourhood import learn
@@ -42,7 +43,7 @@ def thrown(learned: Learned, ranges: ThrowRanges, scene: Scene) -> list[Trial]:
     return [runner.throw(source, k).trial for k in range(COUNT)]
 
 
-@pytest.mark.parametrize("limits", ["wam-80v", "wam-48v"])
+@pytest.mark.parametrize("limits", thorough(["wam-48v"], ["wam-80v"]))
 @pytest.mark.parametrize("ranges", [FLAT, ASKEW], ids=["flat", "askew"])
 def test_fast_throws_keep_the_motors_torque_speed_lines(
     maps: dict[str, Learned], limits: str, ranges: ThrowRanges
@@ -54,6 +55,7 @@ def test_fast_throws_keep_the_motors_torque_speed_lines(
     assert sum(trial.status == "caught" for trial in trials) >= COUNT - lost
 
 
+@pytest.mark.thorough
 def test_a_high_throw_is_refused_only_once_it_comes_near(maps: dict[str, Learned]) -> None:
     """A motion that is begun half a second before the catch catches what one at first cannot."""
     trials = thrown(maps["paper"], HIGH, lab())

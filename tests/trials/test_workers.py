@@ -27,6 +27,7 @@ def _files(folder: Path) -> list[bytes]:
     return [(folder / name).read_bytes() for name in COMPARED]
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_a_cluster_comes_to_what_one_process_does_byte_by_byte(
     tmp_path: Path, learned: Learned, thrown_study: Path
@@ -46,6 +47,7 @@ def test_a_cluster_comes_to_what_one_process_does_byte_by_byte(
     assert _files(folder.path) == _files(thrown_study)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_a_worker_that_aborts_takes_few_tasks_with_it_and_the_others_go_on() -> None:
     engine = Processes(2)
@@ -82,6 +84,7 @@ def test_a_task_that_raises_costs_nobody_else_anything() -> None:
     assert got == {number: work(number) for number in (0, 1, 2, 4, 5)}
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_what_a_chunk_cannot_be_thrown_for_is_one_line_and_bad_input(
     tmp_path: Path, learned: Learned
@@ -116,6 +119,7 @@ def _until_thrown(folder: Folder, count: int) -> None:
     raise AssertionError("nothing is thrown")
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_kill_9_loses_no_throw_and_doubles_none(
     tmp_path: Path, learned: Learned, thrown_study: Path
@@ -169,6 +173,7 @@ def test_a_number_of_workers_that_cannot_be_meant_is_refused(workers: int) -> No
         engine_of("local", workers)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_a_full_disk_is_one_line_and_what_is_done_is_kept(
     tmp_path: Path, thrown_study: Path

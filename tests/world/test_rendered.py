@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rendered_views import SIDE
+from support import thorough
 
 from mitt.core.eyes.camera import Camera, Rig, pack_cameras, sphere_centroid
 from mitt.core.signals import Array
@@ -58,7 +59,7 @@ def centroid(image: Array, fine: int) -> tuple[float, float]:
     return (u + 0.5) / fine - 0.5, (v + 0.5) / fine - 0.5
 
 
-@pytest.mark.parametrize("f_px", [220.0, 730.0])
+@pytest.mark.parametrize("f_px", thorough([220.0], [730.0]))
 def test_our_balls_are_where_mujoco_renders_them(f_px: float, tmp_path: Path) -> None:
     """The centroids of 100 random views agree, and so does the formula that triangulation uses."""
     views = balls(f_px, seed=int(f_px))
