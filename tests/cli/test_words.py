@@ -192,3 +192,40 @@ def test_nothing_near_is_not_guessed() -> None:
     both = UnknownNameError("a", "CATCH", ("catch", "learn"), do="or do that")
     assert str(both).endswith("got 'CATCH'; did you mean 'catch'? or do that")
     assert isinstance(both, InputError)
+
+
+TEXTS = [(name, option) for name, option in ALL if option.kind in (str, Path)]
+
+
+@pytest.mark.parametrize(
+    ("name", "option"), TEXTS, ids=[f"{name} {option.name}" for name, option in TEXTS]
+)
+def test_an_empty_text_is_no_value(
+    name: str, option: Option, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As a variable of a shell that is not set leaves it; as a path it would be this folder."""
+    if option.place:
+        places = [x for x in options_of(COMMANDS[name]) if x.place]
+        words = [name, *("" if x == option else "x.toml" for x in places)]
+    else:
+        words = [*base(name, but=option), f"{option.name}="]
+    said = refused(words, capsys)
+    assert option.name in said
+
+
+@pytest.mark.parametrize("folder", [".", "/", ".."])
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["calibrate", "--left", ".", "--right", ".."],
+        ["design", "wam"],
+        ["learn"],
+        ["track", "points.csv"],
+    ],
+    ids=lambda x: x[0],
+)
+def test_a_folder_is_no_file_of_output(
+    words: list[str], folder: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Nor has a folder as ``.`` a name that what is written beside it could be called by."""
+    assert "--out: wanted a " in refused([*words, "--out", folder], capsys)

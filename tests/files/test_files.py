@@ -9,8 +9,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from mitt.core import checks
 from mitt.core.errors import FileError, InputError, MittError
-from mitt.io.reading import read_json
+from mitt.io.reading import read_json, read_text
 from mitt.io.writing import (
     LOCK,
     check_folder,
@@ -190,6 +191,25 @@ def test_a_path_below_a_file_is_an_error_of_ours(tmp_path: Path, place: str) -> 
     with pytest.raises(MittError) as caught:
         make_folder(tmp_path / place)
     assert "\n" not in str(caught.value)
+
+
+def test_the_working_folder_is_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """``.`` is a path as any other, and a folder of output; an empty text is none."""
+    monkeypatch.chdir(tmp_path)
+    for here in (".", Path(), "./"):
+        assert checks.path("folder", here) == Path()
+        check_folder(Path(here), overwrite=False)
+    write_text(Path("./x.txt"), "x")
+    with pytest.raises(InputError, match="empty"):
+        check_folder(Path(), overwrite=False)
+    with pytest.raises(InputError, match="an empty text"):
+        checks.path("folder", "")
+    for wrong in (Path(), ".", ".."):
+        with pytest.raises(FileError):
+            read_text(Path(wrong), max_bytes=9)
+        with pytest.raises(FileError):
+            write_text(Path(wrong), "x")
+    assert [x.name for x in tmp_path.iterdir()] == ["x.txt"]
 
 
 def test_a_lock_alone_does_not_fill_a_folder(tmp_path: Path) -> None:

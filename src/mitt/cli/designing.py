@@ -12,6 +12,7 @@ from mitt.cli.options import DesignOptions
 from mitt.cli.screen import (
     check_new_files,
     checked,
+    file_beside,
     print_json,
     progress,
     say,
@@ -121,7 +122,7 @@ def design_command(options: DesignOptions) -> int:
 
 def _finish(found: Design, origin: ArmFile, scene: Scene, options: DesignOptions) -> None:
     """Write arm file and page of a search that is over, and print what was found."""
-    page = options.out.with_suffix(".html")
+    page = file_beside(options.out, ".html")
     if found.usable:
         write_arm_file(
             options.out,
@@ -198,7 +199,7 @@ def _task(options: DesignOptions, whole: Arm, scene: Scene) -> DesignTask:
 
 def _search(options: DesignOptions) -> Path:
     """Return where the answers of a search are kept until it is over, beside the arm file."""
-    return options.out.with_suffix(".search.jsonl")
+    return file_beside(options.out, ".search.jsonl")
 
 
 def _check_outputs(options: DesignOptions) -> None:
@@ -218,7 +219,7 @@ def _check_outputs(options: DesignOptions) -> None:
             f"{answers}, of a search that was broken off or still runs",
             do="say --resume to go on with it, or --overwrite",
         )
-    files = {"--out": options.out, "page of --out": options.out.with_suffix(".html")}
+    files = {"--out": options.out, "page of --out": file_beside(options.out, ".html")}
     replaced = options.overwrite or (options.resume and answers.exists())
     check_new_files(options, files, overwrite=replaced)
 

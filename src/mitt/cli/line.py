@@ -112,6 +112,9 @@ class Option:
             return known[given]
         if self.kind in (int, float):
             return self._number(given)
+        if not given:
+            wanted = "a value" if self.place else self.value
+            raise InputError(self.name, wanted, "an empty text")
         return self.kind(given)
 
     def _number(self, given: str) -> float:

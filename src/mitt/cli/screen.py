@@ -100,6 +100,17 @@ def check_new_files(
         check_folder(path.parent, overwrite=True)
 
 
+def file_beside(out: Path, suffix: str) -> Path:
+    """Return the file beside ``--out`` that is called so but for its suffix.
+
+    Raises:
+        InputError: That is no name of a file, as ``.`` and ``/``.
+    """
+    if not out.name:
+        raise InputError("--out", "a file", f"{out}, which is a folder")
+    return out.with_suffix(suffix)
+
+
 def repeated(options: Any, *, files: Collection[str]) -> list[str]:  # noqa: ANN401
     """Return the words of options that make a run again, files by where they are from anywhere.
 

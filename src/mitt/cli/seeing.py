@@ -13,6 +13,7 @@ from mitt.cli.options import CalibrateOptions, SeeOptions, TrackOptions
 from mitt.cli.screen import (
     check_new_files,
     checked,
+    file_beside,
     print_json,
     progress,
     show,
@@ -180,7 +181,7 @@ def _video(options: SeeOptions) -> Path | None:
     """Return the video to write; None for none."""
     if options.no_video:
         return None
-    video = options.video or options.out.with_suffix(".mkv")
+    video = options.video or file_beside(options.out, ".mkv")
     if video.suffix.lower() not in SUFFIXES:
         raise InputError("--video", f"a name that ends with {' or '.join(SUFFIXES)}", video.name)
     return video
@@ -256,7 +257,7 @@ class CalibrationRun:
 def calibrate_command(options: CalibrateOptions) -> int:
     """Run ``mitt calibrate``; return its exit status."""
     job = _prepare(options)
-    picture = (options.picture or options.out.with_suffix(".png")) if options.left else None
+    picture = (options.picture or file_beside(options.out, ".png")) if options.left else None
     if picture is not None and picture.suffix.lower() != ".png":
         raise InputError("--picture", "a name that ends with .png", picture.name)
     check_new_files(options, {"--out": options.out, "--picture": picture})

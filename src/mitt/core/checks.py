@@ -214,17 +214,20 @@ def path(name: str, value: object) -> Path:
     """Return a path that a file could have, whether or not one is there.
 
     Raises:
-        InputError: It is no path: of another type, empty, too long, or not to be written as one.
+        InputError: It is no path: of another type, an empty text, too long, or not to be written as
+            one. ``Path("")`` is the working folder, as ``.`` is.
     """
     if not isinstance(value, str | Path):
         raise InputError(name, "a path", shown(value))
+    if not str(value):
+        raise InputError(name, "a path", "an empty text")
     try:
         parts = [os.fsencode(part) for part in Path(value).parts]
     except UnicodeEncodeError:
         raise InputError(name, "a path", "characters that no path can have") from None
-    if not parts or b"\0" in b"".join(parts) or not str(value):
-        raise InputError(name, "a path", "an empty one" if not parts else "a NUL in it")
-    if max(map(len, parts)) > _LONGEST_NAME or sum(map(len, parts)) > _LONGEST_PATH:
+    if b"\0" in b"".join(parts):
+        raise InputError(name, "a path", "a NUL in it")
+    if max(map(len, parts), default=0) > _LONGEST_NAME or sum(map(len, parts)) > _LONGEST_PATH:
         raise InputError(name, f"a path of names of at most {_LONGEST_NAME} bytes", "a longer one")
     return Path(value)
 
