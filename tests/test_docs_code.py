@@ -29,6 +29,7 @@ from mitt.core.verdict.feasibility import Outcome
 from mitt.io.cell import cell_of, read_cell
 from mitt.io.maps import save_map
 from mitt.io.reading import shipped_path
+from mitt.lab.report.run_page import Blocks
 from mitt.lab.trials.runner import TrialRunner
 from mitt.lab.trials.source import source_of
 from mitt.lab.world.scene import read_scene
@@ -107,10 +108,7 @@ def checkable() -> list[str]:
 @pytest.fixture
 def no_pages(monkeypatch: pytest.MonkeyPatch) -> None:
     """Draw no page of a run: others do."""
-    monkeypatch.setattr(
-        "mitt.lab.report.outputs.write_report", lambda path, _: path.write_text("page")
-    )
-    monkeypatch.setattr("mitt.lab.report.outputs._content", lambda *_: None)
+    monkeypatch.setattr("mitt.lab.report.outputs.blocks_of", lambda *_: Blocks())
 
 
 @pytest.fixture

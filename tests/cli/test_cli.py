@@ -15,6 +15,7 @@ import mitt
 from mitt.cli.main import main
 from mitt.core.map.learn import Learned
 from mitt.io.maps import save_map
+from mitt.lab.report.run_page import Blocks
 from mitt.lab.trials.batting import BatRunner
 from mitt.lab.trials.meeting import MeetRunner
 from mitt.lab.trials.runner import TrialRunner
@@ -85,10 +86,7 @@ Call = Callable[..., tuple[int, str, str]]
 @pytest.fixture
 def call(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Iterator[Call]:
     """Run a command in this process; return exit status, stdout and stderr."""
-    monkeypatch.setattr(
-        "mitt.lab.report.outputs.write_report", lambda path, _: path.write_text("page")
-    )
-    monkeypatch.setattr("mitt.lab.report.outputs._content", lambda *_: None)
+    monkeypatch.setattr("mitt.lab.report.outputs.blocks_of", lambda *_: Blocks())
     before = signal.getsignal(signal.SIGTERM)
 
     def run(*words: str | Path) -> tuple[int, str, str]:

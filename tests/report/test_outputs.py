@@ -14,6 +14,7 @@ from mitt.core.errors import InputError, MittError
 from mitt.core.map.learn import Learned
 from mitt.io.maps import read_map, save_map
 from mitt.lab.report.outputs import write_page
+from mitt.lab.report.run_page import Blocks
 from mitt.lab.trials.journal import read_kept
 from mitt.lab.trials.result import result
 from mitt.lab.trials.runs import Prepared, ThrownBalls
@@ -22,8 +23,6 @@ from mitt.lab.trials.scored_task import NAME, PAGE, RESULT
 from mitt.lab.trials.statistics import wilson
 from mitt.lab.trials.task_run import FinishedRun, keeping, run_trials, write_result
 
-#: How a page begins.
-PAGE_TEXT = "<!doctype html>\n<title>mitt: 2 balls</title>"
 HEAD: dict[str, object] = {"version": "0", "arm": "wam"}
 
 
@@ -43,9 +42,7 @@ def prepared(tmp_path_factory: pytest.TempPathFactory, learned: Learned) -> Prep
 @pytest.fixture
 def here(prepared: Prepared, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Prepared:
     """That run in a folder of the test's own; its report is not drawn."""
-    monkeypatch.setattr(
-        "mitt.lab.report.outputs.write_report", lambda path, _: path.write_text(PAGE_TEXT)
-    )
+    monkeypatch.setattr("mitt.lab.report.outputs.blocks_of", lambda *_: Blocks())
     return replace(prepared, out=tmp_path / "out")
 
 

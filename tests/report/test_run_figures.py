@@ -171,7 +171,7 @@ def test_pictures_come_every_33_ms_and_one_shows_the_catch(
     arm: Arm, scene: Scene, direct: LoggedTrial
 ) -> None:
     """Fig. 12: distances of 33 ms to a millisecond, PNGs, one of them at the catch."""
-    strip = picture_strip(arm, scene, _log(direct))
+    strip = picture_strip("fig12", arm, scene, _log(direct)).shots
     assert np.all(np.abs(np.diff([shot.t for shot in strip]) - 1.0 / 30.0) <= 1.001e-3)
     assert [shot.t for shot in strip if shot.catch] == [
         pytest.approx(direct.trial.t_catch_s, abs=0.501e-3)

@@ -3,7 +3,6 @@
 import re
 from dataclasses import asdict, replace
 from html.parser import HTMLParser
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,8 @@ import pytest
 from mitt.clock import Stopwatch
 from mitt.core.arm.arm import Arm
 from mitt.core.map.learn import Learned
-from mitt.lab.report.run_page import ReportContent, report, result_summary, write_report
+from mitt.lab.report.catch_blocks import CatchShown, blocks_of_catches
+from mitt.lab.report.run_page import cards_of, run_page
 from mitt.lab.trials.result import result
 from mitt.lab.trials.runner import LoggedTrial
 from mitt.lab.trials.score import CATCH
@@ -109,13 +109,17 @@ def _result(direct: LoggedTrial, **head: object) -> dict[str, Any]:
     return result(CATCH, [caught, dropped, missed], Stopwatch(), {**_HEAD, **head})
 
 
+def _page(result: dict[str, Any], content: CatchShown) -> str:
+    """Return the page of throws."""
+    return run_page(CATCH, result, blocks_of_catches(result, content))
+
+
 @pytest.fixture(scope="module")
 def content(
     arm: Arm, scene: Scene, learned: Learned, direct: LoggedTrial, unoptimised: LoggedTrial
-) -> ReportContent:
-    """Everything that a report can hold."""
-    return ReportContent(
-        result=_result(direct),
+) -> CatchShown:
+    """Everything that a page of throws can hold."""
+    return CatchShown(
         arm=arm,
         scene=scene,
         steps=learned.steps,
@@ -126,9 +130,9 @@ def content(
 
 
 @pytest.fixture(scope="module")
-def page(content: ReportContent) -> str:
+def page(content: CatchShown, direct: LoggedTrial) -> str:
     """The whole page, made once."""
-    return report(content)
+    return _page(_result(direct), content)
 
 
 def test_the_page_is_well_formed(page: str) -> None:
@@ -180,13 +184,13 @@ def test_the_replay_stands_alone_in_its_frame(page: str) -> None:
     assert 'sandbox="allow-scripts"' in page
 
 
-def test_numbers_of_the_page_are_those_of_the_result(page: str, content: ReportContent) -> None:
+def test_numbers_of_the_page_are_those_of_the_result(page: str) -> None:
     """Counts, rate, interval, errors and force in the page are the result's."""
     text = " ".join("".join(_read(page).text).split())
     low, high = wilson(1, 3)
     for wanted in (
         "1 of 3 balls caught",
-        "It caught 1; 1 it dropped, 1 it missed.",
+        "Of 3 throws 1 was caught, 1 was dropped, 1 was missed.",
         f"{100 / 3:.1f}",
         f"{100 * low:.1f} to {100 * high:.1f} %",
         f"{np.median([3.25, 9.5]):.1f} mm from the catch point",
@@ -195,7 +199,6 @@ def test_numbers_of_the_page_are_those_of_the_result(page: str, content: ReportC
         "(17 in all)",
     ):
         assert wanted in text, wanted
-    assert content.result["summary"]["caught"] == 1
 
 
 def test_failed_throws_are_listed_with_their_reason(page: str) -> None:
@@ -206,27 +209,21 @@ def test_failed_throws_are_listed_with_their_reason(page: str) -> None:
     assert rows == [("1", "dropped", "torque:j2"), ("2", "missed", "domain")]
 
 
-def test_hostile_names_do_no_harm(
-    content: ReportContent, direct: LoggedTrial, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_hostile_names_do_no_harm(content: CatchShown, direct: LoggedTrial) -> None:
     """Names of arms, limits, generators and reasons show as text, whatever is in them."""
-    for name in ("replay_page", "still", "picture_strip"):  # which are given no names
-        monkeypatch.setattr(f"mitt.lab.report.run_page.{name}", lambda *_: "")
     hostile = _result(direct, **dict.fromkeys(("arm", "limits", "generator", "version"), _HOSTILE))
     for trial in hostile["trials"]:
         trial["status"], trial["binding_limit"] = "dropped", _HOSTILE
-    plain = replace(content, result=hostile)
-    page = report(plain)
+    page = _page(hostile, replace(content, direct=None))  # what is drawn is given no names
     reader = _read(page)
     assert "script" not in reader.tags
     assert reader.bad == []
     assert _HOSTILE in "".join(reader.text)
 
 
-def test_a_report_without_logs_still_stands(content: ReportContent, direct: LoggedTrial) -> None:
+def test_a_report_without_logs_still_stands(content: CatchShown, direct: LoggedTrial) -> None:
     """What was not run is left out: no empty section, no broken link."""
-    bare = ReportContent(result=_result(direct), arm=content.arm, scene=content.scene)
-    page = report(bare)
+    page = _page(_result(direct), CatchShown(arm=content.arm, scene=content.scene))
     reader = _read(page)
     assert reader.bad == []
     assert {"fig7", "fig8", "replay"}.isdisjoint(reader.ids)
@@ -234,27 +231,20 @@ def test_a_report_without_logs_still_stands(content: ReportContent, direct: Logg
         assert link in reader.ids
 
 
-def test_an_interrupted_run_without_throws_has_a_report(content: ReportContent) -> None:
+def test_an_interrupted_run_without_throws_has_a_report(content: CatchShown) -> None:
     """Nothing thrown is a result too."""
     empty = result(CATCH, [], Stopwatch(), dict(_HEAD))
-    page = report(ReportContent(result=empty, arm=content.arm, scene=content.scene))
+    page = _page(empty, CatchShown(arm=content.arm, scene=content.scene))
     assert "0 of 0 balls caught" in page
     assert "nan" not in page
 
 
-def test_the_report_is_written_whole(tmp_path: Path, content: ReportContent) -> None:
-    """The file is the page, and nothing else is left beside it."""
-    small = ReportContent(result=content.result, arm=content.arm, scene=content.scene)
-    write_report(tmp_path / "report.html", small)
-    assert (tmp_path / "report.html").read_text(encoding="utf-8") == report(small)
-    assert [x.name for x in tmp_path.iterdir()] == ["report.html"]
-
-
-def test_the_result_summary_is_taken_from_the_trials(direct: LoggedTrial) -> None:
+def test_figures_of_the_page_are_taken_from_the_trials(direct: LoggedTrial) -> None:
     """Medians and percentiles are NumPy's, over the throws that have the figure."""
     trials = [asdict(replace(direct.trial, index=k, position_error_mm=float(k))) for k in range(9)]
     trials[4]["position_error_mm"] = None
-    short = result_summary({**_result(direct), "trials": trials})
+    cards = {x.title: x for x in cards_of(CATCH, {**_result(direct), "trials": trials})}
     values = [0.0, 1.0, 2.0, 3.0, 5.0, 6.0, 7.0, 8.0]
-    spread = {"median": np.median(values), "p95": np.percentile(values, 95.0), "most": 8.0}
-    assert short["position_mm"] == spread
+    card = cards["Position error"]
+    assert (card.value, card.unit) == (f"{np.median(values):.1f}", "mm")
+    assert card.note == f"median; 90 % below {np.percentile(values, 90.0):.1f}, largest 8.0"

@@ -12,10 +12,12 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
 from importlib.resources import files
+from typing import NamedTuple
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from mitt.clock import date
+from mitt.lab.report.style import Plot
 from mitt.version import __version__
 
 NONE = "\u2013"
@@ -40,13 +42,84 @@ class Section:
     title: str
 
 
+class Card(NamedTuple):
+    """A figure that a page shows large.
+
+    Attributes:
+        title: What it is.
+        value: The figure, as text.
+        unit: Its unit.
+        note: What is said below it.
+    """
+
+    title: str
+    value: str
+    unit: str = ""
+    note: str = ""
+
+
+class Shot(NamedTuple):
+    """One picture of a strip.
+
+    Attributes:
+        t: Time from release [s].
+        catch: Whether it shows the catch.
+        png: PNG in base64.
+    """
+
+    t: float
+    catch: bool
+    png: str
+
+
+class Strip(NamedTuple):
+    """Pictures of one trial in a row.
+
+    Attributes:
+        name: Name of the figure in the page.
+        shots: The pictures, in the order of time.
+    """
+
+    name: str
+    shots: Sequence[Shot]
+
+
+class Replay(NamedTuple):
+    """A trial that plays in three dimensions.
+
+    Attributes:
+        name: Name of the figure in the page.
+        document: A whole HTML page, which the figure frames.
+        still: What shows until it plays: PNG in base64.
+    """
+
+    name: str
+    document: str
+    still: str
+
+
+class OwnPicture(NamedTuple):
+    """A picture that one task alone shows, in the section of its name.
+
+    Attributes:
+        section: The section.
+        title: What it shows.
+        words: What is said below it.
+        drawing: What is shown; its name is that of the figure in the page.
+    """
+
+    section: str
+    title: str
+    words: str
+    drawing: Plot | Strip | Replay
+
+
 def page(
     template: str,
     sections: Sequence[Section],
     *,
     title: str,
     command: str,
-    frame: str | None = None,
     **values: object,
 ) -> str:
     """Return a page.
@@ -57,13 +130,11 @@ def page(
         sections: Sections in their order.
         title: Heading of the page.
         command: Command that made it.
-        frame: Template of the blocks that it shares with other pages.
         values: What the blocks show.
     """
-    sources = [_environment().get_template(f"{name}.html") for name in (frame, template) if name]
-    blocks = {name: (x, block) for x in sources for name, block in x.blocks.items()}
+    source = _environment().get_template(f"{template}.html")
     html = {
-        name: "".join(blocks[name][1](blocks[name][0].new_context(values))).strip()
+        name: "".join(source.blocks[name](source.new_context(values))).strip()
         for name in ("settings", "footer", *(s.name for s in sections))
     }
     parts = [
@@ -115,6 +186,11 @@ def made_with() -> str:
 def shown_number(value: float | None, digits: int) -> str:
     """Return a number with so many digits, or a dash where there is none."""
     return NONE if value is None else f"{value:.{digits}f}"
+
+
+def in_print(words: str) -> str:
+    """Return words with their powers raised: ``rad/s^2`` as it is printed."""
+    return words.replace("^2", "\u00b2").replace("^3", "\u00b3")
 
 
 def interval(ends: Sequence[float]) -> str:

@@ -4,7 +4,6 @@ The throw is drawn from the meshes of the replay.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import matplotlib
@@ -19,6 +18,7 @@ from matplotlib.figure import Figure
 from mitt.core.arm.arm import Arm
 from mitt.core.signals import Array
 from mitt.io.writing import write_atomically
+from mitt.lab.report.page import Shot, Strip
 from mitt.lab.report.painter import FROM_THE_SIDE, Faces, View, painted, png_of
 from mitt.lab.report.scene_meshes import BALL, body_meshes, sphere
 from mitt.lab.report.style import GREY, INK, RC
@@ -29,22 +29,7 @@ from mitt.lab.world.scene import Scene
 _MADE_BY = {"Software": "mitt"}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Picture:
-    """One picture.
-
-    Attributes:
-        t: Time from release [s].
-        catch: Whether it shows the catch.
-        png: PNG in base64.
-    """
-
-    t: float
-    catch: bool
-    png: str
-
-
-def picture_strip(arm: Arm, scene: Scene, log: TrialLog) -> tuple[Picture, ...]:
+def picture_strip(name: str, arm: Arm, scene: Scene, log: TrialLog) -> Strip:
     """Return pictures every 33 ms, one of them at the catch, or to the end without one.
 
     A video of the paper's time had 30 a second.
@@ -52,17 +37,22 @@ def picture_strip(arm: Arm, scene: Scene, log: TrialLog) -> tuple[Picture, ...]:
     trace, last, caught = log.truth, _end(log), bool(np.isfinite(log.t_catch))
     times = [last + step / 30.0 for step in range(-7, 5 if caught else 1)]
     times = [t for t in times if trace.t[0] <= t <= trace.t[-1] + 1e-9]
-    return tuple(
-        Picture(
-            t=float(trace.t[np.argmin(np.abs(trace.t - t))]), catch=caught and t == last, png=png
-        )
-        for t, png in zip(times, pictures_of(arm, scene, log, times), strict=True)
-    )
+    drawn = zip(times, pictures_of(arm, scene, log, times), strict=True)
+    shots = [
+        Shot(float(trace.t[np.argmin(np.abs(trace.t - t))]), caught and t == last, png)
+        for t, png in drawn
+    ]
+    return Strip(name, shots)
 
 
 def still(arm: Arm, scene: Scene, log: TrialLog, view: View) -> str:
-    """Return the picture of a throw 50 ms before the catch, or the end: PNG in base64."""
-    return pictures_of(arm, scene, log, [_end(log) - 0.05], view)[0]
+    """Return the picture of a throw 50 ms before the catch, the first touch or the end.
+
+    It is a PNG in base64.
+    """
+    touched = log.truth.t[log.truth.force > 0.0]
+    end = float(touched[0]) if len(touched) and not np.isfinite(log.t_catch) else _end(log)
+    return pictures_of(arm, scene, log, [end - 0.05], view)[0]
 
 
 def _end(log: TrialLog) -> float:

@@ -198,14 +198,19 @@ def target_and_hand(arm: Arm, log: TrialLog) -> Plot:
 
 
 def _draw_axis(axes: Axes, log: TrialLog, wanted: Array, axis: int) -> None:
-    """Draw one coordinate of ball and hand, true, estimated and wanted."""
+    """Draw one coordinate of ball and hand, true, estimated and commanded."""
     truth = log.truth
     axes.plot(truth.t, truth.r_o[:, axis], color="#f2b48c", linewidth=4.0, label="ball, true")
     seen = log.tracked & (log.phase < 2)
     axes.plot(log.t[seen], log.ball[seen, 0, axis], color=BALL, lw=1.2, label="ball, estimated")
     axes.plot(truth.t, truth.position[:, axis], color=LEARNED, label="catch point, true")
     axes.plot(
-        log.t[log.following], wanted[:, axis], ":", color=INK, lw=1.8, label="catch point, wanted"
+        log.t[log.following],
+        wanted[:, axis],
+        ":",
+        color=INK,
+        lw=1.8,
+        label="catch point, commanded",
     )
 
 
@@ -226,7 +231,7 @@ def joint_angles(arm: Arm, learned: TrialLog, plain: TrialLog | None) -> Plot:
         shown = [arm.q_ready[j : j + 1], learned.encoders[:, 0, j]]
         if plain is not None:
             desired, q = plain.desired[plain.following, 0, j], plain.encoders[:, 0, j]
-            _solid(axes, plain, (desired, f"{ALPHA_0}, asked for"), (q, f"{ALPHA_0}, arm", 1.6))
+            _solid(axes, plain, (desired, f"{ALPHA_0}, commanded"), (q, f"{ALPHA_0}, arm", 1.6))
             shown += [desired, q]
         _dotted(axes, learned.t, learned.encoders[:, 0, j], "learned, arm")
         low, high = _ends(shown)
@@ -249,7 +254,7 @@ def joint_torques(arm: Arm, learned: TrialLog, plain: TrialLog | None) -> Plot:
             _solid(
                 axes,
                 plain,
-                (plainly[:, j], f"{ALPHA_0}, asked for, eq. (16)"),
+                (plainly[:, j], f"{ALPHA_0}, feedforward, eq. (16)"),
                 (plain.tau[:, j], f"{ALPHA_0}, commanded", 1.2),
             )
             shown += [plain.tau[:, j], plainly[:, j]]
@@ -436,7 +441,7 @@ def releases(
 
     def draw(figure: Figure) -> None:
         side, top = figure.subplots(1, 2)
-        for axes, row, name in ((side, 2, "z [m], from the side"), (top, 1, "y [m], from above")):
+        for axes, row, name, seen in ((side, 2, "z", "the side"), (top, 1, "y", "above")):
             _draw_releases(axes, trials, points, row)
             axes.plot(0.0, 0.0, "s", color=GREY, ms=7, label="shoulder")
             axes.plot(
@@ -447,7 +452,8 @@ def releases(
                 mew=1.6,
                 label="catch of the throw shown",
             )
-            axes.set(ylabel=name, xlim=(low[0], high[0]), ylim=(low[row], high[row]))
+            axes.set_title(f"From {seen}")
+            axes.set(ylabel=f"{name} [m]", xlim=(low[0], high[0]), ylim=(low[row], high[row]))
             axes.set(aspect="equal", xlabel="x [m], towards the thrower")
         legend_above(figure, side)
 

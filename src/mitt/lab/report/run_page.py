@@ -1,311 +1,211 @@
-"""The page that a run leaves behind: one file that opens anywhere and loads nothing."""
+"""The page that a run leaves behind: one file that opens anywhere and loads nothing.
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
+All tasks have one page. Its title, counts, rate, spreads, failures and table follow from what a
+task counts and measures; what a task shows besides stands in its :class:`Blocks`.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
+from typing import Any, Final, NamedTuple, final
 
 import numpy as np
 
-from mitt.core.arm.arm import Arm
-from mitt.core.arm.basket import Basket
-from mitt.core.arm.description import Hand
-from mitt.core.arm.hands import HandModel
-from mitt.core.eyes.camera import fixed_rig
-from mitt.core.map.learn import Step
-from mitt.core.signals import TICK, Array
-from mitt.io.writing import write_text
-from mitt.lab.report.page import NONE, Section, made_with, page, shown_number
-from mitt.lab.report.pictures import picture_strip, still
-from mitt.lab.report.replay_3d import BOX, replay_page
-from mitt.lab.report.run_figures import (
-    catching_trajectory,
-    contact_errors,
-    feedback_share,
-    joint_angles,
-    joint_torques,
-    learning_cost,
-    releases,
-    target_and_hand,
+from mitt.lab.report.page import (
+    NONE,
+    Card,
+    OwnPicture,
+    Section,
+    in_print,
+    made_with,
+    page,
+    shown_number,
 )
-from mitt.lab.report.style import STATUS, Plot
-from mitt.lab.trials.log import TrialLog
-from mitt.lab.trials.runner import LoggedTrial
-from mitt.lab.trials.score import STATUSES, reason_of
-from mitt.lab.trials.statistics import spread_of
-from mitt.lab.world.scene import Scene
+from mitt.lab.report.style import status_colour
+from mitt.lab.trials.score import reason_of
+from mitt.lab.trials.scored_task import Measure, Row, ScoredTask
 
-#: Width of the window over which the hand's acceleration is averaged [ticks].
-_WINDOW = 5
-_BY = "\u00d7"
+#: Trials in a table.
+_ROWS: Final = 500
+#: What is said of a run at the top, in this order, where its result has it.
+_SETTINGS: Final = ("arm", "limits", "scene", "tool", "target", "generator", "vision", "seed")
 
 
-Table1Row = tuple[str, str, str, str]
-"""One line of the table: part, property, the paper's figure, ours."""
-
-
-def table_1(arm: Arm, log: TrialLog | None, *, vision: str) -> tuple[Table1Row, ...]:
-    """Return Table 1, the paper's figures beside ours.
-
-    The log is of a throw, for what the arm reached in it; vision is ``pixels`` or ``points``.
-    """
-    return (*_vision_rows(vision), *_arm_rows(arm, log), *_hand_rows(arm.model.hand, log))
-
-
-def _vision_rows(vision: str) -> tuple[Table1Row, ...]:
-    """Return the lines on vision."""
-    cameras = fixed_rig().cameras
-    width, height = cameras[0].width, cameras[0].height
-    pixels = vision == "pixels"
-    return (
-        ("Vision", "heads", f"2 {_BY} 2 DOF (pan, tilt)", f"{len(cameras)}, fixed"),
-        ("Vision", "speed of a joint", "525 rad/s (so printed)", f"{NONE} (fixed)"),
-        (
-            "Vision",
-            "resolution",
-            f"128 {_BY} 128",
-            f"{width} {_BY} {height}" if pixels else "points instead of images",
-        ),
-        ("Vision", "density", "8 bit", "8 bit" if pixels else NONE),
-        ("Vision", "rate", "1 kHz", f"{1e-3 / TICK:.0f} kHz"),
-    )
-
-
-def _arm_rows(arm: Arm, log: TrialLog | None) -> tuple[Table1Row, ...]:
-    """Return the lines on the arm."""
-    held = len(arm.model.links) - arm.n
-    used = f"{len(arm.model.links)}, of which {arm.n} used" if held else f"{arm.n}"
-    speed, acceleration = NONE, NONE
-    if log is not None and log.following.any():
-        v, a = _reached(log)
-        speed, acceleration = f"{v:.1f} m/s reached", f"{a:.0f} m/s² reached"
-    return (
-        ("Arm", "degrees of freedom", "4 (axis 3 held)", used),
-        ("Arm", "speed of the tip, at most", "6 m/s", speed),
-        ("Arm", "acceleration of the tip, at most", "30 m/s²", acceleration),
-        ("Arm", "force of the tip", "26 N, at most", f"{_force(arm):.0f} N in any direction"),
-        ("Arm", "length, upright, to the tool plate", "0.9 m", f"{_length(arm):.2f} m"),
-        ("Arm", "torque limits", NONE, _listed(arm.tau_max, "N m", arm.limits.name)),
-        ("Arm", "speed limits", NONE, _listed(arm.dq_max, "rad/s", arm.limits.name)),
-    )
-
-
-def _hand_rows(hand: Hand | None, log: TrialLog | None) -> tuple[Table1Row, ...]:
-    """Return the lines on the hand."""
-    if hand is None:
-        return (("Hand", "fingers", "3, with 3 DOF", "none"),)
-    if isinstance(hand, Basket):
-        size = f"none: a basket, opening {2e3 * hand.ring_radius:.0f} mm, depth"
-        return (("Hand", "fingers", "3, with 3 DOF", f"{size} {1e3 * hand.depth:.0f} mm"),)
-    if not isinstance(hand, HandModel):
-        return ()
-    length = hand.finger.proximal + hand.finger.distal
-    return (
-        ("Hand", "fingers", "3, with 3 DOF", f"{hand.fingers}, with {hand.fingers} DOF"),
-        ("Hand", "closing", "90° in 20 ms", _closing(log, hand)),
-        ("Hand", "length of a finger", "0.1 m", f"{length:.1f} m"),
-    )
-
-
-def _listed(values: np.ndarray, unit: str, limits: str) -> str:
-    """Return the limits of all joints with the name of their set."""
-    return f"{', '.join(f'{x:.3g}' for x in values)} {unit} (set {limits})"
-
-
-def _reached(log: TrialLog) -> tuple[float, float]:
-    """Return the greatest speed [m/s] and acceleration [m/s^2] of the catch point on the way."""
-    trace = log.truth
-    way = (trace.t >= log.t_0) & (trace.t <= min(log.t_catch, trace.t[-1]))
-    velocity = trace.velocity[way]
-    if len(velocity) <= _WINDOW:
-        return 0.0, 0.0
-    change = (velocity[_WINDOW:] - velocity[:-_WINDOW]) / (_WINDOW * TICK)
-    speed = np.linalg.norm(velocity, axis=1).max()
-    return float(speed), float(np.linalg.norm(change, axis=1).max())
-
-
-def _force(arm: Arm) -> float:
-    """Return the force that the arm at rest can exert in any direction, in its ready pose [N].
-
-    Joint j bears f J_j' u for a force f in direction u; worst where u lies along J_j.
-    """
-    q = arm.q_ready
-    spare = arm.tau_max - np.abs(arm.inverse_dynamics(q, np.zeros(arm.n), np.zeros(arm.n)))
-    levers = np.linalg.norm(arm.jacobian(q), axis=0)
-    return float(np.min(spare / np.maximum(levers, 1e-9)))
-
-
-def _length(arm: Arm) -> float:
-    """Return the distance of the tool plate from the base at joint angles zero [m]."""
-    offset = 0.0 if arm.model.hand is None else arm.model.hand.catch_offset
-    upright = np.clip(np.zeros(arm.n), arm.q_min, arm.q_max)
-    plate = arm.position(upright) - offset * arm.orientation(upright)[:, 2]
-    return float(np.linalg.norm(plate - arm.model.mount[:3, 3]))
-
-
-def _closing(log: TrialLog | None, hand: HandModel) -> str:
-    """Return how far and how fast the fingers closed in the throw, to first touch."""
-    if log is None or not (log.hand > 0.0).any() or not (log.truth.force > 0.0).any():
-        return NONE
-    trace = log.truth
-    n = trace.tau.shape[1]
-    fingers = trace.qpos[:, n : n + hand.fingers].mean(axis=1)
-    start = float(log.t[np.flatnonzero(log.hand > 0.0)[0]])
-    settled = np.flatnonzero((trace.t > start) & (fingers >= 0.95 * fingers.max()))[0]
-    angle, took = np.rad2deg(fingers[settled]), 1e3 * (trace.t[settled] - start)
-    return f"{angle:.0f}° in {took:.0f} ms, around the ball"
-
-
-_SECTIONS = (
-    Section("summary", "Summary", "What happened"),
-    Section("failures", "Failures", "Throws that failed"),
-    Section("replay", "3-D replay", "One throw in 3-D"),
-    Section("figures", "Figures", "Figures, by the paper's numbers"),
-    Section("table_1", "Table 1", "The system beside the paper's Table 1"),
-    Section("trials", "All throws", "All throws"),
-    Section("repeat", "Repeat", "How to repeat it"),
-)
-#: What became of throws that were not caught, in words.
-_FAILED = {
-    "dropped": "it dropped",
-    "missed": "it missed",
-    "unreachable": "it refused before moving",
-    "stopped": "ended in a stop",
-    "aborted": "ended with physics that diverged",
-}
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ReportContent:
-    """What a report is made from; what is None or empty is left out of the page.
+class Column(NamedTuple):
+    """A column of the table of trials.
 
     Attributes:
-        result: The result, ``mitt.catch/1``.
-        arm: The arm of the run.
-        scene: The world's settings of the run.
-        steps: Costs over the steps of learning; None where the map brought none with it.
-        direct: One throw with the generator of the run, with its log.
-        unoptimised: The same throw with alpha = 0, with its log.
+        words: Its heading.
+        of: Returns the cell of a trial.
+        number: Whether it is a number, which is set to the right.
+    """
+
+    words: str
+    of: Callable[[Row], str]
+    number: bool = True
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Blocks:
+    """What one task alone shows on the page of a run.
+
+    Attributes:
+        counted: In words, what succeeded; as of the task where it is left out.
+        lead: What is said of the run, a paragraph each.
+        cards: Figures that are shown large, after those of every task.
+        columns: Columns of the table of trials, after those of every task.
+        failures: What is said above the trials that failed.
+        pictures: Pictures, in the sections ``replay`` and ``figures``.
+        system: The system beside that of the paper, rows of four cells.
+    """
+
+    counted: str = ""
+    lead: Sequence[str] = ()
+    cards: Sequence[Card] = ()
+    columns: Sequence[Column] = ()
+    failures: str = ""
+    pictures: Sequence[OwnPicture] = ()
+    system: Sequence[tuple[str, ...]] = ()
+
+
+def run_page(
+    task: ScoredTask, result: dict[str, Any], blocks: Blocks | None = None, *, command: str = ""
+) -> str:
+    """Return the page of a run.
+
+    Args:
+        task: What was run.
+        result: Its result.
+        blocks: What the task shows besides.
         command: The command that made the run, as one types it; empty where none did.
-        releases: Ball centre at the release of each trial [m], shape (trials, 3).
     """
-
-    result: dict[str, Any]
-    arm: Arm
-    scene: Scene
-    steps: tuple[Step, ...] | None = None
-    direct: LoggedTrial | None = None
-    unoptimised: LoggedTrial | None = None
-    command: str = ""
-    releases: Array | None = None
-
-
-def write_report(path: Path, content: ReportContent) -> None:
-    """Write the page whole or not at all.
-
-    Raises:
-        FileError: The file cannot be written.
-    """
-    write_text(path, report(content))
-
-
-def report(content: ReportContent) -> str:
-    """Return the page."""
-    result, arm, scene = content.result, content.arm, content.scene
-    log, plain = (
-        None if outcome is None else outcome.log
-        for outcome in (content.direct, content.unoptimised)
-    )
-    short = result_summary(result)
-    counts, throws = short["counts"], short["throws"]
-    failed = ", ".join(f"{counts[s]} {words}" for s, words in _FAILED.items() if counts[s])
+    own, trials = blocks or Blocks(), result["trials"]
+    of, noun = result["summary"], task.in_result
+    counts = {status: int(of[status]) for status in task.statuses}
+    failed = [t for t in trials if t["status"] != task.success]
+    reasons = Counter((t["status"], t["binding_limit"] or NONE) for t in failed)
+    columns = [x for x in (*columns_of_task(task), *own.columns) if _says(x, trials)]
+    beyond = [int(t["limit_violations"]) for t in trials]
+    counted = own.counted or task.counted
     return page(
         "run",
-        _SECTIONS,
-        title=f"{counts['caught']} of {throws} {'ball' if throws == 1 else 'balls'} caught",
-        command="catch",
+        (
+            Section("summary", "Summary", "What happened"),
+            Section("failures", "Failures", "What failed, and why"),
+            Section("replay", "3-D replay", "One trial in 3-D"),
+            Section("figures", "Figures", "Figures"),
+            Section("table_1", "Table 1", "The system beside the paper\u2019s Table 1"),
+            Section("trials", f"All {noun}", f"All {noun}"),
+            Section("repeat", "Repeat", "How to repeat it"),
+        ),
+        title=f"{counts[task.success]} of {len(trials)} {_singular(counted, len(trials))}",
+        command=task.name,
+        task=task,
         result=result,
-        short=short,
-        typed=content.command,
+        settings=[(x, result[x]) for x in _SETTINGS if isinstance(result.get(x), str | int)],
+        of=of,
+        own=own,
+        noun=noun,
+        one=noun.removesuffix("s"),
+        counts={status: n for status, n in counts.items() if n},
+        colour={x: status_colour(x, success=x == task.success) for x in task.statuses},
+        beyond=(sum(x > 0 for x in beyond), sum(beyond)),
+        too_hard=sum(t.get("over_force") is True for t in trials),
+        cards=[*cards_of(task, result), *own.cards],
+        head=[x.words for x in columns],
+        numbers=sum(x.number for x in columns),
+        reasons=[(*why, str(n)) for why, n in reasons.most_common()],
+        failed=_table(columns, failed),
+        failures=len(failed),
+        rows=_table(columns, trials),
+        typed=command,
         made_with=made_with(),
-        failed_words=f"; {failed}" if failed else "",
-        failed_counts=", ".join(f"{counts[s]} {s}" for s in STATUSES[1:]),
-        failed=[t for t in result["trials"] if t["status"] != "caught"],
-        direct=content.direct if log else None,
-        plain=content.unoptimised if plain else None,
-        feedback_share=feedback_share,
-        colour={status: colour for status, (colour, _) in STATUS.items()},
-        rows_of=_trial_rows,
-        replay=None if log is None else replay_page(arm, scene, log),
-        still=None if log is None else still(arm, scene, log, BOX),
-        drawn={plot.name: plot.svg for plot in _plots(content, log, plain)},
-        strip=None if log is None else picture_strip(arm, scene, log),
-        system=table_1(arm, log, vision=str(result["vision"])),
     )
 
 
-def result_summary(result: dict[str, Any]) -> dict[str, Any]:
-    """Return what people ask first of a result: its summary, counts and spreads over the throws.
-
-    A spread is the median, the 95th percentile and the largest of a figure over the throws that
-    have it, or None where none has: ``position_mm`` and ``velocity_m_s`` at first contact,
-    ``force_n``, ``cost`` (eq. (22)).
-    """
-    summary, trials = result["summary"], result["trials"]
-    violations = [int(t["limit_violations"]) for t in trials]
-    return {
-        **summary,
-        "counts": {status: int(summary[status]) for status in STATUSES},
-        "position_mm": _spread(trials, "position_error_mm"),
-        "velocity_m_s": _spread(trials, "velocity_error_m_s"),
-        "force_n": _spread(trials, "peak_contact_force_n"),
-        "cost": _spread(trials, "demand_cost"),
-        "violating_throws": sum(v > 0 for v in violations),
-        "violations": sum(violations),
-        "over_force": sum(t.get("over_force") is True for t in trials),
-    }
+def _says(column: Column, trials: Sequence[Row]) -> bool:
+    """Say whether a column has a value for any of the trials that are shown."""
+    return any(column.of(trial) != NONE for trial in trials[:_ROWS])
 
 
-def _spread(trials: Sequence[dict[str, Any]], key: str) -> dict[str, float] | None:
-    """Return the spread of a field; None where no trial has it."""
-    values = [float(t[key]) for t in trials if t[key] is not None]
-    spread = spread_of(values)
-    return None if spread is None else {**spread, "most": max(values)}
+def _singular(words: str, count: int) -> str:
+    """Return what was counted, as it is said of one where there was one: ``ball caught``."""
+    what, _, did = words.partition(" ")
+    return f"{what.removesuffix('s')} {did}".strip() if count == 1 else words
 
 
-def _trial_rows(trials: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:
-    """Return a row of the table a trial."""
+def shown_of(task: ScoredTask) -> list[Measure]:
+    """Return what tables show of each trial."""
+    known = {x.name for x in fields(task.trial)}
+    return [x for x in task.figures.values() if x.digits is not None and x.column in known]
+
+
+def columns_of_task(task: ScoredTask) -> list[Column]:
+    """Return the columns that follow from what a task measures."""
+
+    def number(x: Measure) -> Column:
+        return Column(in_print(x.words), lambda t: shown_number(x.of(t), x.digits or 0))
+
     return [
-        (
-            str(t["index"]),
-            str(t["status"]),
-            str(t["binding_limit"] or NONE),
-            reason_of(t.get("stopped_by")) or NONE,
-            shown_number(t["position_error_mm"], 1),
-            shown_number(t["velocity_error_m_s"], 2),
-            shown_number(t["peak_contact_force_n"], 0),
-            str(t["limit_violations"]),
-        )
-        for t in trials
+        Column(task.in_result.removesuffix("s"), lambda t: str(t["index"]), number=False),
+        Column("status", lambda t: str(t["status"]), number=False),
+        Column("binding limit", lambda t: str(t["binding_limit"] or NONE), number=False),
+        Column("stopped by", lambda t: reason_of(t.get("stopped_by")) or NONE, number=False),
+        Column("beyond a limit [ms]", lambda t: str(t["limit_violations"])),
+        *map(number, shown_of(task)),
     ]
 
 
-def _plots(content: ReportContent, log: TrialLog | None, plain: TrialLog | None) -> list[Plot]:
-    """Return all drawings for which there are data."""
-    arm, trials = content.arm, content.result["trials"]
-    out, caught_at = [], None
-    if content.steps is not None:
-        out.append(learning_cost(content.steps))
-    if log is not None:
-        out += [
-            catching_trajectory(arm, log, plain),
-            target_and_hand(arm, log),
-            joint_angles(arm, log, plain),
-            joint_torques(arm, log, plain),
-        ]
-        if np.isfinite(log.t_catch):
-            caught_at = log.truth.position[int(np.argmin(np.abs(log.truth.t - log.t_catch)))]
-    out.append(contact_errors(trials))
-    if content.releases is not None and len(trials):
-        out.append(releases(trials, content.releases[: len(trials)], caught_at))
-    return out
+def _table(columns: Sequence[Column], trials: Sequence[Row]) -> list[list[str]]:
+    """Return the rows of the first trials, a cell a column."""
+    return [[column.of(trial) for column in columns] for trial in trials[:_ROWS]]
+
+
+def cards_of(task: ScoredTask, result: dict[str, Any]) -> list[Card]:
+    """Return what people ask first: the rate, the spread of each measure, limits, computing time.
+
+    A spread is the median of a measure, a high percentile, and the largest, over the trials that
+    have it; of what is the better the more there is, a low percentile and the least.
+    """
+    of, trials = result["summary"], result["trials"]
+    low, high = (100.0 * end for end in of["ci95"])
+    beyond = [int(t["limit_violations"]) for t in trials]
+    tick, count = of["tick_us"], f"{len(trials)} {task.in_result}"
+    return [
+        Card(
+            task.rate.replace("_", " ").capitalize(),
+            f"{100.0 * of[task.rate]:.1f}",
+            "%",
+            f"{of[task.success]} of {count}; 95 % interval {low:.1f} to {high:.1f} % (Wilson)",
+        ),
+        *(spread_card(x, trials) for x in shown_of(task)),
+        Card(
+            "Beyond a limit",
+            str(sum(x > 0 for x in beyond)),
+            f"of {count}",
+            f"{sum(beyond)} ms in all, commanded or of the plant",
+        ),
+        Card(
+            "Catcher\u2019s tick",
+            f"{tick['p50']:.0f}",
+            "\u00b5s, median",
+            f"99 % {tick['p99']:.0f}, 99.9 % {tick['p99_9']:.0f}, max {tick['max']:.0f} \u00b5s; "
+            f"{of['deadline_misses']} beyond 1 ms",
+        ),
+    ]
+
+
+def spread_card(measure: Measure, trials: Sequence[Row]) -> Card:
+    """Return a measure over the trials that have it; a dash where none has."""
+    values = [x for t in trials if (x := measure.of(t)) is not None]
+    title = measure.words.partition(" [")[0]
+    title = title[:1].upper() + title[1:]
+    if not values:
+        return Card(title, NONE)
+    percent = 100 - measure.percent if measure.more else measure.percent
+    median, far = np.percentile(values, [50.0, percent])
+    side, end = ("above", "least") if measure.more else ("below", "largest")
+    last, digits = min(values) if measure.more else max(values), measure.digits or 0
+    note = f"median; {measure.percent} % {side} {far:.{digits}f}, {end} {last:.{digits}f}"
+    return Card(title, f"{median:.{digits}f}", in_print(measure.unit), note)

@@ -4,7 +4,7 @@ Sections that all tasks have, and those of one alone: its pictures, and replays 
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from mitt.core.signals import Array
 from mitt.io.arm_file import ThrowSettings
 from mitt.io.reading import read_json
 from mitt.io.writing import write_text
-from mitt.lab.report.page import NONE, Cell, Section, interval, page, shown_number
+from mitt.lab.report.page import NONE, Cell, OwnPicture, Section, interval, page, shown_number
 from mitt.lab.report.replay_3d import replay_page
 from mitt.lab.report.study_figures import (
     effort,
@@ -25,8 +25,6 @@ from mitt.lab.report.study_figures import (
     rates_by_condition,
     reach_maps,
 )
-from mitt.lab.report.style import Plot
-from mitt.lab.trials.bat_study import BatStudy
 from mitt.lab.trials.catch_study import CatchStudy, throw_again
 from mitt.lab.trials.score import CATCH
 from mitt.lab.trials.scored_task import PAGE, Measure, Row, ScoredTask
@@ -61,22 +59,6 @@ _EFFORT: Final = (
     ("energy_j", "work of the joints [J]", 1.0),
     ("peak_contact_force_n", "peak contact force [N]", 1.0),
 )
-
-
-class OwnPicture(NamedTuple):
-    """A picture of one task, in the section of its name.
-
-    Attributes:
-        section: The section.
-        title: What it shows.
-        words: What is said below it.
-        plot: The drawing.
-    """
-
-    section: str
-    title: str
-    words: str
-    plot: Plot
 
 
 def write_study_page(result: StudyResult, *, replays: int, progress: Progress) -> None:
@@ -138,8 +120,7 @@ def study_page(result: StudyResult, worst: Sequence[Sequence[Cell]] = ()) -> str
 
 def _by_condition(study: Study, rows: Sequence[Row]) -> str | None:
     """Return the drawing of rates by condition; cells of a map have a drawing of their own."""
-    cells = study.cells(rows) if isinstance(study, BatStudy) else []
-    mapped = {c.name for c, _ in cells}
+    mapped = {c.name for c, _ in study.cells(rows)}
     shown = [row for row in rows if row["condition"] not in mapped]
     return rates_by_condition(study.kind, shown).svg if shown else None
 
@@ -196,8 +177,7 @@ def _meet_pictures(result: StudyResult) -> list[OwnPicture]:
 
 def _bat_pictures(result: StudyResult) -> list[OwnPicture]:
     """Return the map of the miss, where the study has one."""
-    study = result.study
-    cells = study.cells(result.rows) if isinstance(study, BatStudy) else []
+    cells = result.study.cells(result.rows)
     if not cells:
         return []
     title = "Median miss [cm] by target and ball speed"

@@ -43,6 +43,9 @@ STATUS = {
     "aborted": (INK, "P"),
 }
 
+#: What other tasks call a trial that came to nothing, as colours go.
+_LIKE = {"slipped": "dropped"}
+
 #: Generators: colour, marker and line. What nobody has named here comes in grey.
 GENERATORS: dict[str, tuple[str, str, str]] = {
     "direct": (BLUE, "o", "-"),
@@ -100,6 +103,13 @@ RC: dict[str, object] = {
     "savefig.transparent": True,
     "text.parse_math": False,  # names are names: a dollar begins no formula
 }
+
+
+def status_colour(status: str, *, success: bool) -> str:
+    """Return the colour of a way in which trials end; grey where nobody has named one here."""
+    if success:
+        return BLUE
+    return STATUS.get(_LIKE.get(status, status), (PALE, ""))[0]
 
 
 @dataclass(frozen=True, slots=True)

@@ -200,8 +200,8 @@ CATCH: Final = ScoredTask(
         "force_n": Measure("contact force [N]", "peak_contact_force_n", 0, percent=95),
     },
     medians={
-        "position_error_mm": Measure("position [mm]", "position_error_mm", 1),
-        "velocity_error_m_s": Measure("velocity [m/s]", "velocity_error_m_s", 2),
+        "position_error_mm": Measure("position error [mm]", "position_error_mm", 1),
+        "velocity_error_m_s": Measure("velocity error [m/s]", "velocity_error_m_s", 2),
         "peak_contact_force_n": Measure("contact force [N]", "peak_contact_force_n", None),
         "energy_j": Measure("work [J]", "energy_j", 0),
         "demand_cost": Measure("cost (22)", "demand_cost", None),

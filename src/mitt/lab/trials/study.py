@@ -192,6 +192,10 @@ class Study(FileSettings):
         """Return the generators that are tried in a condition."""
         return tuple(Player(name) for name in condition.counts)
 
+    def cells(self, rows: Sequence[Row]) -> list[tuple[Any, Row]]:  # noqa: ARG002 (has no map)
+        """Return the cells of its map as conditions, with their rows; none where it has no map."""
+        return []
+
     def check(self) -> Sequence[str]:
         """Refuse what cannot run, before anything does; return warnings."""
         return ()
