@@ -19,6 +19,7 @@ with keywords of their own: :class:`MeetEnv`, :class:`BatEnv`.
 docs/gym.md says what is observed and rewarded.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -101,8 +102,11 @@ _FLIES = 2.0
 _STRIDE = 0.01
 
 
-class Driven(gymnasium.Env[Observation, Numbers]):
-    """What all environments share: an arm that an agent drives, a tick or some at a time.
+class Environment(gymnasium.Env[Observation, Numbers], ABC):
+    """An arm that an agent drives, a tick or some at a time: what the environments share.
+
+    A task says what comes (``_come``), when an episode is over and when it is late, how far the
+    hand is from what it is to reach, what an end is called, and what its success is worth.
 
     Attributes:
         arm: The arm.
@@ -117,7 +121,6 @@ class Driven(gymnasium.Env[Observation, Numbers]):
     pixels = False
     _begun = False
     _catcher: Catcher
-    _touched: bool
 
     def _set_up(self, render_mode: str | None, scene: Scene, action: str, ticks: int) -> None:
         """Take what every environment is told."""
@@ -143,9 +146,86 @@ class Driven(gymnasium.Env[Observation, Numbers]):
         self.watched = False
         self._links, self._active = np.zeros((3, len(arm.model.links))), [*arm.model.active]
 
+    @abstractmethod
     def fresh_catcher(self) -> Catcher:
         """Return a catcher that has seen nothing yet."""
-        raise NotImplementedError
+
+    @abstractmethod
+    def _come(self) -> None:
+        """Let something come, and take a fresh catcher where one is needed."""
+
+    @abstractmethod
+    def _over(self) -> bool:
+        """Say whether nothing more can happen."""
+
+    @abstractmethod
+    def _late(self, *, over: bool) -> bool:
+        """Say whether an episode ends for its time alone."""
+
+    @abstractmethod
+    def _away(self) -> float:
+        """Return how far the hand is from what it is to reach [m]."""
+
+    @abstractmethod
+    def _outcome(self) -> dict[str, Any]:
+        """Return the ``status`` of an episode that has ended, and what else is said of it."""
+
+    @abstractmethod
+    def _success(self, info: dict[str, Any]) -> float:
+        """Return which share of the largest reward an episode that ended so has earned."""
+
+    @property
+    def views(self) -> list[tuple[Frame, ...]]:
+        """Looks at the scene before the throw; none without images."""
+        return []
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Let something else come; the same seed brings the same."""
+        seed = None if seed is None else checks.whole("seed", seed, least=0)
+        if options is not None:
+            checks.instance("options", options, dict)
+        super().reset(seed=seed, options=options)
+        self._begun, self._touched, self.senses = True, False, []
+        self._told, self._driven = list[Array](), list[bool]()
+        self._come()
+        return self._observed(), {}
+
+    def step(self, action: Numbers) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Act for some milliseconds."""
+        given, world, nothing = self._given(action), self.world, np.full((3, self.arm.n), np.nan)
+        self.senses, over = [], False
+        for k in range(self.ticks):
+            command = self._command(self._sensed(k), given)
+            world.apply(command)
+            told = command.joints.copy() if self.residual else np.array([*nothing, command.tau])
+            self._told.append(told)
+            self._driven.append(not command.brakes)
+            over = self._over()
+            if over:
+                break
+        reward = self._touch_gain() - TICK * (k + 1) * self._cost(command.tau)
+        late = self._late(over=over)
+        info = self._ended() if over or late else {}
+        reward += _HELD * self._success(info) if info else 0.0
+        return self._observed(), reward, over and not late, late, info
+
+    def _sensed(self, k: int) -> Senses | None:
+        """Return what is sensed in tick ``k`` of an action; None where nobody asks."""
+        if not (self.residual or self.watched or self.pixels):
+            return None
+        senses = self.world.sense(look=self._looks(k))
+        self.senses.append(senses)
+        return senses
+
+    def _looks(self, k: int) -> bool:
+        """Say whether the cameras expose in a tick of an action."""
+        if self.residual:
+            return self._catcher.looking
+        sensing = self.scene.sensing
+        first = self.ticks - 1 - sensing.latency if sensing.frame_rate >= 1.0 / TICK else 0
+        return self.watched or (self.pixels and k >= first)
 
     def _command(self, senses: Senses | None, given: Array) -> Command:
         """Return what arm and hand are told in a tick."""
@@ -164,14 +244,6 @@ class Driven(gymnasium.Env[Observation, Numbers]):
         joints[3] = self._within(joints[3] + _RESIDUAL * given * self.arm.tau_max)
         return command._replace(joints=joints)
 
-    def _seeded(self, seed: int | None, options: dict[str, Any] | None) -> None:
-        """Take the seed of an episode."""
-        seed = None if seed is None else checks.whole("seed", seed, least=0)
-        if options is not None:
-            checks.instance("options", options, dict)
-        super().reset(seed=seed, options=options)
-        self._begun = True
-
     def _given(self, action: Numbers) -> Array:
         """Return an action within its bounds; refuse another shape, or one before an episode."""
         if not self._begun:
@@ -184,29 +256,11 @@ class Driven(gymnasium.Env[Observation, Numbers]):
         given = checks.array("action", action, self.action_space.shape or (), finite=True)
         return np.clip(given, -1.0, 1.0)
 
-    def _acted(self, action: Numbers, over: Callable[[], bool]) -> tuple[Array, float, bool]:
-        """Act for some milliseconds; return the last torque, how long it took, whether it is over.
-
-        What is seen are points.
-        """
-        given, world, ended = self._given(action), self.world, False
-        self.senses, begun = [], world.t
-        for _ in range(self.ticks):
-            senses = None
-            if self.residual or self.watched:
-                senses = world.sense(look=not self.residual or self._catcher.looking)
-                self.senses.append(senses)
-            command = self._command(senses, given)
-            world.apply(command)
-            ended = over()
-            if ended:
-                break
-        return command.tau, world.t - begun, ended
-
-    def _cost(self, away: float, tau: Array) -> float:
-        """Return what a second costs at a distance [m] and a torque [N m]."""
+    def _cost(self, tau: Array) -> float:
+        """Return what a second costs now, with a torque [N m]."""
         effort = tau / self.arm.tau_max
-        return _DISTANCE * min(away, 2.0) + _EFFORT * float(effort @ effort) / len(effort)
+        work = float(effort @ effort) / len(effort)
+        return _DISTANCE * min(self._away(), 2.0) + _EFFORT * work
 
     def _closing(self, given: float) -> float:
         """Return how far the hand is told to close."""
@@ -296,6 +350,22 @@ class Driven(gymnasium.Env[Observation, Numbers]):
         self._touched = self._touched or touch is not None
         return touch
 
+    def _ended(self) -> dict[str, Any]:
+        """Return what became of an episode: its outcome, ticks beyond a limit, the contact.
+
+        Where the physics diverged, the numbers of its ticks mean nothing, and are not counted.
+        """
+        if self.world.diverged:
+            return {**self._outcome(), **self._contact()}
+        trace, arm, k = self.world.trace(), self.arm, len(self._told)
+        rows = slice(-k - 1, -1)
+        drives = drive_loads(arm, trace.q[rows], trace.dq[rows], trace.tau[-k:])
+        commanded, driven = np.array(self._told), np.array(self._driven)
+        beyond = ticks_beyond(arm, trace, drives, commanded, driven=driven)
+        shares = continuous_shares(arm, np.sum(drives.torque**2, axis=0), len(drives.torque))
+        violations = int(np.sum(beyond)) + overheated(shares)
+        return {**self._outcome(), "limit_violations": violations, **self._contact()}
+
     def _contact(self) -> dict[str, float]:
         """Return the largest force on ball or part, and its errors at the first contact, if any."""
         contact, said = self.world.first_contact, {}
@@ -307,7 +377,7 @@ class Driven(gymnasium.Env[Observation, Numbers]):
         return {"peak_contact_force_n": float(self.world.peak_force), **said}
 
 
-class Environment(Driven):
+class _Catching(Environment):
     """What both environments of catching share."""
 
     def __init__(
@@ -355,39 +425,13 @@ class Environment(Driven):
         check_arm(self.arm, f)
         return f
 
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Observation, dict[str, Any]]:
-        """Throw another ball; the same seed throws the same one."""
-        self._seeded(seed, options)
+    def _come(self) -> None:
+        """Throw another ball."""
         ball = self._source.drawn(self.np_random)
         self._catcher = self._runner.release(ball, seed=int(self.np_random.integers(2**62)))
-        self._touched, self.senses = False, []
-        self._told, self._driven = list[Array](), list[bool]()
         self.images = np.zeros((2, *self.shape()), np.uint8)
         for frame in self._runner.views[-1] if self._runner.views else ():
             self.images[frame.camera] = frame.pixels
-        return self._observed(), {}
-
-    def step(self, action: Numbers) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Act for some milliseconds."""
-        given = self._given(action)
-        world, rules = self.world, {"longest": LONGEST, "held": HELD_AFTER}
-        self.senses, nothing = [], np.full((3, self.arm.n), np.nan)
-        for k in range(self.ticks):
-            command = self._command(self._sensed(k), given)
-            world.apply(command)
-            told = command.joints.copy() if self.residual else np.array([*nothing, command.tau])
-            self._told.append(told)
-            self._driven.append(not command.brakes)
-            if world.over(**rules):
-                break
-        reward = self._reward(command.tau, TICK * (k + 1))
-        over = world.over(**rules)
-        late = over and world.first_contact is None and world.t >= LONGEST
-        info = self._ended() if over else {}
-        reward += _HELD if info.get("status") == "caught" else 0.0
-        return self._observed(), reward, over and not late, late, info
 
     def fresh_catcher(self) -> Catcher:
         """Return a catcher of the map that has seen nothing yet."""
@@ -400,43 +444,34 @@ class Environment(Driven):
         return self._runner.views
 
     def _sensed(self, k: int) -> Senses | None:
-        """Return what is sensed in tick ``k`` of an action; None where nobody asks."""
-        if not (self.residual or self.watched or self.pixels):
-            return None
-        senses = self.world.sense(look=self._looks(k))
-        self.senses.append(senses)
-        for frame in senses.frames:
+        """Return what is sensed in tick ``k`` of an action, and keep the newest images."""
+        senses = super()._sensed(k)
+        for frame in () if senses is None else senses.frames:
             self.images[frame.camera] = frame.pixels
         return senses
 
-    def _reward(self, tau: Array, dt: float) -> float:
-        """Return the reward of an action that took ``dt`` [s] and ended with a torque [N m]."""
+    def _over(self) -> bool:
+        """Say whether the ball is held, or can be touched no more."""
+        return self.world.over(longest=LONGEST, held=HELD_AFTER)
+
+    def _late(self, *, over: bool) -> bool:
+        """Say whether no ball came to the hand in time."""
+        return over and self.world.first_contact is None and self.world.t >= LONGEST
+
+    def _away(self) -> float:
+        """Return how far the ball is from the catch point [m]."""
         gap = self.thing()[0] - self.world.catch_point
-        cost = self._cost(float(np.sqrt(gap @ gap)), tau)
-        return self._touch_gain() - dt * cost
+        return float(np.sqrt(gap @ gap))
 
-    def _ended(self) -> dict[str, Any]:
+    def _outcome(self) -> dict[str, Any]:
         """Return what became of the throw."""
-        world, trace, arm, catcher = self.world, self.world.trace(), self.arm, self._catcher
-        phase = catcher.phase if self.residual else Phase.WATCH
-        refused, held = self.residual and catcher.refused, was_held(arm, world)
-        drives = drive_loads(arm, trace.q[:-1], trace.dq[:-1], trace.tau[1:])
-        commanded, driven = np.array(self._told), np.array(self._driven)
-        beyond = ticks_beyond(arm, trace, drives, commanded, driven=driven)
-        shares = continuous_shares(arm, np.sum(drives.torque**2, axis=0), len(drives.torque))
-        return {
-            "status": trial_status(world, phase, refused=refused, was_held=held),
-            "limit_violations": int(np.sum(beyond)) + overheated(shares),
-            **self._contact(),
-        }
+        phase = self._catcher.phase if self.residual else Phase.WATCH
+        refused, held = self.residual and self._catcher.refused, was_held(self.arm, self.world)
+        return {"status": trial_status(self.world, phase, refused=refused, was_held=held)}
 
-    def _looks(self, k: int) -> bool:
-        """Say whether the cameras expose in a tick of an action."""
-        if self.residual:
-            return self._catcher.looking
-        sensing = self.scene.sensing
-        first = self.ticks - 1 - sensing.latency if sensing.frame_rate >= 1.0 / TICK else 0
-        return self.watched or (self.pixels and k >= first)
+    def _success(self, info: dict[str, Any]) -> float:
+        """Return 1 for a ball that is held."""
+        return float(info["status"] == "caught")
 
     def shape(self) -> tuple[int, int]:
         """Return the size of the images; none where there are none."""
@@ -445,12 +480,12 @@ class Environment(Driven):
 
 
 @final
-class CatchEnv(Environment):
+class CatchEnv(_Catching):
     """``mitt/Catch-v0``: joints, and the true position and velocity of the ball."""
 
 
 @final
-class CatchPixelsEnv(Environment):
+class CatchPixelsEnv(_Catching):
     """``mitt/CatchPixels-v0``: joints, and the newest image of each of two cameras."""
 
     pixels = True
@@ -471,7 +506,7 @@ class CatchPixelsEnv(Environment):
 
 
 @final
-class MeetEnv(Driven):
+class MeetEnv(Environment):
     """``mitt/Meet-v0``: joints, and the true position and velocity of a part that comes by."""
 
     def __init__(
@@ -541,47 +576,44 @@ class MeetEnv(Driven):
         """Return how far the tool is told to close: nothing up to the middle of its action."""
         return float(max(given, 0.0) * self._closed)
 
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Observation, dict[str, Any]]:
-        """Bring another part; the same seed brings the same one."""
-        self._seeded(seed, options)
+    def _come(self) -> None:
+        """Bring another part."""
         self._parts = self._drawn_parts(int(self.np_random.integers(2**31)))
         self.world.reset(self._parts.bring(0), self._parts.seed(0))
-        self._catcher, self._touched, self.senses = self.fresh_catcher(), False, []
-        return self.whole(), {}
+        self._catcher = self.fresh_catcher()
 
-    def step(self, action: Numbers) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Act for some milliseconds."""
-        world, parts = self.world, self._parts
-        tau, lasts, over = self._acted(
-            action, lambda: parts.over(world, world.truth(), ready=True) or parts.held
-        )
-        reward = self._reward(tau, lasts)
-        late = not over and world.t >= _LATE
-        info = self._ended() if over or late else {}
-        reward += _HELD if info.get("status") == "met" else 0.0
-        return self.whole(), reward, over, late, info
+    def _over(self) -> bool:
+        """Say whether the part was met, or has gone by."""
+        parts, world = self._parts, self.world
+        return parts.over(world, world.truth(), ready=True) or parts.held
 
-    def _reward(self, tau: Array, dt: float) -> float:
-        """Return the reward of an action that took ``dt`` [s] and ended with a torque [N m]."""
-        world, (r, dr) = self.world, self.thing()
-        q, dq = world.data.qpos[: self.arm.n], world.data.qvel[: self.arm.n]
-        slip = min(float(np.linalg.norm(dr - self.arm.jacobian(q) @ dq)), 2.0)
-        cost = self._cost(float(np.linalg.norm(r - world.catch_point)), tau) + _SLIP * slip
-        return self._touch_gain() - dt * cost
+    def _late(self, *, over: bool) -> bool:
+        """Say whether the part was not taken in time."""
+        return not over and self.world.t >= _LATE
 
-    def _ended(self) -> dict[str, Any]:
+    def _away(self) -> float:
+        """Return how far the part is from the tool [m]."""
+        return float(np.linalg.norm(self.thing()[0] - self.world.catch_point))
+
+    def _cost(self, tau: Array) -> float:
+        """Return what a second costs now; also for the difference of tool and part in velocity."""
+        q, dq = self.world.data.qpos[: self.arm.n], self.world.data.qvel[: self.arm.n]
+        slip = float(np.linalg.norm(self.thing()[1] - self.arm.jacobian(q) @ dq))
+        return super()._cost(tau) + _SLIP * min(slip, 2.0)
+
+    def _outcome(self) -> dict[str, Any]:
         """Return what became of the part."""
-        status = "stopped" if self._catcher.phase is Phase.STOPPED else None
-        return {
-            "status": status or self._parts.ended(self.world)["status"],
-            **self._contact(),
-        }
+        if self._catcher.phase is Phase.STOPPED:
+            return {"status": "stopped"}
+        return {"status": self._parts.ended(self.world)["status"]}
+
+    def _success(self, info: dict[str, Any]) -> float:
+        """Return 1 for a part that was met."""
+        return float(info["status"] == "met")
 
 
 @final
-class BatEnv(Driven):
+class BatEnv(Environment):
     """``mitt/Bat-v0``: joints, and the true position and velocity of a ball to be hit back."""
 
     def __init__(
@@ -636,31 +668,28 @@ class BatEnv(Driven):
             self._at = self._station()
         return Catcher(self.arm, self._at.batting, settings=self._at.catcher)
 
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Observation, dict[str, Any]]:
-        """Throw another ball; the same seed throws the same one."""
-        self._seeded(seed, options)
+    def _come(self) -> None:
+        """Throw another ball."""
         ball = self._source.drawn(self.np_random)
         self.world.reset(ball, int(self.np_random.integers(2**31)))
         flight = self.world.flight
         self._path = np.array([flight(t)[0] for t in self._times.tolist()])
-        self._touched, self.senses = False, []
         if self.residual:
             self._catcher = self.fresh_catcher()
-        return self.whole(), {}
 
-    def step(self, action: Numbers) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Act for some milliseconds."""
-        world, target = self.world, self._at.target
-        tau, lasts, over = self._acted(action, lambda: batted(world, target))
-        reward = -lasts * self._cost(self._away(), tau)
+    def _over(self) -> bool:
+        """Say whether nothing more can happen to the ball."""
+        return batted(self.world, self._at.target)
+
+    def _late(self, *, over: bool) -> bool:
+        """Say whether no ball came to the paddle in time."""
+        world = self.world
         happened = world.first_contact is not None or world.truth().ball_on_floor
-        late = over and not (happened or world.diverged)
-        reward += 0.0 if self._first_touch() is None else _TOUCH
-        info = self._ended() if over else {}
-        reward += _HELD / (1.0 + info["miss_m"] / _HALF) if "miss_m" in info else 0.0
-        return self.whole(), reward, over and not late, late, info
+        return over and not (happened or world.diverged)
+
+    def _touch_gain(self) -> float:
+        """Return the reward of the first touch, however fast, in the action that brings it."""
+        return 0.0 if self._first_touch() is None else _TOUCH
 
     def _away(self) -> float:
         """Return how far the paddle is from where the ball will pass [m]; 0 after the contact."""
@@ -669,18 +698,20 @@ class BatEnv(Driven):
             return 0.0
         return float(np.linalg.norm(ahead - self.world.catch_point, axis=1).min())
 
-    def _ended(self) -> dict[str, Any]:
+    def _outcome(self) -> dict[str, Any]:
         """Return what became of the ball."""
         hit = hit_of(self.arm, self.world, self._at.target)
-        stopped = self.residual and self._catcher.phase is Phase.STOPPED
-        out = {"status": "missed", "peak_contact_force_n": float(self.world.peak_force)}
         if self.world.diverged:
-            out["status"] = "aborted"
-        elif stopped:
-            out["status"] = "stopped"
-        elif hit is not None and hit.returned:
-            out |= {"status": "hit", "miss_m": hit.miss, "return_speed_m_s": hit.speed}
-        return out
+            return {"status": "aborted"}
+        if self.residual and self._catcher.phase is Phase.STOPPED:
+            return {"status": "stopped"}
+        if hit is None or not hit.returned:
+            return {"status": "missed"}
+        return {"status": "hit", "miss_m": hit.miss, "return_speed_m_s": hit.speed}
+
+    def _success(self, info: dict[str, Any]) -> float:
+        """Return the more the nearer a hit passes the target, 1 at the target."""
+        return 1.0 / (1.0 + info["miss_m"] / _HALF) if "miss_m" in info else 0.0
 
 
 def map_policy(env: gymnasium.Env[Any, Any]) -> Callable[[Observation], Numbers]:
@@ -694,7 +725,7 @@ def map_policy(env: gymnasium.Env[Any, Any]) -> Callable[[Observation], Numbers]
         env: One of this module, wrapped or not.
     """
     raw = checks.instance("env", env, gymnasium.Env).unwrapped
-    if not isinstance(raw, Driven):
+    if not isinstance(raw, Environment):
         raise InputError("env", "an environment of mitt.gym", checks.shown(env))
     if raw.residual:
         return lambda _: np.zeros(raw.action_space.shape or (), np.float32)
@@ -706,7 +737,7 @@ def map_policy(env: gymnasium.Env[Any, Any]) -> Callable[[Observation], Numbers]
 class _MapPolicy:
     """A catcher that goes along with an environment; see :func:`map_policy`."""
 
-    def __init__(self, env: Driven) -> None:
+    def __init__(self, env: Environment) -> None:
         self._env, self._catcher = env, env.fresh_catcher()
         self._last = Command(0.0, np.zeros((4, 0)), 0.0)
 
@@ -715,7 +746,7 @@ class _MapPolicy:
         env = self._env
         if not env.senses:
             self._catcher = env.fresh_catcher()
-            if isinstance(env, Environment) and env.views:
+            if env.views:
                 self._catcher.learn_background(env.views)
             return env.as_action(np.zeros(env.arm.n), 0.0)
         for senses in env.senses:
