@@ -14,25 +14,27 @@ from stages import SafetyFilter
 from mitt.core.arm.arm import Arm
 from mitt.core.arm.hands import HandModel
 from mitt.core.arm.shapes import Surroundings
+from mitt.core.control.envelope import LONGEST as LONGEST_TICKS
+from mitt.core.control.envelope import stop_in_ticks
 from mitt.core.control.stop import (
     EASIEST,
     HARDEST,
-    INSTANTS,
     ONSET,
     SHARE,
     Brake,
     braking,
     choose_stop,
     hardest,
-    instant,
     lay,
     mass_work,
     plan_brake,
+    sample,
+    share_of_brake,
     stop_scratch,
 )
-from mitt.core.control.stop import largest_torque_share as share_of
 from mitt.core.control.stop import short_of_room as is_short
 from mitt.core.control.viability import BLOCKED, PASSED
+from mitt.core.kernels import Record
 from mitt.core.signals import TICK, Array
 from mitt.io.load import build_arm
 
@@ -76,18 +78,19 @@ def short_of_room(arm: Arm, motion: Array) -> bool:
 @settings(max_examples=200)
 @given(seed=seeds)
 def test_a_stop_in_closed_form_is_ruckigs(arm: Arm, seed: int) -> None:
-    """Q, dq and ddq agree at all instants at which the torque is looked at, and at rest."""
+    """Q, dq and ddq agree along the way, and at rest."""
     motion, rate = any_state(seed)
     w, theirs = stop_scratch(arm), ruckigs(motion, rate)
     w.rate[:] = rate
-    lay(motion, w)
-    for i in range(INSTANTS):
-        rows = np.array(theirs.at_time(instant(i, theirs.duration)))
+    end = lay(motion, w)
+    times, ours = np.linspace(0.0, end, 9), np.empty((9, 3, 3))
+    sample(w.pieces, times, ours)
+    for row, t in zip(ours, times, strict=True):
+        rows = np.array(theirs.at_time(min(t, theirs.duration)))
         # In an edge of the acceleration a rounding of the time is one of the jerk times it.
-        assert np.allclose(w.rows[i, :2], rows[:2], atol=EXACT)
-        assert np.allclose(w.rows[i, 2], rows[2], atol=EXACT * rate.max() / ONSET)
-    assert np.allclose(w.rows[INSTANTS, 0], theirs.at_time(theirs.duration)[0], atol=EXACT)
-    assert np.allclose(w.rows[INSTANTS, 1:], 0.0, atol=EXACT)
+        assert np.allclose(row[:2], rows[:2], atol=EXACT)
+        assert np.allclose(row[2], rows[2], atol=EXACT * rate.max() / ONSET)
+    assert np.allclose(ours[-1, 1:], 0.0, atol=EXACT * rate.max() / ONSET)
 
 
 @settings(max_examples=50)
@@ -116,7 +119,7 @@ def test_the_hardest_stop_leaves_no_room(arm: Arm, seed: int, others: float, urg
     if found < 1.55:
         w.rate[urgent] = (found + 1.4 / 32) * rate[urgent]
         lay(motion, w)
-        assert share_of(arm.tables, w.rows[:INSTANTS], w.tau, w.scratch) > SHARE
+        assert share_of_brake(arm.tables, w, np.inf) > SHARE
 
 
 @settings(max_examples=100)
@@ -146,9 +149,8 @@ def test_room_shrinks_with_speed(arm: Arm, seed: int) -> None:
 
 
 START = 0.45
-#: Torque on a grid of 1 ms: the planner looks at seven instants, and between them up to 1.07
-#: of the limit was measured (300 random states, set ``paper``).
-BETWEEN = 1.10
+#: What the planner's looks leave between them, of the limit: it aims at 0.98.
+BETWEEN = 1.0
 #: Longest stop of a catch [s].
 LONGEST = 1.5
 
@@ -164,8 +166,13 @@ def catch_state(seed: int) -> Array:
 
 
 def torque_share(arm: Arm, brake: Brake) -> float:
-    """Return the largest share of a drive's torque along the brake, each millisecond."""
-    rows = [brake.at(t) for t in np.arange(START, START + brake.duration, 1e-3)]
+    """Return the largest share of a drive's torque along the brake.
+
+    Each millisecond, and beside the beginnings of its pieces.
+    """
+    starts = START + np.unique(brake.pieces[:, :, 0])
+    even = np.arange(START, START + brake.duration, 1e-3)
+    rows = [brake.at(t) for t in np.concatenate([even, starts, starts - 1e-6])]
     speeds = [arm.all_joints(row[1]) for row in rows]
     return max(
         float(arm.limits.torque_ratio(arm.torque(*row), dq).max())
@@ -205,10 +212,11 @@ def test_a_brake_is_the_integral_of_its_own_rates(arm: Arm, seed: int) -> None:
 @settings(max_examples=30)
 @given(seed=seeds)
 def test_a_brake_stays_within_the_torque_limits(arm: Arm, seed: int) -> None:
-    """The stated share is at most 1, and inverse dynamics each millisecond agrees to 10 %."""
+    """Inverse dynamics all along the way agree with what is stated, which is within them."""
     brake = plan_brake(arm, START, catch_state(seed))
-    assert brake.torque_share <= 1.0
-    assert torque_share(arm, brake) <= BETWEEN
+    found = torque_share(arm, brake)
+    assert brake.torque_share <= SHARE
+    assert brake.torque_share * (1.0 - 1e-9) <= found <= BETWEEN
 
 
 @settings(max_examples=30)
@@ -245,17 +253,6 @@ def test_the_table_of_a_brake_is_the_brake_tick_by_tick(arm: Arm) -> None:
     for k, row in enumerate(table):
         assert np.array_equal(row, brake.at(START + 1e-3 * k))
     assert np.allclose(table[-1, 1:], 0.0, atol=1e-6)
-
-
-@settings(max_examples=30)
-@given(seed=seeds)
-def test_the_planner_reckons_the_share_that_the_limits_say(arm: Arm, seed: int) -> None:
-    """Its torque share is that of the arm's limits at the instants it looks at."""
-    brake = plan_brake(arm, START, catch_state(seed))
-    after = np.linspace(0.0, brake.duration, 7, endpoint=False) + 0.002
-    rows = [brake.at(START + min(x, brake.duration)) for x in after]
-    shares = [arm.limits.torque_ratio(arm.torque(*row), arm.all_joints(row[1])) for row in rows]
-    assert brake.torque_share == pytest.approx(np.max(shares), rel=1e-9)
 
 
 @pytest.mark.parametrize("seconds", [0.002, 0.05])
@@ -365,6 +362,37 @@ def test_a_panda_is_not_let_into_a_motion_that_it_cannot_stop(panda: Arm) -> Non
     assert blocked > 20
     assert worst < 1.0
     assert panda.q_max[1] - 0.1 < safety_filter.last[0, 1] < panda.q_max[1]
+
+
+def smooth_shares(arm: Arm, b: Record, motion: Array) -> Array:
+    """Return the torque of the stop of the envelope, each tick, as shares of the drives' bounds."""
+    rows = np.empty((LONGEST_TICKS, 3, arm.n))
+    ticks = stop_in_ticks(b, motion, rows)
+    out = [0.0]
+    for q, dq, ddq in rows[1 : ticks + 1]:
+        out.append(arm.limits.torque_ratio(arm.torque(q, dq, ddq), arm.all_joints(dq)).max())
+    return np.array(out)
+
+
+@settings(max_examples=3)
+@given(seed=seeds)
+@example(seed=1)
+def test_a_stop_with_jerk_is_one_that_the_drives_can_make(panda: Arm, seed: int) -> None:
+    """Of whatever is emitted, tick by tick; a mild stop, which is not made, does not count."""
+    rng = np.random.default_rng(seed)
+    most = panda.all_joints(rng.uniform(5.0, 15.0, panda.n))
+    limits = replace(panda.limits, acceleration=np.maximum(most, 1.0), jerk=np.full(7, 400.0))
+    arm = Arm(panda.model, limits)
+    safety_filter, worst = SafetyFilter(arm, Surroundings()), 0.0
+    safety_filter.begin(np.array([0.0, rng.uniform(-0.5, 0.6), -0.3]), np.zeros(3))
+    wish = rng.uniform(0.5, 1.0, 3) * np.array([rng.choice([-1.0, 1.0]), 1.0, 1.0])
+    for k in range(300):
+        dq = wish * arm.dq_max
+        safety_filter.step(np.array([safety_filter.last[0] + TICK * dq, dq, np.zeros(3)]))
+        if k % 15 == 0:
+            rows = smooth_shares(arm, safety_filter.bounds, safety_filter.last)
+            worst = max(worst, float(rows.max()))
+    assert worst < 1.0
 
 
 def test_where_there_is_room_a_wish_passes(panda: Arm) -> None:

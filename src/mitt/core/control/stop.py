@@ -3,7 +3,9 @@
 **In each tick**, whether the drives can stop the arm from a motion, and at which decelerations
 (:func:`choose_stop`). All joints brake at once, each at a constant rate. The torque that this takes
 is that of the model, gravity, coupling and Coriolis forces included, looked at so often on the way
-to standstill that no joint turns by more than 0.2 rad in between. A joint that has room brakes
+to standstill that no joint turns by more than 0.2 rad in between. Where joints have a jerk limit,
+the stop is that of :func:`mitt.core.control.envelope.slow_down`, looked at likewise
+(:func:`share_of_smooth_stop`). A joint that has room brakes
 gently, one that is short of it as hard as it must: the least that any stop within the ranges takes.
 The torque is that of the arm with its load and without it: in between it is no larger, as it is
 linear in the mass. So the deceleration that a joint is trusted with follows from the torque that is
@@ -13,16 +15,14 @@ found there.
 
 **After the catch** (:func:`plan_brake`), each joint brakes at its own rate, a share of
 tau_max / M_kk, which builds up and lets go within ``ONSET``. The rates keep the torque of the whole
-arm within its limits at seven instants of the way (between them up to 7 % more was seen in 300
-random states; the tracking saturates) and end as far from any stop as can be. Where the limit set
-bounds acceleration or jerk, the brake is the stop of the envelope itself,
-:func:`mitt.core.control.envelope.slow_down`: its own decelerations, or a share of them for the
-torque.
+arm within its limits, looked at as above and where an acceleration begins or ends to change, and
+end as far from any stop as can be. Where the limit set bounds acceleration or jerk, the brake is
+the stop of the envelope itself, :func:`mitt.core.control.envelope.slow_down`: its own
+decelerations, or a share of them for the torque.
 
 | here      | meaning                                                                  | shape     |
 |-----------|--------------------------------------------------------------------------|-----------|
 | ``ends``  | lower and upper ends of the joints' ranges [rad]                         | (2, n)    |
-| ``rows``  | q, dq, ddq at the instants at which the torque is looked at, and at rest | (8, 3, n) |
 | ``pieces``| start of a piece of constant jerk [s], q, dq, ddq and jerk there         | (n, p, 5) |
 """
 
@@ -31,6 +31,7 @@ from math import ceil
 from typing import NamedTuple, final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mitt.core import checks
 from mitt.core.arm.arm import Arm, Tables, trusted_deceleration
@@ -47,7 +48,7 @@ from mitt.core.control.envelope import (
 )
 from mitt.core.errors import InputError
 from mitt.core.fields import brief
-from mitt.core.kernels import Record, kernel
+from mitt.core.kernels import Record, copy, kernel
 from mitt.core.signals import TICK, Array
 
 #: Share of the torque limits that a stop may use; feedback needs the rest.
@@ -61,23 +62,27 @@ HARDEST = 0
 EASIEST = len(_HARD)
 #: How many kinds there are.
 _KINDS = len(_HARD) + len(_MILD)
-#: Largest turn of a joint between two instants of a stop at constant rates at which its torque is
-#: looked at [rad], how far before and after a joint's rest it is, in times of its way there, and
-#: the most looks; a stop that takes more is not made.
+#: Largest turn of a joint between two instants of a stop at which its torque is looked at [rad].
 _TURN = 0.2
+#: How far an acceleration may be from a straight line in between, where there is jerk; a share of
+#: the deceleration.
+_STRAIGHT = 0.02
+#: How far before and after a joint's rest a stop at constant rates is looked at, in times of its
+#: way there.
 _BESIDE = 1e-9
+#: Most looks; a stop that takes more is not made.
 _LOOKS = 100
 
 #: Time in which a deceleration builds up [s].
 ONSET = 0.002
-#: Instants at which the torque of such a stop is looked at.
-INSTANTS = 7
 #: Gap to the end of its range below which an ideal brake of one joint alone is short of room [rad].
 _NEAR = 0.45
 #: Halvings of the interval in which the hardest stop lies, and the interval: shares of the rate.
 _HALVINGS = 5
 _LEAST = 0.2
 _MOST = 1.6
+#: Shares of their own rate at which the other joints are tried.
+_OTHERS = (0.05, 0.15, 0.4, 0.8, 1.2)
 
 
 class StopWork(NamedTuple):
@@ -85,6 +90,8 @@ class StopWork(NamedTuple):
 
     rates: Array  # (n,) the decelerations that are found [rad/s^2]
     row: Array  # (3, n) q, dq, ddq at an instant
+    after: Array  # (3, n) a tick later
+    since: Array  # (3, n) of the last look: the turn since [rad], ddq, its change in a tick
     tau: Array  # (N,) torques
     speed: Array  # (N,) speeds of all links
     dynamics: Record
@@ -94,7 +101,13 @@ def stop_work(arm: Arm) -> StopWork:
     """Return scratch for :func:`choose_stop`."""
     n, links = arm.n, len(arm.bodies)
     return StopWork(
-        np.zeros(n), np.zeros((3, n)), np.zeros(links), np.zeros(links), dynamics_scratch(links)
+        rates=np.zeros(n),
+        row=np.zeros((3, n)),
+        after=np.zeros((3, n)),
+        since=np.zeros((3, n)),
+        tau=np.zeros(links),
+        speed=np.zeros(links),
+        dynamics=dynamics_scratch(links),
     )
 
 
@@ -171,7 +184,6 @@ def share_of_stop(arm: Tables, loaded: Record, motion: Array, w: StopWork) -> fl
 def _share_at(arm: Tables, loaded: Record, motion: Array, t: float, w: StopWork) -> float:
     """Return the same of an instant of the stop, a time after its start [s]."""
     rates, row = w.rates, w.row
-    w.speed[:] = 0.0
     for k in range(motion.shape[1]):
         fast = abs(motion[1, k])
         passed = min(t, fast / rates[k])
@@ -181,11 +193,57 @@ def _share_at(arm: Tables, loaded: Record, motion: Array, t: float, w: StopWork)
         row[1, k] = np.copysign(max(fast - rates[k] * t, 0.0), motion[1, k])
         brakes = fast > 0.0 and rates[k] * t <= fast
         row[2, k] = -np.copysign(rates[k], motion[1, k]) if brakes else 0.0
+    return float(_share_of(arm, loaded, row, w))
+
+
+@kernel
+def _share_of(arm: Tables, loaded: Record, row: Array, w: StopWork) -> float:
+    """Return the same of a motion q, dq, ddq, shape (3, n)."""
+    w.speed[:] = 0.0
+    for k in range(row.shape[1]):
         w.speed[arm.active[k]] = row[1, k]
     inverse_dynamics(arm.bodies, row[0], row[1], row[2], w.tau, w.dynamics)
     alone = largest_share(arm.drives, w.tau, w.speed)
     inverse_dynamics(loaded, row[0], row[1], row[2], w.tau, w.dynamics)
     return float(max(alone, largest_share(arm.drives, w.tau, w.speed)))
+
+
+@kernel
+def share_of_smooth_stop(
+    arm: Tables, loaded: Record, b: Record, motion: Array, w: StopWork
+) -> float:
+    """Return the largest share of a drive's torque on the way to standstill with a jerk limit.
+
+    It is walked tick by tick, as :func:`mitt.core.control.envelope.slow_down` makes it, and looked
+    at so often that in between no joint turns by more than ``_TURN``, and no acceleration is off a
+    straight line by more than ``_STRAIGHT`` of its deceleration: the torque is linear in it.
+    Infinite if it does not end.
+
+    Args:
+        arm: As of ``Arm.tables``, without a load.
+        loaded: Its links with the load, as of ``Arm.bodies``, shape (N,).
+        b: Limits, as of :mod:`mitt.core.control.viability`, shape (n,).
+        motion: q, dq, ddq, shape (3, n).
+        w: Scratch.
+    """
+    row, after, turned, largest, ticks = w.row, w.after, w.since[0], 0.0, 0
+    copy(motion, row)
+    turned[:] = np.inf  # the first tick is looked at
+    for _ in range(LONGEST):
+        if not np.any(row[1:]):
+            return float(largest)
+        slow_down(b, row, after)
+        looks, ticks = False, ticks + 1
+        for k in range(motion.shape[1]):
+            turned[k] += abs(after[0, k] - row[0, k])
+            off = abs(after[2, k] - w.since[1, k] - ticks * w.since[2, k])
+            looks |= turned[k] > _TURN or off > _STRAIGHT * b[k].deceleration
+        if looks:
+            largest, ticks = max(largest, _share_of(arm, loaded, after, w)), 0
+            for k in range(motion.shape[1]):
+                turned[k], w.since[1, k], w.since[2, k] = 0.0, after[2, k], after[2, k] - row[2, k]
+        copy(after, row)
+    return np.inf
 
 
 @kernel
@@ -322,6 +380,8 @@ def rows_of(brake: Brake, t: Array) -> Array:
 def plan_brake(arm: Arm, t: float, motion: Array) -> Brake:
     """Return the brake within the torque limits that ends farthest from any joint stop.
 
+    Where none of those that are tried is within them, it is the one that takes the least torque.
+
     Joints load one another, so the one that is short of room brakes as hard as the others'
     gentleness allows: a few rates of the others are tried, and for each the hardest of that one.
 
@@ -344,10 +404,10 @@ def plan_brake(arm: Arm, t: float, motion: Array) -> Brake:
     rate = trusted_deceleration(arm, motion[0])
     urgent = int(np.argmax(_urgency(arm, motion, rate)))
     ends, w, tried = np.array([arm.q_min, arm.q_max]), stop_scratch(arm), []
-    for others in (0.15, 0.4, 0.8, 1.2):  # shares of their own rate
+    for others in _OTHERS:
         share = hardest(arm.tables, motion, rate, urgent, others, w)
         stop = Brake(t, lay(motion, w), w.pieces.copy(), float(share))
-        tried.append((share <= 1.0, room(ends, w.rows[INSTANTS, 0]), stop))
+        tried.append((min(SHARE - share, 0.0), room(ends, stop.q_end), stop))
     return max(tried, key=lambda x: x[:2])[2]
 
 
@@ -362,9 +422,9 @@ def _urgency(arm: Arm, motion: Array, rate: Array) -> Array:
 class StopScratch(NamedTuple):
     """Buffers of the kernels for one arm; see the module's table."""
 
-    rows: Array
     pieces: Array
-    after: Array  # (8,) times of the rows from the start on [s]
+    at: NDArray[np.int64]  # (n,) the piece that each joint is in
+    row: Array  # (3, n) q, dq, ddq at an instant
     rate: Array  # (n,) deceleration that is tried [rad/s^2]
     tau: Array  # (2, N) torques, and speeds of all links
     scratch: Record  # of the dynamics
@@ -374,9 +434,9 @@ def stop_scratch(arm: Arm) -> StopScratch:
     """Return buffers for an arm."""
     n, links = arm.n, len(arm.bodies)
     return StopScratch(
-        rows=np.zeros((INSTANTS + 1, 3, n)),
         pieces=np.zeros((n, 4, 5)),
-        after=np.zeros(INSTANTS + 1),
+        at=np.zeros(n, dtype=np.int64),
+        row=np.zeros((3, n)),
         rate=np.zeros(n),
         tau=np.zeros((2, links)),
         scratch=dynamics_scratch(links),
@@ -422,49 +482,51 @@ def stop_of(q: float, v: float, a: float, rate: float, pieces: Array) -> float:
 
 
 @kernel
-def instant(i: int, duration: float) -> float:
-    """Return when the torque of a stop is looked at for the i-th time [s]."""
-    return float(min(i * (duration / INSTANTS) + ONSET, duration))
-
-
-@kernel
 def lay(motion: Array, w: StopScratch) -> float:
     """Write the stop at the decelerations ``w.rate``, and return its time [s].
 
     Args:
         motion: q, dq, ddq at the start, shape (3, n).
-        w: Scratch and result: ``w.pieces`` and ``w.rows``.
+        w: Scratch and result: ``w.pieces``.
     """
     end = 0.0
     for k in range(len(w.rate)):
         q, v = motion[0, k], motion[1, k]
         a = braking(v, motion[2, k], w.rate[k])
         end = max(end, stop_of(q, v, a, w.rate[k], w.pieces[k]))
-    for i in range(INSTANTS):
-        w.after[i] = instant(i, end)
-    w.after[INSTANTS] = end
-    sample(w.pieces, w.after, w.rows)
     return end
 
 
 @kernel
-def largest_torque_share(arm: Tables, rows: Array, tau: Array, scratch: Record) -> float:
-    """Return the largest share of a drive's torque that a motion asks for.
+def share_of_brake(arm: Tables, w: StopScratch, most: float) -> float:
+    """Return the largest share of a drive's torque that the brake ``w.pieces`` asks for.
+
+    It is looked at where a piece of any joint begins, and so often in between that no joint turns
+    by more than ``_TURN``. Infinite if that takes too many looks.
 
     Args:
-        arm: As of ``Arm.tables``.
-        rows: q, dq, ddq at K instants, shape (K, 3, n).
-        tau: Scratch, zero in its second row where no joint is active, shape (2, N).
-        scratch: Of :func:`mitt.core.arm.dynamics.dynamics_scratch`.
+        arm: As of ``Arm.tables``, with what it holds.
+        w: Scratch.
+        most: A share above which the next ones do not matter.
     """
-    bodies, drives, index = arm.bodies, arm.drives, arm.active
-    largest = 0.0
-    for k in range(len(rows)):
-        inverse_dynamics(bodies, rows[k, 0], rows[k, 1], rows[k, 2], tau[0], scratch)
-        for i in range(len(index)):
-            tau[1, index[i]] = rows[k, 1, i]
-        largest = max(largest, largest_share(drives, tau[0], tau[1]))
-    return largest
+    pieces, row, tau, index, t, largest = w.pieces, w.row, w.tau, arm.active, 0.0, 0.0
+    w.at[:] = 0
+    for _ in range(_LOOKS + pieces.shape[0] * pieces.shape[1]):
+        ahead, fastest = np.inf, 0.0
+        for k in range(len(pieces)):
+            while w.at[k] + 1 < pieces.shape[1] and pieces[k, w.at[k] + 1, 0] <= t:
+                w.at[k] += 1
+            row[0, k], row[1, k], row[2, k] = _along(pieces[k, w.at[k]], t)
+            tau[1, index[k]] = row[1, k]
+            fastest = max(fastest, abs(row[1, k]))
+            if w.at[k] + 1 < pieces.shape[1]:
+                ahead = min(ahead, pieces[k, w.at[k] + 1, 0])
+        inverse_dynamics(arm.bodies, row[0], row[1], row[2], tau[0], w.scratch)
+        largest = max(largest, largest_share(arm.drives, tau[0], tau[1]))
+        if largest > most or np.isinf(ahead):
+            return float(largest)
+        t = ahead if fastest * (ahead - t) <= _TURN else t + _TURN / fastest
+    return np.inf
 
 
 @kernel
@@ -479,7 +541,7 @@ def hardest(
         rate: Deceleration of each joint alone [rad/s^2], shape (n,).
         urgent: Index of the joint.
         others: The share.
-        w: Scratch; ``w.rate``, ``w.pieces`` and ``w.rows`` are the answer.
+        w: Scratch; ``w.rate`` and ``w.pieces`` are the answer.
 
     Returns:
         Largest share of a drive's torque on the way.
@@ -491,13 +553,13 @@ def hardest(
         middle = 0.5 * (low + high)
         w.rate[urgent] = middle * rate[urgent]
         lay(motion, w)
-        if largest_torque_share(arm, w.rows[:INSTANTS], w.tau, w.scratch) <= SHARE:
+        if share_of_brake(arm, w, SHARE) <= SHARE:
             low = middle
         else:
             high = middle
     w.rate[urgent] = low * rate[urgent]
     lay(motion, w)
-    return float(largest_torque_share(arm, w.rows[:INSTANTS], w.tau, w.scratch))
+    return float(share_of_brake(arm, w, np.inf))
 
 
 @kernel
@@ -511,7 +573,7 @@ def room(ends: Array, q: Array) -> float:
 
 def _in_ticks(arm: Arm, t: float, motion: Array, bounds: Record) -> Brake:
     """Return the hardest stop of the envelope that the torques bear, or the one with the least."""
-    w, tried = stop_scratch(arm), list[Brake]()
+    w, tried = stop_work(arm), list[Brake]()
     for share in _HARD:
         b, rows = bounds.copy(), np.empty((LONGEST, 3, arm.n))
         b["deceleration"] *= share
@@ -520,9 +582,7 @@ def _in_ticks(arm: Arm, t: float, motion: Array, bounds: Record) -> Brake:
         pieces[:, :, 0] = TICK * np.arange(ticks + 1)
         pieces[:, :, 1:3] = rows[: ticks + 1, :2].transpose(2, 0, 1)
         pieces[:, :-1, 3] = rows[1 : ticks + 1, 2].T
-        instants = w.rows[:INSTANTS]
-        sample(pieces, np.linspace(0.0, TICK * ticks, INSTANTS), instants)
-        asked = float(largest_torque_share(arm.tables, instants, w.tau, w.scratch))
+        asked = float(share_of_smooth_stop(arm.tables, arm.bodies, b, motion, w))
         tried.append(Brake(t, TICK * ticks, pieces, asked))
         if asked <= SHARE:
             return tried[-1]
@@ -537,8 +597,15 @@ def sample(pieces: Array, after: Array, out: Array) -> None:
             p = 0
             while p + 1 < pieces.shape[1] and pieces[k, p + 1, 0] <= after[i]:
                 p += 1
-            t, q, v = after[i] - pieces[k, p, 0], pieces[k, p, 1], pieces[k, p, 2]
-            a, j = pieces[k, p, 3], pieces[k, p, 4]
-            out[i, 0, k] = q + t * (v + t * (a / 2.0 + t * j / 6.0))
-            out[i, 1, k] = v + t * (a + t * j / 2.0)
-            out[i, 2, k] = a + t * j
+            out[i, 0, k], out[i, 1, k], out[i, 2, k] = _along(pieces[k, p], after[i])
+
+
+@kernel
+def _along(piece: Array, at: float) -> tuple[float, float, float]:
+    """Return q, dq, ddq of a piece of constant jerk, (5,), a time after the brake's start [s]."""
+    t, q, v, a, j = at - piece[0], piece[1], piece[2], piece[3], piece[4]
+    return (
+        q + t * (v + t * (a / 2.0 + t * j / 6.0)),
+        v + t * (a + t * j / 2.0),
+        a + t * j,
+    )

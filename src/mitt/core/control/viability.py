@@ -9,7 +9,9 @@ jerk limit, the way is that of :func:`mitt.core.control.envelope.slow_down`, tic
 
 **Certified, and why it lasts.** With each emitted motion x = (q, dq, ddq) a stop is remembered: the
 decelerations B of all joints, with which it stays in the ranges, keeps ``STOP_CLEARANCE`` from
-everything, and takes at most the drives' torques, with the load and without it. By induction: an x
+everything, and takes at most the drives' torques, with the load and without it; where joints have
+a jerk limit, B are the trusted ones, and the stop is that of
+:func:`mitt.core.control.envelope.slow_down`. By induction: an x
 is emitted if such a stop is found for it; where none is found, the arm is led along the stop of the
 tick before, and what is left of that is a stop again. That rests on decelerations, jerk, ranges,
 torques and shapes: none of them changes during a throw. The ball does, so the decelerations, the
@@ -25,9 +27,8 @@ ball will drive a joint on: a stop does not depend on it. A joint that is faster
 stops. Before, it may lag: after a jump of the ball's estimate a command may turn faster than any
 drive. So the same decelerations have to bring it to rest clear from where it is, too, at its own
 speed and at that of the command, to which it is driven. That is looked at in each tick, and is no
-proof: what the model does not know, as an impact or friction, moves the arm otherwise. Nor is it
-asked of an arm with a jerk limit, whose commands have no steps. The ranges of the measured joints
-are guarded besides (:func:`mitt.core.control.envelope.bound_acceleration`).
+proof: what the model does not know, as an impact or friction, moves the arm otherwise. The ranges
+of the measured joints are guarded besides (:func:`mitt.core.control.envelope.bound_acceleration`).
 """
 
 from functools import lru_cache
@@ -55,6 +56,7 @@ from mitt.core.control.stop import (
     choose_stop,
     fit_rates,
     gentle_rates,
+    share_of_smooth_stop,
     share_of_stop,
     stop_by,
     stop_work,
@@ -163,7 +165,7 @@ def safety_of(arm: Arm, around: Surroundings, load: float = 0.0) -> Safety:
             np.zeros(p, dtype=np.int64),
             np.zeros(p),
         ),
-        np.zeros((2, n)),
+        np.zeros((3, n)),
         stop_work(arm),
     )
 
@@ -250,14 +252,15 @@ def find_stop(s: Safety, motion: Array, estimated: Array) -> bool:
     the tick before, all joints in the ratio of their trusted decelerations, and all in the ratio of
     their speeds, so that they come to rest together.
 
-    Where joints have a jerk limit, the stop is that of
-    :func:`mitt.core.control.envelope.slow_down`, and its torque that of any kind.
+    Where joints have a jerk limit, there is one stop alone, that of
+    :func:`mitt.core.control.envelope.slow_down`.
     """
     moves = _moves(motion)
     if _has_jerk_limit(s.bounds):
-        if moves and choose_stop(s.arm, s.loaded, s.bounds, motion, EASIEST, s.stop) > SHARE:
-            return False
-        return bool(_stops_clear_smoothly(s, motion))
+        _write_rates(s, motion, _TRUSTED)
+        return bool(
+            _both_stop_clear(s, motion, estimated) and _least_share(s, motion, HARDEST) <= SHARE
+        )
     for kind in (_BEFORE, _GENTLE):
         _write_rates(s, motion, kind)
         if not _both_stop_clear(s, motion, estimated):
@@ -312,26 +315,34 @@ def _both_stop_clear(s: Safety, motion: Array, estimated: Array) -> bool:
     The arm begins it where it is, and as fast as it is or as the motion, to which it is driven. One
     that stands too close already is led by the command alone, which is clear.
     """
-    rates, led = s.stop.rates, s.led
-    if not _stops_clear_at(s, motion, rates, s.measured):
+    led, n = s.led, motion.shape[1]
+    if not _stops_clear(s, motion, s.measured):
         return False
+    copy(motion, led)
     copy(estimated[0], led[0])
-    copy(motion[1], led[1])
-    clear = _stops_clear_at(s, led, rates, s.near) and _stops_clear_at(s, estimated, rates, s.near)
+    clear = bool(_stops_clear(s, led, s.near))
+    copy(estimated[1], led[1])
+    clear = clear and bool(_stops_clear(s, led, s.near))
     if clear or not _moves(motion):
         return True
     nearest = np.inf
     for i in range(len(s.pairs)):
-        nearest = min(nearest, s.near[len(rates) + i])
+        nearest = min(nearest, s.near[n + i])
     return bool(nearest < 0.0)
 
 
 @kernel
-def _stops_clear(s: Safety, motion: Array) -> bool:
-    """Say whether the stop from q, dq, ddq at ``s.stop.rates`` keeps ``STOP_CLEARANCE``."""
+def _stops_clear(s: Safety, motion: Array, known: Array) -> bool:
+    """Say whether the stop from a motion keeps ``STOP_CLEARANCE``, at ``s.stop.rates`` or smoothly.
+
+    Args:
+        s: What is known.
+        motion: q, dq, ddq, shape (3, n).
+        known: As ``Safety.measured``, overwritten.
+    """
     if _has_jerk_limit(s.bounds):
-        return bool(_stops_clear_smoothly(s, motion))
-    return bool(_stops_clear_at(s, motion, s.stop.rates, s.measured))
+        return bool(_stops_clear_smoothly(s, motion, known))
+    return bool(_stops_clear_at(s, motion, s.stop.rates, known))
 
 
 @kernel
@@ -341,15 +352,22 @@ def _leads_out(s: Safety, last: Array, desired: Array) -> bool:
     It may where that takes no more torque to stop, and the arm stands too close already and gets no
     closer, or stops clear.
     """
-    b = s.bounds
-    share = choose_stop(s.arm, s.loaded, b, desired, EASIEST, s.stop)
-    out = bool(_stops_clear(s, desired))
+    share = _least_share(s, desired, EASIEST)
+    out = bool(_stops_clear(s, desired, s.measured))
     if not out:
         before = clearance(s.arm.bodies, last[0], s.shapes, s.pairs, s.ends)
         after = clearance(s.arm.bodies, desired[0], s.shapes, s.pairs, s.ends)
         out = before < STOP_CLEARANCE and after > before
-    least = choose_stop(s.arm, s.loaded, b, last, HARDEST, s.stop)
+    least = _least_share(s, last, HARDEST)
     return bool(out and share <= max(least, SHARE))
+
+
+@kernel
+def _least_share(s: Safety, motion: Array, first: int) -> float:
+    """Return the share of torque of a stop, as of :func:`mitt.core.control.stop.choose_stop`."""
+    if _has_jerk_limit(s.bounds):
+        return float(share_of_smooth_stop(s.arm, s.loaded, s.bounds, motion, s.stop))
+    return float(choose_stop(s.arm, s.loaded, s.bounds, motion, first, s.stop))
 
 
 @kernel
@@ -383,7 +401,7 @@ def _stops_clear_at(s: Safety, motion: Array, rates: Array, known: Array) -> boo
 
 
 @kernel
-def _stops_clear_smoothly(s: Safety, motion: Array) -> bool:
+def _stops_clear_smoothly(s: Safety, motion: Array, known: Array) -> bool:
     """Say the same where joints have a jerk limit: the way to standstill is walked tick by tick."""
     b, row, after, left = s.bounds, s.walk.row, s.walk.after, s.walk.left
     for k in range(motion.shape[1]):
@@ -392,7 +410,7 @@ def _stops_clear_smoothly(s: Safety, motion: Array) -> bool:
         turns = 0.5 * ddq * ddq / jerk > abs(dq)  # there and back
         left[k] = 2.0 * whole if turns else whole
     copy(motion, row)
-    count = _look_first(s, s.measured)
+    count = _look_first(s, known)
     for _ in range(LONGEST):
         count, _ = _keep_open(s, count, 0.0)
         if count <= 0 or not np.any(row[1:]):
