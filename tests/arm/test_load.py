@@ -9,7 +9,7 @@ import pytest
 import mitt
 from mitt.core.arm.hands import HandModel
 from mitt.core.errors import FileError, MittError, ModelError, UnknownNameError
-from mitt.io.load import build_arm
+from mitt.io.load import TIP_AXES, build_arm
 
 LINK = """<link name="l{k}"><inertial><origin xyz="0 0 0.2"/><mass value="{mass}"/>
 <inertia ixx="0.02" iyy="0.02" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>"""
@@ -171,6 +171,28 @@ def test_a_tip_without_joints_is_told_what_there_is(tmp_path: Path) -> None:
         build_arm(path)
     with pytest.raises(FileError):
         build_arm(tmp_path / "absent.urdf")
+
+
+@pytest.mark.parametrize("axis", TIP_AXES)
+def test_a_hand_points_along_the_axis_that_a_tip_names(tmp_path: Path, axis: str) -> None:
+    """Any axis of the frame, either way; the catch point stays, and a turn is about that axis."""
+    path, names, q = urdf(tmp_path / "five.urdf"), ["j1", "j2", "j4"], np.array([0.3, 0.4, -0.5])
+    plain = build_arm(path, tip="l5", joints=names)
+    arm = build_arm(path, tip=f"l5:{axis}", joints=names)
+    turned = build_arm(path, tip=f"l5:{axis}", joints=names, hand="three-finger", hand_turn=0.7)
+    way = np.sign(-1.0 if axis[0] == "-" else 1.0) * np.eye(3)["xyz".index(axis[-1])]
+    R = arm.orientation(q)
+    assert np.allclose(R[:, 2], plain.orientation(q) @ way, atol=1e-12)
+    assert np.allclose(R @ R.T, np.eye(3), atol=1e-12)
+    assert np.linalg.det(R) > 0.0
+    assert np.allclose(turned.orientation(q)[:, 2], R[:, 2], atol=1e-12)
+    assert np.allclose(turned.position(q), plain.position(q), atol=1e-12)
+
+
+@pytest.mark.parametrize("tip", ["l5:w", "l5:", ":x", "l5:x:y", "x"])
+def test_a_tip_of_no_such_axis_is_no_frame(tmp_path: Path, tip: str) -> None:
+    with pytest.raises(UnknownNameError):
+        build_arm(urdf(tmp_path / "five.urdf"), tip=tip, joints=["j1", "j2", "j4"])
 
 
 def test_a_held_angle_in_degrees_is_told_its_unit(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """Shapes of imported arms, found beside the file and in packages, and the capsules about them."""
 
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -318,6 +319,25 @@ def test_the_convex_hull_is_inside(seed: int) -> None:
     found = capsules_about(points)
     inside = rng.dirichlet(np.full(30, 0.1), 400) @ points
     assert np.min([_gap(inside, x) for x in found], axis=0).max() < 1e-8
+
+
+def test_shapes_far_apart_do_not_get_one_capsule(tmp_path: Path) -> None:
+    """However many there are: a torso, and another arm beside it, leave the space between free."""
+    rng, boxes = np.random.default_rng(2), ""
+    places = rng.uniform(-0.1, 0.1, (12, 3))
+    places[6:, 0] += 2.0
+    for x, y, z in places:
+        boxes += f'<collision><origin xyz="{x} {y} {z}"/><geometry><box size=".04 .04 .04"/>'
+        boxes += "</geometry></collision>"
+    path = urdf(tmp_path / "a.urdf")
+    path.write_text(path.read_text().replace('<link name="l0">', f'<link name="l0">{boxes}'))
+    found = build_arm(path, tip="l5", joints=_NAMES).model.base_capsules
+    assert 2 <= len(found) <= 6
+    corners = np.array(list(product((-0.02, 0.02), repeat=3)))
+    all_corners = np.vstack([p + corners for p in places])
+    assert np.min([_gap(all_corners, x) for x in found], axis=0).max() < 1e-8
+    between = np.array([[1.0, 0.0, 0.0], [0.6, 0.2, 0.0], [1.4, 0.0, 0.2]])
+    assert np.min([_gap(between, x) for x in found]) > 0.1
 
 
 @pytest.mark.parametrize(("radius", "length"), [(0.05, 0.4), (0.1, 0.1)])

@@ -3,9 +3,11 @@
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from sysconfig import get_paths
 
 import numpy as np
 import pytest
+from arm.test_load import urdf
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -13,13 +15,14 @@ from mitt.cli.main import main
 from mitt.core.arm.arm import Arm
 from mitt.core.arm.standing import Slab, check_standing
 from mitt.core.arm.tools import TOOLS
-from mitt.core.errors import InputError
+from mitt.core.errors import InputError, ModelError
 from mitt.io.arm_file import arm_with_hand
 from mitt.io.cell import cell_of
+from mitt.io.load import build_arm
 from mitt.io.reading import read_toml, shipped_path
 from mitt.lab.trials.bat_station import bat_station
 from mitt.lab.trials.runs import simulate
-from mitt.lab.trials.station import PARTS_SCENE, station
+from mitt.lab.trials.station import PARTS_SCENE, station, tip_out_of_flange
 from mitt.lab.world.overlap import check_scene
 from mitt.lab.world.scene import Belt, Tray, named_scene
 from mitt.robot.cell.prepare import prepare
@@ -180,3 +183,26 @@ def test_a_belt_that_leads_past_the_arm_is_taken() -> None:
     short = Belt(middle=(0.5527, 0.0), direction=0.0, height=0.0225, length=0.7)
     scene = PARTS_SCENE.model_copy(update={"belt": short})
     assert station("ur5e", TOOLS["suction"], "belt", scene).scene.belt == short
+
+
+@pytest.mark.parametrize("axis", ["1 0 0", "-1 0 0"])
+@pytest.mark.parametrize("said", ["l5", "l5:y", "l5:-z", "l5:-y"])
+def test_a_tool_across_the_flange_is_told_which_axis_leads_out(
+    tmp_path: Path, axis: str, said: str
+) -> None:
+    """Of the frame as the file has it, whatever axis was said; with that one all is well."""
+    path, joints = urdf(tmp_path / "a.urdf"), [f"j{k}" for k in range(1, 6)]
+    path.write_text(path.read_text().replace("0.6 0 0.8", axis))
+    assert tip_out_of_flange(build_arm(path, tip=said, joints=joints), said) == "l5:x"
+    assert tip_out_of_flange(build_arm(path, tip="l5:x", joints=joints), "l5:x") is None
+
+
+@pytest.mark.thorough
+def test_what_is_told_of_the_flange_helps() -> None:
+    """The Z1's frames have x out of them, and it reaches lower and nearer than the others do."""
+    path = Path(get_paths()["purelib"]) / "cmeel.prefix/share/example-robot-data/robots"
+    path, joints = path / "z1_description/urdf/z1.urdf", [f"joint{k}" for k in range(1, 7)]
+    with pytest.raises(ModelError, match="say --tip link06:x"):
+        station(path, TOOLS["suction"], "belt", PARTS_SCENE, tip="link06", joints=joints)
+    at = station(path, TOOLS["suction"], "belt", PARTS_SCENE, tip="link06:x", joints=joints)
+    assert np.allclose(at.arm.orientation(at.arm.q_ready)[:, 2], (0.0, 0.0, -1.0), atol=1e-3)

@@ -69,7 +69,8 @@ class ArmOptions(Options):
     Attributes:
         arm: The arm: a name, as wam or ur5e (mitt arms), an arm file (.toml), or a URDF or MJCF
             file (with --tip and --joints).
-        tip: Frame of the file at the catch point, z along the palm's normal.
+        tip: Frame of the file at the catch point, z along the palm's normal; another axis is named
+            behind it, as link06:x.
         joints: Active joints of the file, as A,B,C.
         limits: Limit set: paper, wam-48v or wam-80v for the wam; for another arm model, what its
             file states, one that ships, as franka-fr3, or a TOML file (docs/arms.md).
@@ -150,7 +151,8 @@ class MeetOptions(Options):
     Attributes:
         arm: The arm: a name, as ur5e (mitt arms), an arm file (.toml), whose hand the tool
             replaces, or a URDF or MJCF file (with --tip and --joints).
-        tip: Frame of the file at which the tool is mounted, as its flange, z out of it.
+        tip: Frame of the file at which the tool is mounted, as its flange, z out of it; another
+            axis is named behind it, as link06:x.
         joints: Joints of the file that move, as A,B,C: 5, 6 or 7.
         limits: Limit set, as of mitt catch.
         tool: What the arm takes it with.
@@ -274,7 +276,8 @@ class DesignOptions(Options):
     Attributes:
         arm: The arm: a name, as wam or ur5e, a URDF or MJCF file (then with --tip), or an arm file.
         out: Arm file to write, if a design is found.
-        tip: Frame of the file, z along the palm's normal: where the hand is mounted.
+        tip: Frame of the file, z along the palm's normal: where the hand is mounted; another axis
+            is named behind it, as link06:x.
         mount: What of the hand is at the tip: its plate, as on a flange, or its catch point.
         joints: Joints that may move; any if left out.
         limits: Limit set: a name, or a TOML file; that of the arm's file if left out.

@@ -553,7 +553,8 @@ def load_arm(
         name_or_path: Name or file. An arm file says all the rest but the limits and the encoders.
             So does a name alone, the design that ships (``mitt arms``); with more, the arm is bare.
         tip: Frame of the file whose origin is the catch point and whose z axis is the normal
-            of the palm; if left out, the flange of a bare arm by name. The WAM takes none.
+            of the palm, or another axis that is named behind it, as ``link06:x``; if left out, the
+            flange of a bare arm by name. The WAM takes none.
         joints: Active joints of the file, the others held; if left out, of the WAM j1, j2 and j4,
             of another bare arm by name all.
         held: Angles at which joints are held [rad]; any other is held at 0, or at the end of its

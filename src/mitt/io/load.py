@@ -40,6 +40,15 @@ Mount = Literal["catch", "plate"]
 """What of a hand is at the tip of an arm: its catch point, or its plate."""
 _MOUNTS: tuple[Mount, ...] = ("catch", "plate")
 _Z = np.array([0.0, 0.0, 1.0])
+TIP_AXES = {
+    "x": np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]),
+    "-x": np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]),
+    "y": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]),
+    "-y": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
+    "z": np.eye(3),
+    "-z": np.diag([1.0, -1.0, -1.0]),
+}
+"""Axes of a tip that a hand may point along, and the turns that bring its z axis there."""
 _READERS = {".urdf": read_urdf, ".xml": read_mjcf, ".mjcf": read_mjcf}
 #: What else may be named as an arm; an arm file is read by :func:`mitt.load_arm`.
 _FILES = ("an arm file (.toml)", "a URDF (.urdf)", "an MJCF (.xml)")
@@ -64,6 +73,7 @@ class _Wanted:
     turn: float
     mount: Mount
     tip: str = ""
+    axis: str = "z"
     limits: LimitSet | None = None
 
 
@@ -199,6 +209,7 @@ def _from_file(
             " those of another arm that ships (mitt arms), or a TOML file",
         )
     stated = read_described(path)
+    tip, axis = (None, "z") if tip is None else _frame_and_axis(stated, tip)
     if ships:
         tip = stated.tree.flange if tip is None else tip
         names = names or tuple(stated.tree.joints_to(tip))
@@ -222,7 +233,14 @@ def _from_file(
     if ready is not None:
         ready = checks.vector("ready", ready, len(names), finite=True).tolist()
     given = limits if isinstance(limits, LimitSet) else None
-    return _serial_arm(stated, replace(wanted, tip=tip, joints=names, ready=ready, limits=given))
+    wanted = replace(wanted, tip=tip, axis=axis, joints=names, ready=ready, limits=given)
+    return _serial_arm(stated, wanted)
+
+
+def _frame_and_axis(stated: Stated, tip: str) -> tuple[str, str]:
+    """Return the frame that a tip names, and which of its axes a hand points along."""
+    frame, _, axis = tip.rpartition(":")
+    return (frame, axis) if frame and tip not in stated.tree and axis in TIP_AXES else (tip, "z")
 
 
 def _serial_arm(stated: Stated, wanted: _Wanted) -> Arm:
@@ -476,7 +494,7 @@ def _check_loop(stated: Stated, chain: Sequence[str], first: str, second: str) -
 
 def _tool(tip: Array, wanted: _Wanted) -> Array:
     """Return the frame of the tool plate, at the tip or behind it, turned about its z axis."""
-    tool = tip @ transform(rotation(_Z, wanted.turn))
+    tool = tip @ transform(TIP_AXES[wanted.axis] @ rotation(_Z, wanted.turn))
     if wanted.hand is None or wanted.mount == "plate":
         return np.asarray(tool)
     return np.asarray(tool @ transform(p=np.array([0.0, 0.0, -mounting(wanted.hand)[0]])))

@@ -15,6 +15,7 @@ import re
 from collections.abc import Iterator, Sequence
 from importlib.util import find_spec
 from io import BytesIO
+from itertools import combinations
 from pathlib import Path, PurePosixPath
 from typing import NamedTuple, final
 from xml.etree.ElementTree import Element
@@ -51,7 +52,7 @@ _WORTH = 0.7
 _FEWEST = 8
 #: Most points all of whose pairs are taken for edges.
 _FEW = 40
-#: Most capsules of one link; a link of more shapes gets one about all of them.
+#: Most capsules of one link; of more shapes some get one together.
 _MOST_CAPSULES = 6
 
 
@@ -351,12 +352,33 @@ def carried_shapes(
 
 
 def _fitted(parts: list[tuple[Array, float]]) -> list[Capsule]:
-    """Return capsules about the shapes of one link."""
-    found = [x for points, radius in parts for x in capsules_about(points, radius)]
-    if len(found) <= _MOST_CAPSULES:
-        return found
-    points = np.vstack([x for x, _ in parts])
-    return list(capsules_about(points, max(radius for _, radius in parts)))
+    """Return capsules about the shapes of one link.
+
+    Of many shapes, two at a time get capsules together, those with the least space between them.
+    """
+    parts, fits = list(parts), [capsules_about(*x) for x in parts]
+    while len(parts) > 1 and sum(map(len, fits)) > _MOST_CAPSULES:
+        spaces = [_space(*x) for x in parts]
+        between = {
+            (i, k): _space(*_joined(parts[i], parts[k])) - spaces[i] - spaces[k]
+            for i, k in combinations(range(len(parts)), 2)
+        }
+        first, second = min(between, key=lambda pair: between[pair])
+        parts[first] = _joined(parts[first], parts.pop(second))
+        fits[first], _ = capsules_about(*parts[first]), fits.pop(second)
+    return [x for fit in fits for x in fit]
+
+
+def _joined(first: tuple[Array, float], second: tuple[Array, float]) -> tuple[Array, float]:
+    """Return the shapes of two parts as one, of the larger radius."""
+    return np.vstack((first[0], second[0])), max(first[1], second[1])
+
+
+def _space(points: Array, radius: float) -> float:
+    """Return about how much space a capsule of balls about points takes [m^3]."""
+    sides = np.sort(np.ptp(points @ _axes(points).T, axis=0))
+    across = 0.5 * float(np.hypot(sides[0], sides[1])) + radius
+    return float(np.pi * across**2 * (sides[2] + 4.0 / 3.0 * across))
 
 
 def _behind(capsule: Capsule, tool: Array) -> Capsule | None:

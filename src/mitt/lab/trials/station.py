@@ -29,6 +29,7 @@ from mitt.core.map.meeting import MeetingMap, unlearned_meeting
 from mitt.core.map.reach import Reach, ReachScratch, reach_of, reach_scratch, reach_target
 from mitt.core.signals import Array
 from mitt.io.arm_file import arm_of_task, with_notes_logged
+from mitt.io.load import TIP_AXES
 from mitt.io.wam import wrist_wam
 from mitt.lab.rivals.meeting import make_meeter
 from mitt.lab.trials.catcher_settings import catcher_settings
@@ -81,6 +82,9 @@ _HALF = Tolerance(torque=0.8, speed=0.5, acceleration=0.4)
 #: forearm points as the tool to a person does, its wrist is singular.
 _SHARES = (0.5, 0.6, 0.7)
 _HIGHER = {"belt": (-0.12,), "hand": (0.05, 0.2, 0.35)}
+#: The same of arms that reach none of these with the tool as it is to point.
+_NEARER = (0.4, 0.3)
+_LOWER = {"belt": (-0.12, -0.3), "hand": (0.05, 0.2, -0.1)}
 #: Half-widths of the work area that are tried, along a belt, in lengths of the arm: fast belts want
 #: long areas; and how far it goes along it at most: beyond, the tool lifts the part and rests.
 _WIDE = {"belt": (0.42, 0.32, 0.22), "hand": (0.2,)}
@@ -95,17 +99,23 @@ _BEHIND = 0.02
 _LAGS = 0.08
 #: What to do where no pose brings the tool over what moves the part, looked for towards +x.
 _ELSEWHERE: dict[Target, str] = {
-    "belt": "name other joints (--joints), a tip whose z axis points out of the flange (--tip), or"
-    " another place of the belt ([belt] of a scene)",
-    "hand": "name other joints (--joints), or a tip whose z axis points out of the flange (--tip)",
+    "belt": "name other joints or another tip (--joints, --tip), or another place of the belt"
+    " ([belt] of a scene)",
+    "hand": "name other joints or another tip (--joints, --tip)",
 }
+#: Cosine of tool and last joint's axis above which the tool does not lie across it, and how far a
+#: joint is beyond another at least, to tell which way leads out [m].
+_ALONGSIDE = 0.7
+_BEYOND = 0.005
 #: Turns of the tool about its axis that are tried.
 _QUARTERS = [
     np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     for c, s in ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
 ]
-#: Poses from which the one to wait in is looked for, and their seed.
+#: Poses from which the one to wait in is looked for, those that tell what is in the way, of each
+#: place and turn, and their seed.
 _POSES = 600
+_FEW = 10
 _SEED = 5
 #: Gap that it keeps from itself [m]. What is nearer than 10 mm as in a wrist, is not watched later.
 _GAP = 0.005
@@ -247,17 +257,24 @@ def station(
     raw, free, coupling = _raw(name, tool, target, tip=tip, joints=joints, limits=limits)
     raw = Arm(raw.model, slowed(raw.limits, speed_scale))
     shoulder, reach = _shoulder(raw)
-    tried = product(_HIGHER[target], _SHARES)
-    places = [shoulder + np.array([share * reach, 0.0, up]) for up, share in tried]
+    inverse = reach_of(raw, free, coupling)
+    tried = [product(_HIGHER[target], _SHARES), product(_LOWER[target], _NEARER)]
+    places = [
+        [shoulder + np.array([share * reach, 0.0, up]) for up, share in places] for places in tried
+    ]
     if scene.belt is not None:
-        places = [np.array([*scene.belt.middle, scene.belt.height + half])]
-    best = _best_pose(raw, reach_of(raw, free, coupling), target, scene, places)
+        places = [[np.array([*scene.belt.middle, scene.belt.height + half])]]
+    found = (_best_pose(raw, inverse, target, scene, x) for x in places)
+    best = next((x for x in found if x is not None), None)
     if best is None:
+        said = arm_of_task(name, tip=tip, joints=joints).tip
+        better = None if said is None else tip_out_of_flange(raw, said)
+        across = f"the tool lies across the axis of {raw.names[-1]}: say --tip {better}"
         raise ModelError(
             f"arm {name}",
             f"one that reaches over the {target}",
-            "no pose that does",
-            do=_ELSEWHERE[target],
+            _hindrance(raw, inverse, target, scene, places[-1]),
+            do=_ELSEWHERE[target] if better is None else across,
         )
     (_, q, frame), place, room = best
     if scene.belt is None and target == "belt":
@@ -390,6 +407,52 @@ def _shoulder(arm: Arm) -> tuple[Array, float]:
     rng, low, high = np.random.default_rng(_SEED), arm.q_min, arm.q_max
     tips = [arm.position(rng.uniform(low, high)) for _ in range(400)]
     return at, float(max(np.linalg.norm(tip - at) for tip in tips))
+
+
+def _hindrance(
+    arm: Arm, inverse: Reach, target: Target, scene: Scene, places: Sequence[Array]
+) -> str:
+    """Return what is in the way of a pose to wait in: what stops those that come farthest."""
+    w, frame, rng = reach_scratch(inverse), _FRAMES[target], np.random.default_rng(_SEED)
+    shapes, room = shapes_of(arm, Surroundings(floor=scene.floor)), 0.03 * (arm.q_max - arm.q_min)
+    met, clear, beyond = 0, False, np.zeros(arm.n)
+    for place, turn in product(places, _QUARTERS):
+        w.frame[:] = frame @ turn
+        for _ in range(_FEW):
+            start = rng.uniform(np.maximum(arm.q_min, -2.6), np.minimum(arm.q_max, 2.6))
+            q = _brought(inverse, w, place - _WAITS * frame[:, 2], start)
+            if q is not None:
+                met += 1
+                beyond += (q < arm.q_min + room) | (q > arm.q_max - room)
+                clear |= _is_sound(arm, inverse, q, w.frame) and _gap_in(arm, shapes, q) > _GAP
+    if met == 0:
+        return "no pose that brings the tool there, pointing as it should"
+    worst = int(np.argmax(beyond))
+    if beyond[worst] > 0.5 * met:
+        return f"poses beyond the range of {arm.names[worst]}"
+    return "no pose from where it is reached all over" if clear else "poses too near to itself"
+
+
+def tip_out_of_flange(arm: Arm, tip: str) -> str | None:
+    """Return the tip with its axis that leads out of the flange, where a tool lies across that.
+
+    Flanges turn about what leads out of them, and many files call that another axis than z.
+
+    Args:
+        arm: The arm; its tool points along the z axis of its tip.
+        tip: As of :func:`mitt.load_arm`.
+    """
+    m, R = motion_of(arm.n), arm.orientation(arm.q_ready)
+    sweep(arm.chain, arm.q_ready, np.zeros(arm.n), m)
+    origin, axis = m.origin[0], m.line[0, -1]
+    beyond = [float((origin[-1] - p) @ axis) for p in origin[-2::-1]]
+    along = next((x for x in beyond if abs(x) > _BEYOND), 0.0)
+    if abs(axis @ R[:, 2]) > _ALONGSIDE or along == 0.0:
+        return None
+    frame, _, said = tip.rpartition(":")
+    frame, turn = (frame, TIP_AXES[said]) if frame and said in TIP_AXES else (tip, np.eye(3))
+    out = turn @ R.T @ axis * np.sign(along)
+    return f"{frame}:{max(TIP_AXES, key=lambda x: float(TIP_AXES[x][:, 2] @ out))}"
 
 
 class Waiting(NamedTuple):
