@@ -11,8 +11,9 @@ from stages import Tracker
 from mitt.core.arm.arm import Arm
 from mitt.core.arm.limits import bound_of
 from mitt.core.control.encoders import Encoders, monitor_of, predict_acceleration
+from mitt.core.control.envelope import bound_acceleration, bounds_of
 from mitt.core.control.stop import mass_work
-from mitt.core.control.tracking import derate, tracking_of
+from mitt.core.control.tracking import derate, track, tracking_of
 from mitt.core.signals import TICK, ArmState, Array, Command
 from mitt.io.load import build_arm
 
@@ -213,6 +214,32 @@ def test_torque_that_runs_out_speeds_up_no_joint_beyond_its_limit(arm: Arm, seed
     ddq = np.linalg.solve(arm.mass_matrix(q), tau - arm.inverse_dynamics(q, dq, np.zeros(n)))
     beyond = np.abs(dq) > arm.dq_max
     assert np.all(ddq[beyond] * np.sign(dq[beyond]) <= 1e-6)
+
+
+@given(seed=seeds, joint=st.integers(0, 2))
+def test_a_joint_that_lags_takes_no_braking_from_the_others(
+    arm: Arm, seed: int, joint: int
+) -> None:
+    """Where the drives have what is commanded, each joint gets that, or some of its feedback more.
+
+    A stop is certified so: the arm is beside it as far as it was at its start.
+    """
+    rng, n, bounds = np.random.default_rng(seed), arm.n, bounds_of(arm)
+    q = 0.5 * (arm.q_min + arm.q_max) + 0.2 * rng.uniform(-1.0, 1.0, n)
+    dq, ddq = rng.uniform(-1.0, 1.0, n), rng.uniform(-1.0, 1.0, n) * bounds["deceleration"]
+    ratio = arm.limits.torque_ratio(arm.torque(q, dq, ddq), arm.all_joints(dq)).max()
+    assume(ratio < 0.99)
+    lag = np.zeros(n)
+    lag[joint] = rng.choice([-1.0, 1.0]) * rng.uniform(0.005, 0.1)
+    motion, estimated = np.array([q + lag, dq, ddq, np.zeros(n)]), np.array([q, dq])
+    track(tracking_of(arm), arm.tables, bounds, BANDWIDTH, estimated, motion, TICK)
+    found, asked, given_ddq = acceleration(arm, q, dq, motion[3]), ddq.copy(), ddq.copy()
+    asked[joint] += BANDWIDTH**2 * lag[joint]
+    for wanted in (asked, given_ddq):
+        bound_acceleration(bounds, q, dq, wanted)
+    slack = EXACT * (1.0 + np.abs(asked))
+    assert np.all(found >= np.minimum(given_ddq, asked) - slack)
+    assert np.all(found <= np.maximum(given_ddq, asked) + slack)
 
 
 @pytest.mark.parametrize("beyond", [0.99, 1.02, 1.1])

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from exact_plant import ExactPlant
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from stages import SafetyFilter, Tracker
 from support import thorough
@@ -92,6 +92,7 @@ def test_whatever_is_asked_the_arm_can_stop_clear_of_everything(
 
 @settings(max_examples=15)
 @given(seed=seeds)
+@example(seed=62)  # joint 1 lags, and its feedback asks for more than its drive has
 def test_an_arm_that_is_stopped_stays_as_clear_as_its_command(arm: Arm, seed: int) -> None:
     """Its drives can make the stop: it keeps the margin too, whatever speeds were wished."""
     rng, plant = np.random.default_rng(seed), ExactPlant(arm)

@@ -110,9 +110,9 @@ def test_a_ball_that_slows_a_joint_down_needs_no_room(motors: Arm) -> None:
 
 
 def test_heavier_balls_ask_for_more(motors: Arm) -> None:
-    """The pull on the fingers rises with the mass; 70 g pass all limits, 2 kg do not."""
+    """The pull on the fingers rises with the mass; 70 g pass all limits, 2.5 kg do not."""
     way = approach(Q, np.array([0.0, 0.5, 3.5]), V)
-    shares = [shares_after(motors, way, ball(mass)) for mass in (0.07, 0.5, 1.0, 2.0)]
+    shares = [shares_after(motors, way, ball(mass)) for mass in (0.07, 0.5, 1.0, 2.5)]
     pulls = [share["grip"] for share in shares]
     assert pulls == sorted(pulls)
     assert pulls[1] < 1.0 < pulls[3]

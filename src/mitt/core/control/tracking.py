@@ -177,7 +177,7 @@ def track(
     for k in range(links):
         met |= abs(w.kept[k] - w.tau_desired[k]) > 1e-9  # [N m], above rounding
     if met:
-        _give_way(w, bodies, bounds, q, dq)
+        _give_way(w, bodies, bounds, q, dq, command[2])
     for k in range(n):
         command[3, k] = w.kept[index[k]]
     return _change_slowly(w, command[3], passed / TICK) or met
@@ -198,20 +198,24 @@ def _change_slowly(w: Tracking, tau: Array, ticks: float) -> bool:
 
 
 @kernel
-def _give_way(w: Tracking, bodies: Record, bounds: Record, q: Array, dq: Array) -> None:
+def _give_way(w: Tracking, bodies: Record, bounds: Record, q: Array, dq: Array, ddq: Array) -> None:
     """Cut the torques of all joints by one share, towards what the arm does by itself at most.
 
+    Towards those of the commanded accelerations first: a joint that lags behind, and asks for more
+    than its drive has, takes nothing from the braking of the others, which was certified.
     ``w.kept`` are those of which each drive gives what it can. They stay where the drives cannot
     even keep the speeds: beyond its no-load speed a drive that is to hold something gives nothing,
     and cut by one share the others would not brake either.
     """
     coast, drives = w.coast, w.drives
-    coast[:] = 0.0
-    bound_acceleration(bounds, q, dq, coast)
-    inverse_dynamics(bodies, q, dq, coast, w.given, w.dynamics)
-    if largest_share(drives, w.given, w.speed) <= 1.0:
-        _cut(w, w.given, w.tau_desired)
-        return
+    for way in range(2):
+        for k in range(len(coast)):
+            coast[k] = ddq[k] if way == 0 else 0.0
+        bound_acceleration(bounds, q, dq, coast)
+        inverse_dynamics(bodies, q, dq, coast, w.given, w.dynamics)
+        if largest_share(drives, w.given, w.speed) <= 1.0:
+            _cut(w, w.given, w.tau_desired)
+            return
     coast[:] = 0.0
     inverse_dynamics(bodies, q, dq, coast, w.level, w.dynamics)
     if largest_share(drives, w.level, w.speed) <= 1.0:
@@ -222,9 +226,9 @@ def _give_way(w: Tracking, bodies: Record, bounds: Record, q: Array, dq: Array) 
 def _cut(w: Tracking, rest: Array, tau_desired: Array) -> None:
     """Write torques within every limit that lead as far towards the desired ones as they can.
 
-    Torques are cut along the line from those of coasting to the desired ones, all joints by the
-    same share: then each acceleration stays between coasting and the desired one, which both
-    respect the speed limits and the stops. Cutting joint by joint would let one joint's limit push
+    Torques are cut along the line from those of the commanded accelerations, or of coasting, to the
+    desired ones, all joints by the same share: then each acceleration stays between these, which
+    both respect the speed limits and the stops. Cutting joint by joint would let one joint's limit push
     another beyond its own. Where the torques cannot even keep coasting within the limits, the line
     leads there from constant speed.
     """
