@@ -16,7 +16,14 @@ from numpy.typing import NDArray
 from mitt.core.errors import FileError, InputError
 from mitt.core.signals import Frame, Image
 from mitt.robot.cameras import cameras as source
-from mitt.robot.cameras.cameras import ImageSource, grey, open_cameras, optional, read_image
+from mitt.robot.cameras.cameras import (
+    ImageSource,
+    grey,
+    open_cameras,
+    optional,
+    read_image,
+    skew_of_names,
+)
 from mitt.robot.cameras.two_cameras import PairCounts, pairs
 from mitt.robot.cameras.video_writer import VideoWriter
 
@@ -352,3 +359,24 @@ def test_frames_behind_a_lost_one_keep_the_rate_of_the_container(tmp_path: Path)
         container.mux(stream.encode())
     numbers = rate * np.array([f.t for f in all_of(path)])
     assert numbers == pytest.approx([k for k in range(40) if k not in (11, 25, 26)], abs=1e-6)
+
+
+def test_images_named_by_their_times_are_one_instant_within_a_share_of_their_gap(
+    tmp_path: Path,
+) -> None:
+    """Names without a time, the same time twice, or one camera alone tell of none."""
+    for name, names in {
+        "left": ("a_1.00", "a_1.10", "a_1.30"),
+        "right": ("b_1.001", "b_1.101", "b_1.301"),
+        "count": ("1", "2", "3"),
+        "twice": ("a_1.00", "b_1.00", "c_1.30"),
+    }.items():
+        (tmp_path / name).mkdir()
+        for x in names:
+            (tmp_path / name / f"{x}.png").write_bytes(b"")
+    left, right, count, twice = (str(tmp_path / x) for x in ("left", "right", "count", "twice"))
+    assert skew_of_names((left, right)) == pytest.approx(0.04)
+    assert skew_of_names((left, count)) is None
+    assert skew_of_names((left, twice)) is None
+    assert skew_of_names((left,)) is None
+    assert skew_of_names((left, "genicam:x.cti#0")) is None

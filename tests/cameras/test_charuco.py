@@ -1,5 +1,6 @@
 """Boards of the older pattern are read as such; what is shown in the place of a board is named."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import cv2
@@ -18,15 +19,14 @@ from mitt.robot.cameras.charuco import Board, BoardSpec, shown_instead
 class Taken(ImageSource):
     """Images that were taken."""
 
-    def __init__(self, images: list[Image]) -> None:
-        """Take them."""
-        super().__init__("taken", 0, 1.0)
-        self._left = iter(images)
+    def __init__(self, images: list[Image], camera: int = 0, times: Sequence[float] = ()) -> None:
+        """Take them, by their number or at times [s]."""
+        super().__init__("taken", camera, None if times else 1.0)
+        self._left = iter(zip(times or [0.0] * len(images), images, strict=True))
 
     def _grab(self) -> tuple[float, Image] | None:
         """Return the next one."""
-        pixels = next(self._left, None)
-        return None if pixels is None else (0.0, pixels)
+        return next(self._left, None)
 
     def close(self) -> None:
         """Nothing is open."""
@@ -79,6 +79,26 @@ def test_every_corner_has_its_own_number(
         assert np.abs(view.uv - places[k][view.ids]).max() < 1.5
     assert board.legacy == (legacy and size[1] % 2 == 0)
     assert bool(seen.pattern) == board.legacy
+
+
+@pytest.mark.parametrize("lost", [None, 0, 2])
+def test_images_that_tell_their_times_are_paired_by_them(lost: int | None) -> None:
+    """A camera that lost one has no view at that instant, and all others are of one instant."""
+    images, places = _images(SPEC)
+    left = Taken(images, 0, [0.0, 1.0, 2.0, 3.0])
+    kept = [k for k in range(4) if k != lost]
+    right = Taken([images[k] for k in kept], 1, [k + 0.01 for k in kept])
+    seen = look_for_board(
+        Board(SPEC), [left, right], ("left", "right"), progress=lambda *_: None, max_skew=0.4
+    )
+    assert len(seen.views) == 4
+    for k, (one, other) in enumerate(seen.views):
+        assert one is not None
+        assert np.abs(one.uv - places[k][one.ids]).max() < 1.5
+        assert (other is None) == (k == lost)
+        assert other is None or np.array_equal(other.uv, one.uv)
+    assert seen.without == (0, 0)
+    assert seen.apart == pytest.approx(0.01)
 
 
 def test_a_pattern_that_no_view_shows_is_said() -> None:

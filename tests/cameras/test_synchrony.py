@@ -140,6 +140,49 @@ def test_the_error_covers_what_the_offset_moves() -> None:
     assert np.median(off) > 0.01
 
 
+@pytest.mark.parametrize("delay", [0.0005, 0.001, 0.002])
+def test_an_offset_too_small_to_be_certain_is_within_what_is_said(delay: float) -> None:
+    """From some 2 ms on a constant one is found; below, the error that is said covers it."""
+    found = []
+    for k in range(6):
+        rng = np.random.default_rng(k)
+        points, rig = seen(
+            level_rig() if k % 2 else fixed_rig(),
+            thrown(rng, rng.uniform(0.02, 0.15)),
+            (60.0, 120.0)[k % 2],
+            lambda t: np.full_like(t, delay),
+            rng,
+        )
+        said = answer(points, rig)
+        off = delay * np.linalg.norm(said.slope, axis=1)
+        error = np.array([np.linalg.norm(said.error(t)) for t in said.t])
+        assert np.all(off < 3.0 * error)
+        found.append(abs(said.mean - delay) / said.mean_sigma)
+    assert max(found) < 4.0
+
+
+@pytest.mark.parametrize("frames", [1, 2, 3])
+def test_a_few_frames_of_another_instant_are_within_what_is_said(frames: int) -> None:
+    """Too few to say that the cameras are out of step, across whose epipolar lines the ball flies.
+
+    So is what a track makes of them: for some instants it remembers.
+    """
+    for k in range(6):
+        rng, period = np.random.default_rng(k), 1.0 / (60.0, 120.0)[k % 2]
+        first = rng.uniform(0.15, 0.3)
+
+        def delay(t: Array, at: float = first, T: float = period) -> Array:
+            return np.where((t > at) & (t < at + frames * T), T, 0.0)
+
+        points, rig = seen(level_rig(), thrown(rng, 0.08), 1.0 / period, delay, rng)
+        said = answer(points, rig)
+        there = (said.t > first) & (said.t < first + (frames + 3) * period)
+        off = period * np.linalg.norm(said.slope[there], axis=1)
+        error = np.array([np.linalg.norm(said.error(t)) for t in said.t[there]])
+        assert np.all(off < 3.0 * (error + 0.003))
+        assert np.median(said.sigma[~there]) < 1e-3
+
+
 def test_few_instants_say_nothing() -> None:
     """Seven in a row, or many with pauses between them."""
     rng = np.random.default_rng(0)

@@ -37,7 +37,12 @@ from mitt.robot.cameras.board_calibration import (
     calibrate_boards,
     look_for_board,
 )
-from mitt.robot.cameras.cameras import check_cameras, check_library, open_cameras
+from mitt.robot.cameras.cameras import (
+    check_cameras,
+    check_library,
+    open_cameras,
+    skew_of_names,
+)
 from mitt.robot.cameras.charuco import Board, BoardSpec
 from mitt.robot.cameras.filtering import (
     POINTS,
@@ -415,8 +420,10 @@ def _from_boards(job: CalibrationRun, board: Board, report: Progress) -> Calibra
     """Return lenses and stereo pose from boards."""
     o = job.options
     given = [spec for spec in (o.left, o.right) if spec is not None]
-    with open_cameras(given, fps=1.0) as sources:
-        views = look_for_board(board, sources, NAMES[: len(given)], progress=report)
+    skew = skew_of_names(given)
+    with open_cameras(given, fps=1.0 if skew is None else None) as sources:
+        names = NAMES[: len(given)]
+        views = look_for_board(board, sources, names, progress=report, max_skew=skew)
     rig, solved, stage = calibrate_boards(board, views, coefficients=o.coefficients)
     if o.level is not None:
         if o.level not in views.numbers:

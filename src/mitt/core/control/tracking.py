@@ -228,9 +228,9 @@ def _cut(w: Tracking, rest: Array, tau_desired: Array) -> None:
 
     Torques are cut along the line from those of the commanded accelerations, or of coasting, to the
     desired ones, all joints by the same share: then each acceleration stays between these, which
-    both respect the speed limits and the stops. Cutting joint by joint would let one joint's limit push
-    another beyond its own. Where the torques cannot even keep coasting within the limits, the line
-    leads there from constant speed.
+    both respect the speed limits and the stops. Cutting joint by joint would let one joint's limit
+    push another beyond its own. Where the torques cannot even keep coasting within the limits, the
+    line leads there from constant speed.
     """
     share = _share(w.drives, rest, tau_desired, w.speed)
     for k in range(len(tau_desired)):

@@ -5,7 +5,7 @@ counts, also where the others did not see the board. The rig's frame is the opti
 first camera.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +15,7 @@ from mitt.clock import Progress
 from mitt.core.errors import InputError
 from mitt.core.eyes.camera import by_pose, inverse, turned
 from mitt.core.eyes.lens import NUMBERS, Lens, distort
-from mitt.core.signals import Array, Image
+from mitt.core.signals import Array, Frame, Image
 from mitt.io.rig import CalibratedRig, RigCamera
 from mitt.robot.cameras.cameras import ImageSource
 from mitt.robot.cameras.charuco import (
@@ -27,10 +27,13 @@ from mitt.robot.cameras.charuco import (
     shown_instead,
 )
 from mitt.robot.cameras.least_squares import POSE, CalibrationStage, Fit, fit, weak
+from mitt.robot.cameras.two_cameras import PairCounts, pairs
 
 #: Most views used, and fewest of one camera.
 MOST_VIEWS = 60
 FEWEST = 3
+#: Most instants that are looked at, as of a video.
+_MOST_FRAMES = 20_000
 #: Cells across and down the image in which coverage is counted.
 CELLS = (6, 4)
 #: Share of the images without a board from which they are told of.
@@ -165,11 +168,11 @@ class BoardViews:
         names: Names of the cameras.
         sizes: Width and height of their images [px].
         views: What was seen at each instant that is used.
-        numbers: Number of each view's frame in its source.
+        numbers: Number of each view's instant, that of its frames where they are taken by number.
         frames: Frames looked at.
         without: How many frames of each camera showed no board.
         instead: What some of these showed, in words, for each camera; empty where few did.
-        apart: Largest difference of the stamps of live cameras in one view [s].
+        apart: Largest difference of the times of cameras in one view, where they tell it [s].
         pattern: What to say of the pattern of the board; empty where it is that of today.
     """
 
@@ -190,40 +193,52 @@ def look_for_board(
     names: tuple[str, ...],
     *,
     progress: Progress,
+    max_skew: float | None = None,
 ) -> BoardViews:
-    """Find the board in the k-th frames of all sources, k = 0, 1, ..."""
+    """Find the board in the frames of each instant.
+
+    Args:
+        board: The board.
+        sources: The cameras.
+        names: Of these.
+        progress: Is told how far it is.
+        max_skew: Largest difference of the times of two cameras' frames that are taken as one
+            instant [s]; None: the k-th frames of all cameras are one, k = 0, 1, ...
+
+    Raises:
+        InputError: The k-th frames are taken, and one camera has fewer; or sizes differ.
+    """
     kept: list[tuple[int, tuple[Sight, ...]]] = []
-    sizes: tuple[tuple[int, int], ...] | None = None
+    sizes: tuple[tuple[int, int] | None, ...] = (None,) * len(sources)
     count, apart = 0, 0.0
     bare: list[list[Image]] = [[] for _ in sources]
     without = [0] * len(sources)
-    while count < 20_000:  # of a video
-        frames = [source.read() for source in sources]
+    for frames in _instants(sources, max_skew):
         got = [f for f in frames if f is not None]
-        if not got:
-            break
-        if len(got) < len(frames):
-            ended = ", ".join(s.name for s, f in zip(sources, frames, strict=True) if f is None)
-            raise InputError("images", "as many from each camera", f"{count} only from {ended}")
-        now = tuple((f.pixels.shape[1], f.pixels.shape[0]) for f in got)
-        sizes = sizes or now
-        if now != sizes:
+        now = tuple(None if f is None else (f.pixels.shape[1], f.pixels.shape[0]) for f in frames)
+        known = tuple(a or b for a, b in zip(sizes, now, strict=True))
+        if any(x not in (None, y) for x, y in zip(now, known, strict=True)):
             raise InputError("images", f"one size throughout, {sizes}", f"{now} at frame {count}")
-        sights = tuple(board.sight(f.pixels) for f in got)
+        sizes = known
+        sights = tuple((None, None) if f is None else board.sight(f.pixels) for f in frames)
         view = _either(sights)
-        for k, seen in enumerate(view):
-            if seen is None:
+        for k, (seen, f) in enumerate(zip(view, frames, strict=True)):
+            if seen is None and f is not None:
                 without[k] += 1
-                bare[k] = (bare[k] + [got[k].pixels])[-8:]
-        if any(view) and all(_apart(view, _either(old), sizes[0][0]) for _, old in kept):
+                bare[k] = (bare[k] + [f.pixels])[-8:]
+        width = max(f.pixels.shape[1] for f in got)
+        if any(view) and all(_apart(view, _either(old), width) for _, old in kept):
             kept.append((count, sights))
             stamps = [source.stamp for source in sources if source.timed]
+            if max_skew is not None:
+                stamps = [f.t for f in got]
             apart = max(apart, max(stamps) - min(stamps)) if stamps else apart
         count += 1
         progress("board", count, count + 1)
-        if any(source.live for source in sources) and len(kept) == MOST_VIEWS:
+        enough = any(source.live for source in sources) and len(kept) == MOST_VIEWS
+        if enough or count == _MOST_FRAMES:
             break
-    if sizes is None:
+    if count == 0:
         raise InputError("images", "at least one", "none")
     shown = board.settle([sight for _, sights in kept for sight in sights])
     views = [(n, tuple(sight[board.legacy] for sight in sights)) for n, sights in kept]
@@ -231,7 +246,7 @@ def look_for_board(
     chosen = np.unique(np.linspace(0, len(views) - 1, min(len(views), MOST_VIEWS)).astype(int))
     return BoardViews(
         names=names,
-        sizes=sizes,
+        sizes=tuple(x for x in sizes if x is not None),
         views=tuple(views[k][1] for k in chosen),
         numbers=tuple(views[k][0] for k in chosen),
         frames=count,
@@ -243,6 +258,26 @@ def look_for_board(
         apart=apart,
         pattern=_pattern(legacy=board.legacy, shown=shown and bool(kept)),
     )
+
+
+def _instants(
+    sources: Sequence[ImageSource], max_skew: float | None
+) -> Iterator[tuple[Frame | None, ...]]:
+    """Yield the frames of each instant, None of a camera that has none; see above."""
+    if max_skew is not None and len(sources) == 2:
+        left, right = sources
+        for frames in pairs((left, right), PairCounts(), max_skew=max_skew, most=None):
+            alone = (frames[0], None) if frames[0].camera == 0 else (None, frames[0])
+            yield frames if len(frames) == 2 else alone
+        return
+    for count in range(_MOST_FRAMES):
+        read = tuple(source.read() for source in sources)
+        if all(f is None for f in read):
+            return
+        if None in read:
+            ended = ", ".join(s.name for s, f in zip(sources, read, strict=True) if f is None)
+            raise InputError("images", "as many from each camera", f"{count} only from {ended}")
+        yield read
 
 
 def _either(sights: tuple[Sight, ...]) -> View:

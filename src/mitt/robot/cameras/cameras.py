@@ -38,6 +38,8 @@ _PARTS = re.compile(r"([0-9]+)")
 #: Channels of the formats of GenICam that are read, and longest wait for a live frame [s].
 _CHANNELS = {"Mono8": 1, "RGB8": 3, "BGR8": 3, "RGBa8": 4, "BGRa8": 4}
 _TIMEOUT = 2.0
+#: Share of the gap between two images of a camera up to which those of two are one instant.
+_NEAR = 0.4
 #: Images of a folder that are looked at for the bits that they use.
 _LOOKS = 20
 
@@ -309,6 +311,25 @@ def stamp(path: Path) -> float:
         path.name,
         do="say --fps",
     )
+
+
+def skew_of_names(specs: Sequence[str]) -> float | None:
+    """Return how far the times in the names of images may differ to be one instant [s].
+
+    A share of the least gap between two images of one camera; None where a camera is no folder, or
+    a name says no time of its own.
+
+    Args:
+        specs: What the user called the cameras, two or more.
+    """
+    if len(specs) < 2 or not all(Path(spec).is_dir() for spec in specs):
+        return None
+    try:
+        times = [[stamp(path) for path in images_in(Path(spec))] for spec in specs]
+    except FileError:
+        return None
+    gaps = np.concatenate([np.diff(x) for x in times])
+    return _NEAR * float(gaps.min()) if len(gaps) and gaps.min() > 0.0 else None
 
 
 @final

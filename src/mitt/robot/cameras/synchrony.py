@@ -60,6 +60,8 @@ _SURE_WINDOW = 5.0
 #: they may differ from a whole number of frames, in it.
 _STRAY = 3.0
 _STRAYS = 4
+#: Instants for which a track remembers one that is off.
+_REMEMBERED = 5
 _WHOLE = 0.3
 #: Times the prior's pose error that a wrong rig may have, and errors that offsets may leave, in
 #: those that such a rig leaves and in noise, to be believed.
@@ -307,7 +309,7 @@ class _Offsets:
             t=self._t,
             slope=self.slope,
             offset=here,
-            sigma=sigma[self._window],
+            sigma=np.hypot(sigma[self._window], self._astray(beside * self._sigma)),
             mean=float(mean),
             mean_sigma=float(np.sqrt(mean_variance)),
             shifted=certain and self._explained(left * self._sigma),
@@ -324,6 +326,18 @@ class _Offsets:
                 if round(frames) and abs(frames - round(frames)) < _WHOLE * abs(frames):
                     out[run] = round(frames) * period
         return out
+
+    def _astray(self, left: Array) -> Array:
+        """Return offsets that errors [px] of single instants may stand for [s], shape (n,).
+
+        A frame or two that are off, or not the ball's, are no certain offset; the track that they
+        were part of is unsure by it, and stays so for some instants.
+        """
+        s = np.maximum(np.abs(self._rows[:, 0] * self._sigma), 1e-12)
+        own = np.where(np.abs(left) > _STRAY * self._noise, np.abs(left) / s, 0.0)
+        own = np.minimum(own, _BEFORE)
+        shifted = [np.concatenate((np.zeros(k), own[: len(own) - k])) for k in range(_REMEMBERED)]
+        return np.asarray(np.max(shifted, axis=0))
 
     def _explained(self, left: Array) -> bool:
         """Say whether offsets leave little [px], shape (n,), also beside a rig of another pose."""
