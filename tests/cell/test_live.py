@@ -341,6 +341,25 @@ def test_joint_states_that_repeat_are_lost_readings(times: int) -> None:
     assert "joint states repeat" in cell.loop.notes["readings"]
 
 
+def test_a_reading_that_came_with_its_repeat_is_taken() -> None:
+    """Hardware of 500 Hz behind 1 kHz, and a loop that finds two at a time, the newer a repeat."""
+    cell, kept = LocalCell(throws=1), list[ArmState]()
+
+    def paired(got: Readings) -> Readings:
+        kept.extend(got)
+        if len(kept) < 2:
+            return []
+        out = [replace(x, q=kept[k - k % 2].q, dq=kept[k - k % 2].dq) for k, x in enumerate(kept)]
+        kept.clear()
+        return out
+
+    cell.begin()
+    cell.robot.on_read = paired
+    cell.until(lambda: cell.simulated.done or cell.loop.mode is Mode.STOPPED)
+    assert cell.loop.why == ""
+    assert cell.simulated.statuses == ["caught"]
+
+
 def test_joint_states_that_freeze_stop_the_arm() -> None:
     """With stamps that go on: the reason says so, whatever the catcher makes of it."""
     cell, last = in_a_catch(), list[ArmState]()

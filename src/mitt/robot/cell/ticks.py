@@ -46,7 +46,7 @@ class Ticks:
         recorded: Whether the ticks are recorded: those of a catch are.
         repeating: How many of the last hundred readings, about, repeat the one before, of those
             that can tell: of an arm that moves.
-        repeats: Whether the newest does.
+        repeats: Whether all of those do that came together at last.
         waited: How much older than it the oldest was that came with it [s].
         frozen: Whether they have for so long that no reading comes any more.
         clock: The eyes' clock as the catches so far say it; it corrects their stamps.
@@ -142,11 +142,14 @@ class Ticks:
         Raises:
             InputError: A stamp is no number, or a first reading has joints without a number.
         """
-        newest, self.waited = None, readings[-1].t - readings[0].t
+        newest, tells, self.waited = None, None, readings[-1].t - readings[0].t
         for reading in readings:
             if self._follows(reading, arrived):
-                newest, self.repeats = reading, self._repeats(reading)
-        return None if newest is None else (self._answered(newest, shown), newest.t)
+                newest, tells = reading, tells if self._repeats(reading) else reading
+        if newest is None:
+            return None
+        self.repeats = tells is None
+        return self._answered(newest, tells, shown), newest.t
 
     def _follows(self, reading: ArmState, arrived: float) -> bool:
         """Let time go on to a reading and count those before it that are lost; say if it is new."""
@@ -158,8 +161,18 @@ class Ticks:
         self._last = t
         return True
 
-    def _answered(self, reading: ArmState, shown: FrameSet | None) -> Command:
-        """Return the command that answers a reading; one that repeats says nothing."""
+    def _answered(
+        self, reading: ArmState, tells: ArmState | None, shown: FrameSet | None
+    ) -> Command:
+        """Return the command that answers a reading.
+
+        One that repeats says nothing; of readings that came together one before it may.
+
+        Args:
+            reading: The newest.
+            tells: The newest that does not repeat; None where all do.
+            shown: Images, if there are new ones.
+        """
         t, shift = self.t, self.stamps.at(0.0) - self._begun
         seen = tuple(
             replace(p, t=p.t + shift + self._offset) for p in self._positions.upto(reading.t)
@@ -173,10 +186,12 @@ class Ticks:
         if not self.catcher.begun and not np.all(np.isfinite(reading.q)):
             raise InputError("the first reading", "the angle of each joint", "NaN")
         self._counts.ticks += 1
-        arm = ArmState(t=t, q=reading.q, dq=reading.dq)
-        if self.repeats:
+        if tells is None:
             nothing = np.full(len(reading.q), np.nan)
             arm = ArmState(t=t, q=nothing, dq=nothing)
+        else:
+            read = t if tells is reading else tells.t + shift
+            arm = ArmState(t=read, q=tells.q, dq=tells.dq)
         watched = seen if self.recorded else ()  # on its way to the ready pose it follows nothing
         return self._step(Senses(t=t, arm=arm, frames=frames, points=watched))
 
