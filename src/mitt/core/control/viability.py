@@ -64,9 +64,9 @@ from mitt.core.control.stop import (
 from mitt.core.kernels import Record, copy, kernel
 from mitt.core.signals import Array
 
-STOP_CLEARANCE = MARGIN + 0.001
-"""Gap that a stop keeps [m]; the arm strays from it by some tenths of a millimetre, and is to keep
-``MARGIN``."""
+STOP_CLEARANCE = MARGIN + 0.002
+"""Gap that a stop keeps [m]; the arm strays from it by up to 1.8 mm after a wish that jumps, and is
+to keep ``MARGIN``."""
 #: Room of a pair that counts as none [m] unless it suffices: with less, every look would lead the
 #: next one hardly on.
 _SLIVER = 0.0005
