@@ -18,7 +18,7 @@ from mitt.core.arm.arm import Arm
 from mitt.core.signals import Array, Command, Sighting
 from mitt.io.cell import Cell
 from mitt.lab.world.throws import fly
-from mitt.robot.cell import robot_clock
+from mitt.robot.cell import device_clock
 from mitt.robot.cell.franka import FrankaRobot, franka_index
 from mitt.robot.cell.prepare import feed_of, prepare, scene_of_cell
 
@@ -175,7 +175,7 @@ class _WeighingRobot:
 
 def at_sim(cell: Cell, arm: Arm) -> AtSim:
     """Return the robot of a cell: the entry point."""
-    robot_clock._DRIFT = _DRIFT
-    robot_clock._WINDOW = _WINDOW
-    robot_clock._MOST = np.inf
+    device_clock._DRIFT = _DRIFT
+    device_clock._WINDOW = _WINDOW
+    device_clock._MOST = np.inf
     return AtSim(cell, arm)
