@@ -11,6 +11,7 @@ from mitt.core.errors import UnknownNameError
 from mitt.core.map.demand import Tolerance
 from mitt.core.map.striking import PaddleStrike
 from mitt.core.signals import TICK, Array, BallState
+from mitt.core.verdict.pieces import Pieces
 from mitt.lab.rivals.batting import BATTERS, BatRival, make_batter
 from mitt.lab.trials.bat_station import BatStation, bat_station
 from mitt.lab.trials.batting import BatRunner
@@ -61,9 +62,11 @@ def test_the_joints_are_at_the_contact_as_it_asks(
     """In angle and speed, for a ball that flies as it was foreseen; its contact is chosen once."""
     chosen, choose = list[float](), Batting._contacts
 
-    def contacts(g: Batting, ball: BallState, q: Array) -> list[tuple[float, PaddleStrike]]:
+    def contacts(
+        g: Batting, ball: BallState, q: Array, pieces: Pieces
+    ) -> list[tuple[float, PaddleStrike]]:
         chosen.append(ball.t)
-        return choose(g, ball, q)
+        return choose(g, ball, q, pieces)
 
     monkeypatch.setattr(Batting, "_contacts", contacts)
     arm, lasts = station.arm, 0.45

@@ -1,9 +1,11 @@
 """Batting: how a return is scored, what a hit tells, and whole trials of an arm with a paddle."""
 
 import json
+from dataclasses import replace
 from functools import cache
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,9 +14,13 @@ from hypothesis import strategies as st
 
 from mitt.cli.main import main
 from mitt.core.ball.flight import advance
+from mitt.core.catcher.batting import Batting
+from mitt.core.catcher.catcher import Catcher
+from mitt.core.catcher.planner import PIECES
 from mitt.core.errors import InputError, ModelError
-from mitt.core.signals import BallState, Sighting
-from mitt.core.verdict.feasibility import Outcome
+from mitt.core.signals import Array, BallState, Sighting
+from mitt.core.verdict.feasibility import Outcome, Verdict
+from mitt.core.verdict.pieces import Pieces
 from mitt.io.arm_file import load_arm
 from mitt.io.recordings import Recorded, write_recording
 from mitt.lab.trials.bat_station import BatStation, bat_station
@@ -211,3 +217,41 @@ def test_the_command_writes_what_the_contract_says(
         ["--shield", "--target", "3,0,0"],
     ):
         assert main(["bat", *wrong, "--check"]) == 2
+
+
+def test_a_strike_is_worked_out_a_few_pieces_a_tick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No call of a loop works more out, and piece by piece it is the verdict that it is at once."""
+    worked, of, think = [0], Pieces.of, Catcher.think
+
+    def counted(pieces: Pieces, *args: Any, **kwargs: Any) -> Any:  # noqa: ANN401
+        before, answer = len(pieces._known), of(pieces, *args, **kwargs)
+        worked[-1] += len(pieces._known) > before
+        return answer
+
+    def thought(catcher: Catcher) -> None:
+        worked.append(0)
+        think(catcher)
+
+    judged = list[tuple[Verdict, Verdict]]()
+    consider = Batting.consider
+
+    def considered(
+        g: Batting, ball: BallState, q: Array, dq: Array | None, pieces: Pieces
+    ) -> tuple[Verdict, Batting]:
+        answer = consider(g, ball, q, dq, pieces)
+        if g.strike is None:
+            whole = replace(g, memory=type(g.memory)())
+            monkeypatch.setattr(Pieces, "of", of)
+            judged.append((answer[0], consider(whole, ball, q, dq, Pieces())[0]))
+            monkeypatch.setattr(Pieces, "of", counted)
+        return answer
+
+    monkeypatch.setattr(Pieces, "of", counted)
+    monkeypatch.setattr(Catcher, "think", thought)
+    monkeypatch.setattr(Batting, "consider", considered)
+    assert runner(1).trial(0).status == "hit"
+    assert 0 < max(worked) <= PIECES
+    assert any(by_pieces.outcome is Outcome.FEASIBLE for by_pieces, _ in judged)
+    for by_pieces, at_once in judged:
+        if by_pieces.outcome is Outcome.FEASIBLE:
+            assert (by_pieces.share, by_pieces.t_catch) == (at_once.share, at_once.t_catch)

@@ -25,6 +25,7 @@ from mitt.core.map.prediction import HORIZON, STRIDE, flown, spread
 from mitt.core.map.striking import Impact, PaddleStrike
 from mitt.core.signals import Array, BallState, JointReference
 from mitt.core.verdict.feasibility import Outcome, Verdict
+from mitt.core.verdict.pieces import Pieces
 
 #: Time after which a ball that could not be struck is judged anew [s].
 _ANEW = 0.02
@@ -156,15 +157,30 @@ class Batting(Generator):
         A ball that cannot be struck as it flies now may bounce, or be known better: it is judged
         anew, and never refused; nor is what is under way: the catcher's commands keep the limits.
         """
+        return self.consider(ball, q, dq, Pieces())[0]
+
+    def consider(
+        self, ball: BallState, q: Array, dq: Array | None, pieces: Pieces
+    ) -> tuple[Verdict, "Batting"]:
+        """Return that verdict, worked out in pieces, and the generator with its strike."""
         if self.strike is not None:
-            return Verdict(
+            verdict = Verdict(
                 outcome=Outcome.FEASIBLE,
                 binding_limit="",
                 share=0.0,
                 t_catch=self.t_contact,
                 sigma=self.sharpness(ball),
             )
-        return self._planned(ball, q, np.zeros(len(q)) if dq is None else dq).verdict
+            return verdict, self
+        plan = self._planned(ball, q, np.zeros(len(q)) if dq is None else dq, pieces)
+        return plan.verdict, self if plan.found is None else self._begun(plan, ball)
+
+    def _begun(self, plan: _Plan, ball: BallState) -> "Batting":
+        """Return the generator that follows a plan with a strike."""
+        if plan.found is None:
+            raise InputError("ball", "one that the paddle can reach", "another")
+        (strike, posed), at = plan.found, plan.verdict.t_catch
+        return replace(self, strike=strike, posed=posed, t_contact=at, t_adapted=ball.t)
 
     def afresh(self) -> "Batting":
         """Return the generator before any ball."""
@@ -174,15 +190,14 @@ class Batting(Generator):
         """Return the time after which a ball that could not be struck is judged anew [s]."""
         return _ANEW
 
-    def _planned(self, ball: BallState, q: Array, dq: Array) -> _Plan:
+    def _planned(self, ball: BallState, q: Array, dq: Array, pieces: Pieces) -> _Plan:
         """Return the verdict for an arm in ``q`` that moves at ``dq``, the strike and its map."""
         best, why, at, found = inf, "domain", inf, None
-        for after, strike in self._contacts(ball, q):
-            f = self.map.adapt(ball, q, dq, strike)
+        for after, strike in self._contacts(ball, q, pieces):
+            f = pieces.of(f"map {after!r}", self.map.adapt, ball, q, dq, strike)
             if f is None:
                 continue
-            motion = f.motions(_flown(ball, np.linspace(0.0, after, _INSTANTS)))
-            shares = shares_of(self.map.arm, motion, self.tolerance)
+            shares = pieces.of(f"shares {after!r}", self._shares, f, ball, after)
             binding = max(shares, key=lambda name: shares[name])
             if shares[binding] < best:
                 best, why, at, found = shares[binding], binding, after, (strike, f)
@@ -201,9 +216,16 @@ class Batting(Generator):
             ),
         )
 
-    def _contacts(self, ball: BallState, q: Array) -> list[tuple[float, PaddleStrike]]:
+    def _shares(self, f: DirectMap, ball: BallState, after: float) -> dict[str, float]:
+        """Return the shares of the limits that a map takes up to a contact after a time [s]."""
+        motion = f.motions(_flown(ball, np.linspace(0.0, after, _INSTANTS)))
+        return shares_of(self.map.arm, motion, self.tolerance)
+
+    def _contacts(
+        self, ball: BallState, q: Array, pieces: Pieces
+    ) -> list[tuple[float, PaddleStrike]]:
         """Return the easiest contacts: times from now and strikes."""
-        s, usual = self.settings, self._usual(ball)
+        s, usual = self.settings, pieces.of("usual", self._passes, ball)
         if usual == inf:
             return []
         near = list[PaddleStrike]()
@@ -211,27 +233,40 @@ class Batting(Generator):
         def met(after: float) -> tuple[float, PaddleStrike] | None:
             if not s.shortest <= after < inf:
                 return None
-            strike = self.asked(foreseen(ball, after), ball, near[-1] if near else None)
-            if strike is None:
-                return None
-            near.append(strike)
-            return self.map.ease(strike, q, after), strike
+            found = pieces.of(
+                f"contact {after!r}", self._met, ball, q, after, near[-1] if near else None
+            )
+            near.extend([] if found is None else found[1:])
+            return found
 
         found = easiest(met, s.window(usual))
         return [(after, strike) for after, (_, strike) in found[: s.tried]]
 
+    def _met(
+        self, ball: BallState, q: Array, after: float, near: PaddleStrike | None
+    ) -> tuple[float, PaddleStrike] | None:
+        """Return how easily a ball is met after a time [s], and the strike; None if it is not."""
+        strike = self.asked(foreseen(ball, after), ball, near)
+        return None if strike is None else (self.map.ease(strike, q, after), strike)
+
     def _usual(self, ball: BallState) -> float:
-        """Return the time until the ball is nearest to where the map strikes usually [s]."""
+        """Return about the time until the ball is where the map strikes usually [s].
+
+        It is looked at now and then, and for :meth:`sharpness` alone: a verdict that somebody reads
+        in between is to change nothing.
+        """
         memory = self.memory
-        if 0.0 <= ball.t - memory.looked < _ANEW and memory.usual < inf:
-            return memory.usual - ball.t
+        if not (0.0 <= ball.t - memory.looked < _ANEW and memory.usual < inf):
+            memory.looked, memory.usual = ball.t, ball.t + self._passes(ball)
+        return memory.usual - ball.t
+
+    def _passes(self, ball: BallState) -> float:
+        """Return the time until the ball is nearest to where the map strikes usually [s]."""
         times = np.arange(0.0, HORIZON, STRIDE)
         place = self.map.arm.position(self.map.map.start)
         away = np.linalg.norm(flown(ball, times)[:, 0] - place, axis=1)
         nearest = int(np.argmin(away))
-        after = float(times[nearest]) if 0 < nearest < len(times) - 1 else inf
-        memory.looked, memory.usual = ball.t, ball.t + after
-        return after
+        return float(times[nearest]) if 0 < nearest < len(times) - 1 else inf
 
     def asked(self, met: Array, ball: BallState, near: PaddleStrike | None) -> PaddleStrike | None:
         """Return the strike that a ball asks for; None where it cannot be, or points elsewhere.
@@ -256,12 +291,7 @@ class Batting(Generator):
         time; shortly before that nothing changes any more.
         """
         if self.strike is None:
-            verdict, found = self.memory.of(ball) or self._planned(ball, q, dq)
-            if found is None:
-                raise InputError("ball", "one that the paddle can reach", "another")
-            return replace(
-                self, strike=found[0], posed=found[1], t_contact=verdict.t_catch, t_adapted=ball.t
-            )
+            return self._begun(self.memory.of(ball) or self._planned(ball, q, dq, Pieces()), ball)
         ball = replace(ball, led=True)
         left = self.as_map().reference(ball).time_to_catch
         if not self.settings.until <= left < inf:

@@ -339,10 +339,10 @@ class Planner:
     def _ask(self, asked: int, ball: BallState) -> None:
         """Ask for a verdict on a ball; it is worked out from the next tick on.
 
-        A generator that is asked only after a pause is asked at once: it begins with the ball that
-        it judged.
+        A generator that is asked only after a pause is asked at once, unless it works in pieces: it
+        begins with the ball that it judged.
         """
-        at_once = fits(self.generator, Paced)
+        at_once = fits(self.generator, Paced) and not fits(self.generator, Piecewise)
         self._ponder(
             _Inquiry(
                 asked=asked,
