@@ -14,10 +14,9 @@ from hypothesis import strategies as st
 from matplotlib.figure import Figure
 from rich.console import Console
 
-from mitt.cli.catching import CATCHING, shortfalls
+from mitt.cli.catching import catch_command, shortfalls
 from mitt.cli.main import main
 from mitt.cli.measuring import _show_study as show_study
-from mitt.cli.running import table_of
 from mitt.cli.screen import checked, progress, show, table, tell_of_kernels, warn
 from mitt.core import kernels
 from mitt.core.errors import printable
@@ -58,7 +57,7 @@ def test_the_table_of_throws_fits_80_columns() -> None:
     )
     console = Console(width=80, file=io.StringIO())
     with console.capture() as captured:
-        console.print(table_of(CATCHING, "a", [trial, replace(trial, binding_limit=None)]))
+        console.print(catch_command.table("a", [trial, replace(trial, binding_limit=None)]))
     lines = captured.get().splitlines()
     assert all(len(line) <= 80 for line in lines)
     text = "".join("".join(lines).split())

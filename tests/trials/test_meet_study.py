@@ -11,10 +11,10 @@ from small_study import Here, quiet, written
 from mitt.core.errors import InputError, UnknownNameError
 from mitt.lab.report.study_page import write_study_page
 from mitt.lab.trials.meet_study import read_meet_study
-from mitt.lab.trials.studies import read_study
 from mitt.lab.trials.study_folder import Folder, task_of_folder
 from mitt.lab.trials.study_results import read_result
 from mitt.lab.trials.study_run import all_chunks, run_study
+from mitt.lab.trials.tasks import read_study
 
 TEXT = """
 task = "meet"

@@ -10,9 +10,9 @@ from mitt.io.reading import shipped
 from mitt.io.schema import merged
 from mitt.lab.trials.catch_study import CatchStudy, read_catch_study
 from mitt.lab.trials.registry import BUILT_IN
-from mitt.lab.trials.studies import read_study
 from mitt.lab.trials.study import extent, planned
 from mitt.lab.trials.study_folder import Folder
+from mitt.lab.trials.tasks import read_study
 from mitt.lab.world.disturbances import Kick
 
 ROOT = Path(__file__).parents[2]

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from mitt.lab.trials.studies import read_study
 from mitt.lab.trials.study_folder import throw_name
+from mitt.lab.trials.tasks import read_study
 
 ROOT = Path(__file__).parents[2]
 CATCH = (

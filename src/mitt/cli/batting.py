@@ -8,7 +8,7 @@ import numpy as np
 
 import mitt
 from mitt.cli.options import BatOptions
-from mitt.cli.running import OptionsRun, RunCommand, run_of, with_origin
+from mitt.cli.running import OptionsRun, RunCommand, with_origin
 from mitt.cli.screen import (
     beyond_words,
     check_record,
@@ -43,11 +43,6 @@ _FILES = ("arm", "scene", "limits", "flights")
 _SHIPPED = "tennicam"
 #: Limits of the WAM's motors: those of the idealised arm would flatter.
 _LIMITS = {"wam": "wam-48v"}
-
-
-def bat_command(options: BatOptions) -> int:
-    """Run ``mitt bat``; return its exit status."""
-    return run_of(BATS, options)
 
 
 @final
@@ -227,12 +222,12 @@ def _lines(finished: FinishedRun, said: dict[str, Any]) -> list[str]:
     return [*out, *beyond_words(finished.trials)]
 
 
-BATS: Final = RunCommand(
+bat_command: Final = RunCommand(
+    task=BAT,
     prepare=prepare_bats,
     title=_title,
     columns=("trial", "status", "beyond [ms]", "t [s]", "miss [cm]", "back [m/s]", "[N]", "why"),
-    left=("status", "why"),
     row=_row,
     lines=_lines,
 )
-"""What ``mitt bat`` says of its task."""
+"""``mitt bat``."""

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import mitt
 from mitt.cli.options import ArmOptions, CatchOptions, LearnOptions
-from mitt.cli.running import RunCommand, run_of, with_origin
+from mitt.cli.running import RunCommand, with_origin
 from mitt.cli.screen import (
     check_new_files,
     checked,
@@ -42,11 +42,6 @@ from mitt.lab.world.scene import DEFAULT_SCENE, read_scene
 _FILES = ("arm", "limits", "scene", "map", "throws_file", "flights")
 #: Options that a map has decided already.
 _OF_THE_MAP = ("catch_joint", "q_catch", "kappa", "inward", "order")
-
-
-def catch_command(options: CatchOptions) -> int:
-    """Run ``mitt catch``; return its exit status."""
-    return run_of(CATCHING, options)
 
 
 def spec_of(options: ArmOptions) -> ArmSpec:
@@ -170,7 +165,8 @@ def _row(trial: Trial) -> tuple[str, ...]:
     )
 
 
-CATCHING: Final = RunCommand(
+catch_command: Final = RunCommand(
+    task=CATCH,
     prepare=prepare_run,
     anew=_anew,
     title=_title,
@@ -188,7 +184,7 @@ CATCHING: Final = RunCommand(
     row=_row,
     lines=_lines,
 )
-"""What ``mitt catch`` says of its task."""
+"""``mitt catch``."""
 
 
 def learn_command(options: LearnOptions) -> int:

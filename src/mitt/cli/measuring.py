@@ -3,13 +3,10 @@
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
-from mitt.cli.batting import BATS
-from mitt.cli.catching import CATCHING
-from mitt.cli.meeting import MEETINGS
 from mitt.cli.options import BenchOptions, ReportOptions, StudyOptions
-from mitt.cli.running import prepared_again
+from mitt.cli.running import command_of, prepared_again
 from mitt.cli.screen import (
     checked,
     print_json,
@@ -27,14 +24,11 @@ from mitt.io.writing import check_folder, check_own, locked, write_json
 from mitt.lab.bench.measure import QUICK, BenchSettings, measure_all
 from mitt.lab.trials.journal import MAX_BYTES, died, read_kept
 from mitt.lab.trials.scored_task import NAME, PAGE, RESULT, ScoredTask
-from mitt.lab.trials.studies import read_study
 from mitt.lab.trials.study import Study, extent, planned
 from mitt.lab.trials.study_folder import MANIFEST, Folder
 from mitt.lab.trials.task_run import FinishedRun
+from mitt.lab.trials.tasks import read_study
 from mitt.lab.trials.workers import check_engine, engine_of
-
-#: Commands that run trials, by task.
-RUNS: Final = {"catch": CATCHING, "meet": MEETINGS, "bat": BATS}
 
 if TYPE_CHECKING:
     from mitt.lab.trials.study_run import FinishedStudy
@@ -175,7 +169,7 @@ def _page_of_run(options: ReportOptions) -> int:
             raise FileError(str(folder / RESULT), "the result of the run", "another file")
         if not kept.trials:
             raise FileError(str(folder), f"a run with one of its {task.trials} ended", "none")
-        run = prepared_again(RUNS[task.name], folder, kept)
+        run = prepared_again(command_of(task.name), folder, kept)
         done = FinishedRun(run=run, runner=run.begin(report), trials=kept.trials)
         write_page(done, result, progress=report)
     done_words = f"{result['summary'][task.success]} of them {task.success}"

@@ -6,7 +6,7 @@ from typing import Any, ClassVar, Final, final
 
 import mitt
 from mitt.cli.options import MeetOptions
-from mitt.cli.running import OptionsRun, RunCommand, run_of, with_origin
+from mitt.cli.running import OptionsRun, RunCommand, with_origin
 from mitt.cli.screen import (
     beyond_words,
     check_record,
@@ -37,11 +37,6 @@ _NEAR_PERSON = 0.25
 #: Trials where none are said, and longest recorded motion [s].
 _TRIALS = 10
 _LONGEST = 60.0
-
-
-def meet_command(options: MeetOptions) -> int:
-    """Run ``mitt meet``; return its exit status."""
-    return run_of(MEETINGS, options)
 
 
 @final
@@ -186,7 +181,8 @@ def _lines(finished: FinishedRun, said: dict[str, Any]) -> list[str]:
     ]
 
 
-MEETINGS: Final = RunCommand(
+meet_command: Final = RunCommand(
+    task=MEET,
     prepare=prepare_meetings,
     title=_title,
     columns=(
@@ -200,8 +196,7 @@ MEETINGS: Final = RunCommand(
         "[N]",
         "why",
     ),
-    left=("status", "why"),
     row=_row,
     lines=_lines,
 )
-"""What ``mitt meet`` says of its task."""
+"""``mitt meet``."""

@@ -1,7 +1,8 @@
 """What ``mitt catch``, ``mitt meet`` and ``mitt bat`` do: prepare, run, keep, show."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
+from importlib import import_module
 from pathlib import Path
 from typing import Any, ClassVar, Protocol, TypeVar
 
@@ -9,14 +10,18 @@ from rich.table import Table
 
 import mitt
 from mitt.cli.line import parse
+from mitt.cli.options import COMMANDS
 from mitt.cli.screen import (
+    beyond_words,
     checked,
     print_json,
     progress,
+    rate_words,
     repeated,
     say,
     show,
     table,
+    table_number,
     tell_of_kernels,
     warn,
     worth_a_row,
@@ -103,50 +108,89 @@ def in_folder(options: Any, folder: Path) -> Any:  # noqa: ANN401 (those of a co
     return replace(options, out=folder, overwrite=True)
 
 
+def _title_of(finished: FinishedRun) -> str:
+    """Return what is above the table of a run: what its result says of arm, limits, generator."""
+    head = finished.run.head
+    return ", ".join(str(head[x]) for x in ("arm", "limits", "generator") if x in head)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunCommand:
-    """What a command says of its task.
+    """The command that runs trials of a task; what it is not given follows from the task.
 
     Attributes:
+        task: The task.
         prepare: Reads and checks all that the options name.
         title: Of the table.
-        columns: Its columns, the first two trial and status.
-        left: Columns that are aligned to the left.
+        columns: Columns of the table, the first two trial and status; what the task measures
+            where they are left out, as is ``row`` then.
         row: Returns a trial as cells.
-        lines: What the trials come to, and hints, a line each.
+        left: Columns that are aligned to the left.
+        lines: What the trials come to, and hints, a line each; the rate, and what was beyond a
+            limit, where left out.
         anew: Returns the options of a run again, in its folder.
     """
 
+    task: ScoredTask
     prepare: Callable[[Any], PreparedRun]
-    title: Callable[[FinishedRun], str]
-    columns: Sequence[str]
-    left: Sequence[str]
-    row: Callable[[Any], tuple[str, ...]]
-    lines: Callable[[FinishedRun, dict[str, Any]], Sequence[str]]
+    title: Callable[[FinishedRun], str] = _title_of
+    columns: Sequence[str] = ()
+    row: Callable[[Any], tuple[str, ...]] | None = None
+    left: Sequence[str] = ("status", "why")
+    lines: Callable[[FinishedRun, dict[str, Any]], Sequence[str]] | None = None
     anew: Callable[[Any, Path], Any] = in_folder
 
+    def __call__(self, options: Any) -> int:  # noqa: ANN401 (those of the command)
+        """Run trials as the options say; return the exit status."""
+        run = self.prepare(options)
+        warn(run.warnings, json=options.json)
+        if options.check:
+            return checked(f"{run.count} {run.task.in_result}, output to {run.out}")
+        with locked(run.out):
+            tell_of_kernels()
+            with progress() as report:
+                finished = _run(run, report)
+        result = finished.result
+        if options.json:
+            print_json(result)
+        else:
+            _show(self, finished, result)
+        warnings = [] if finished.runner.warning is None else [finished.runner.warning]
+        warn(warnings, json=options.json)
+        if finished.interrupt is not None:
+            kept = kept_words(len(finished.trials), run.count, run.out)
+            say(f"{words_of(finished.interrupt)}; {kept}")
+        return finished.status
 
-def run_of(command: RunCommand, options: Any) -> int:  # noqa: ANN401 (those of the command)
-    """Run trials as a command's options say; return the exit status."""
-    run = command.prepare(options)
-    warn(run.warnings, json=options.json)
-    if options.check:
-        return checked(f"{run.count} {run.task.in_result}, output to {run.out}")
-    with locked(run.out):
-        tell_of_kernels()
-        with progress() as report:
-            finished = _run(run, report)
-    result = finished.result
-    if options.json:
-        print_json(result)
-    else:
-        _show(command, finished, result)
-    warnings = [] if finished.runner.warning is None else [finished.runner.warning]
-    warn(warnings, json=options.json)
-    if finished.interrupt is not None:
-        kept = kept_words(len(finished.trials), run.count, run.out)
-        say(f"{words_of(finished.interrupt)}; {kept}")
-    return finished.status
+    def table(self, title: str, trials: Sequence[Any]) -> Table:
+        """Return the table of some trials."""
+        shown = self.task.shown
+        columns = self.columns or ("trial", "status", *(x.words for x in shown), "why")
+        out = table(title, columns, left=self.left, no_wrap=True)
+        for trial in trials:
+            out.add_row(*(self._plain_row(trial) if self.row is None else self.row(trial)))
+        return out
+
+    def _plain_row(self, trial: Any) -> tuple[str, ...]:  # noqa: ANN401 (one of its task)
+        """Return a trial as cells: what the task measures."""
+        row = asdict(trial)
+        cells = [table_number(x.of(row), x.digits or 0) for x in self.task.shown]
+        return str(trial.index), trial.status, *cells, row["binding_limit"] or ""
+
+    def words(self, finished: FinishedRun, said: dict[str, Any]) -> Sequence[str]:
+        """Return what the trials of a run come to, a line each."""
+        if self.lines is not None:
+            return self.lines(finished, said)
+        task = self.task
+        rate = f"{task.success} {rate_words(said, task.success, task.in_result)}"
+        return [rate, *beyond_words(finished.trials)]
+
+
+def command_of(task: str) -> RunCommand:
+    """Return the command of a task, by its name; its options name the module that it stands in."""
+    module = import_module(f"mitt.cli.{COMMANDS[task].module}")
+    command: RunCommand = vars(module)[f"{task}_command"]
+    return command
 
 
 def _run(run: TaskRun, report: Progress) -> FinishedRun:
@@ -168,19 +212,11 @@ def _show(command: RunCommand, finished: FinishedRun, result: dict[str, Any]) ->
     """Print the table of a run, and what it comes to."""
     task, trials = finished.run.task, finished.trials
     shown = worth_a_row(trials, task.success)
-    show(table_of(command, command.title(finished), shown))
+    show(command.table(command.title(finished), shown))
     if len(shown) < len(trials):
         show(f"{len(trials) - len(shown)} more {task.in_result}, all in result.json")
     page = finished.run.out / (PAGE if finished.whole else RESULT)
-    show(*command.lines(finished, result["summary"]), f"written: {page}")
-
-
-def table_of(command: RunCommand, title: str, trials: Sequence[Any]) -> Table:
-    """Return the table of some trials."""
-    out = table(title, command.columns, left=command.left, no_wrap=True)
-    for trial in trials:
-        out.add_row(*command.row(trial))
-    return out
+    show(*command.words(finished, result["summary"]), f"written: {page}")
 
 
 def prepared_again(command: RunCommand, folder: Path, kept: Kept) -> TaskRun:

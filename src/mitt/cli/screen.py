@@ -19,7 +19,6 @@ from rich.progress import Progress as Bar
 from rich.table import Table
 from rich.text import Text
 
-from mitt.cli.options import BatOptions, CatchOptions, MeetOptions
 from mitt.clock import Pace, Progress
 from mitt.core.errors import InputError, printable
 from mitt.interrupts import end_with_parent, safe_path, tell
@@ -33,6 +32,34 @@ class _Ended(Protocol):
     def status(self) -> str:
         """How it ended."""
         ...
+
+
+class _OfRun(Protocol):
+    """Options of a command that runs trials of a task."""
+
+    @property
+    def out(self) -> Path | None:
+        """Folder to write."""
+
+    @property
+    def overwrite(self) -> bool:
+        """Whether a folder with files in it may be used."""
+
+    @property
+    def check(self) -> bool:
+        """Whether nothing is to be done."""
+
+
+class _Records(Protocol):
+    """Options that say what to record, of which generator."""
+
+    @property
+    def record(self) -> str:
+        """Which trials: none, failures or all."""
+
+    @property
+    def generator(self) -> str:
+        """What moves the arm."""
 
 
 class _Limited(Protocol):
@@ -131,7 +158,7 @@ def repeated(options: Any, *, files: Collection[str]) -> list[str]:  # noqa: ANN
     return out
 
 
-def run_folder(options: CatchOptions | MeetOptions | BatOptions, name: str) -> Path:
+def run_folder(options: _OfRun, name: str) -> Path:
     """Return the folder of a run: a new one in ``runs`` with a name, where the options name none.
 
     Raises:
@@ -144,7 +171,7 @@ def run_folder(options: CatchOptions | MeetOptions | BatOptions, name: str) -> P
     return out
 
 
-def check_record(options: MeetOptions | BatOptions) -> None:
+def check_record(options: _Records) -> None:
     """Refuse recordings of a rival: only what the map did can be replayed."""
     if options.record != "none" and options.generator != "direct":
         raise InputError(

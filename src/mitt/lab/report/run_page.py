@@ -6,7 +6,7 @@ task counts and measures; what a task shows besides stands in its :class:`Blocks
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any, Final, NamedTuple, final
 
 import numpy as np
@@ -135,12 +135,6 @@ def _singular(words: str, count: int) -> str:
     return f"{what.removesuffix('s')} {did}".strip() if count == 1 else words
 
 
-def shown_of(task: ScoredTask) -> list[Measure]:
-    """Return what tables show of each trial."""
-    known = {x.name for x in fields(task.trial)}
-    return [x for x in task.figures.values() if x.digits is not None and x.column in known]
-
-
 def columns_of_task(task: ScoredTask) -> list[Column]:
     """Return the columns that follow from what a task measures."""
 
@@ -153,7 +147,7 @@ def columns_of_task(task: ScoredTask) -> list[Column]:
         Column("binding limit", lambda t: str(t["binding_limit"] or NONE), number=False),
         Column("stopped by", lambda t: reason_of(t.get("stopped_by")) or NONE, number=False),
         Column("beyond a limit [ms]", lambda t: str(t["limit_violations"])),
-        *map(number, shown_of(task)),
+        *map(number, task.shown),
     ]
 
 
@@ -179,7 +173,7 @@ def cards_of(task: ScoredTask, result: dict[str, Any]) -> list[Card]:
             "%",
             f"{of[task.success]} of {count}; 95 % interval {low:.1f} to {high:.1f} % (Wilson)",
         ),
-        *(spread_card(x, trials) for x in shown_of(task)),
+        *(spread_card(x, trials) for x in task.shown),
         Card(
             "Beyond a limit",
             str(sum(x > 0 for x in beyond)),

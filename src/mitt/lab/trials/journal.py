@@ -137,10 +137,11 @@ def read_kept(folder: Path) -> Kept:
     lines = io.StringIO(read_text(path, max_bytes=MAX_BYTES, wanted="the trials of a run"))
     head = _row(lines.readline())
     again, schema = head.pop("again", {}), head.pop("schema", "")
-    task = next((x for x in TASKS.values() if x.result_schema == schema), None)
+    tasks = [x.scored for x in TASKS.values()]
+    task = next((x for x in tasks if x.result_schema == schema), None)
     wanted = None if task is None else head.pop(task.in_result, None)
     if task is None or not isinstance(again, dict) or not isinstance(wanted, int):
-        known = " or ".join(x.result_schema for x in TASKS.values())
+        known = " or ".join(x.result_schema for x in tasks)
         raise FileError(str(path), f"trials of schema {known}", "others")
     trials = []
     for line in lines:

@@ -5,7 +5,7 @@ Tables, summaries, pages and the tests between generators of a study follow from
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, NamedTuple, final
 
 from mitt.io.writing import Leaves
@@ -119,3 +119,9 @@ class ScoredTask:
     def figures(self) -> Mapping[str, Measure]:
         """All that is measured, by name."""
         return {**self.measures, **self.medians}
+
+    @property
+    def shown(self) -> Sequence[Measure]:
+        """What tables show of each trial."""
+        known = {x.name for x in fields(self.trial)}
+        return [x for x in self.figures.values() if x.digits is not None and x.column in known]

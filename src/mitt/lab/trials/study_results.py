@@ -28,9 +28,9 @@ from mitt.lab.trials.statistics import (
     spread_of,
     wilson,
 )
-from mitt.lab.trials.studies import study_of_folder
 from mitt.lab.trials.study import REFERENCE, Condition, Player, Study
 from mitt.lab.trials.study_folder import Folder
+from mitt.lab.trials.tasks import study_of_folder
 
 try:
     import pyarrow as pa
