@@ -14,7 +14,7 @@ from mitt.core.arm.basket import Basket
 from mitt.core.arm.hands import HandModel
 from mitt.core.catcher.settings import Phase
 from mitt.core.catcher.state import Result, fresh_result, room_for
-from mitt.core.signals import Array, Command
+from mitt.core.signals import TICK, Array, Command
 from mitt.io.load import build_arm
 from mitt.lab.trials.score import (
     HELD_GAP,
@@ -247,6 +247,14 @@ def test_the_excess_is_the_farthest_reference_beyond_its_range(arm: Arm) -> None
     for count, excess in ((0, 0.0), (1, 0.0), (2, 0.1), (3, 0.3)):
         asked = ticks(arm, [command(arm)] * TICKS, [(q, ZERO) for q in rows[:count]])
         assert measure(arm, asked, trace(arm)).range_excess_rad == pytest.approx(excess)
+
+
+def test_a_step_of_the_commanded_speed_is_jerk(arm: Arm) -> None:
+    """Whatever acceleration is sent beside it: of four differences of second order two are it."""
+    step = np.array([0.0, 0.1, 0.0])
+    told = [command(arm, dq=step if k >= 3 else ZERO) for k in range(TICKS)]
+    found = measure(arm, ticks(arm, told, [(arm.q_ready, ZERO)] * TICKS), trace(arm))
+    assert found.jerk_rad_s3 == pytest.approx(0.1 / TICK**2 / np.sqrt(2.0), rel=ROUNDING)
 
 
 @settings(max_examples=20, deadline=None)

@@ -117,7 +117,8 @@ class CatchNotes:
         """
         if self._read == 0 or not np.isfinite(state.scalars[0]["t_brake"]):
             return None
-        clock.take(self.offset(state), 0.0)
+        of = self._catch(state)
+        clock.take(caught_offset(self._arm, of), 0.0)
         if clock.count > 0 and abs(clock.offset) > WARNED + _SURE * clock.sigma:
             side = "older" if clock.offset < 0.0 else "newer"
             return (
@@ -132,7 +133,7 @@ class CatchNotes:
                 f" hand, as where sightings are some ms {side} than their stamps: stamp each"
                 " with the time of its exposure, by the clock of the ticks"
             )
-        if not self._flew_on(self._catch(state), state):
+        if not self._flew_on(of, state):
             return None
         if self._aged == 0:
             return (

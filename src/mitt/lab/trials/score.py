@@ -307,16 +307,20 @@ def measure(arm: Arm, ticks: Result, truth: Trace) -> Measured:
         demand_cost=demanded.cost if following else 0.0,
         range_excess_rad=float(demanded.excess.max()) if following else 0.0,
         effort_s=TICK * float(np.sum(drives.share[before] ** 2)),
-        jerk_rad_s3=_jerk(ticks.command[ticks.scalars["following"], 2]),
+        jerk_rad_s3=_jerk(ticks.command[ticks.scalars["following"], 1]),
         saturated_ticks=int(np.sum(ticks.scalars["saturated"])),
     )
 
 
-def _jerk(ddq: Array) -> float:
-    """Return the largest root mean square of the jerk of accelerations a tick apart, (k, n)."""
-    if len(ddq) < 2:
+def _jerk(dq: Array) -> float:
+    """Return the largest root mean square of the jerk of speeds a tick apart, (k, n).
+
+    Of speeds, not of the accelerations that are sent beside them: those do not show a step of the
+    speed.
+    """
+    if len(dq) < 3:
         return 0.0
-    return float(np.max(np.sqrt(np.mean(np.diff(ddq, axis=0) ** 2, axis=0)))) / TICK
+    return float(np.max(np.sqrt(np.mean(np.diff(dq, n=2, axis=0) ** 2, axis=0)))) / TICK**2
 
 
 def ticks_beyond(
