@@ -22,6 +22,7 @@ from mitt.core.map.learn import Learned
 from mitt.io.maps import save_map
 from mitt.io.rig import write_rig
 from mitt.io.writing import file_name
+from mitt.lab.report import outputs
 from mitt.lab.report.run_page import Blocks
 from mitt.lab.trials.batting import BatRunner
 from mitt.lab.trials.journal import read_kept
@@ -90,7 +91,9 @@ def a_map(tmp_path_factory: pytest.TempPathFactory, learned: Learned) -> Path:
 def quick(monkeypatch: pytest.MonkeyPatch, learned: Learned, a_map: Path) -> Quick:
     """What runs a command; nothing is learned, and no page of throws is drawn."""
     page = "<!doctype html>\n<title>mitt: it</title>"
-    monkeypatch.setattr("mitt.lab.report.outputs.blocks_of", lambda *_: Blocks())
+    monkeypatch.setitem(outputs.BLOCKS, "catch", lambda *_: Blocks())
+    for name in ("replay_page", "still"):
+        monkeypatch.setattr(f"mitt.lab.report.bat_blocks.{name}", lambda *_: "")
     monkeypatch.setattr(
         "mitt.lab.report.recording_page.write_replay_page",
         lambda path, *_, **__: path.write_text(page),

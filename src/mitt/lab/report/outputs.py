@@ -1,7 +1,7 @@
 """The page of a run as it is written, and what each task shows on it besides what all show."""
 
 import shlex
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any, Final
 
 from mitt.clock import Progress
@@ -13,7 +13,7 @@ from mitt.lab.report.run_page import Blocks, run_page
 from mitt.lab.trials.scored_task import PAGE
 from mitt.lab.trials.task_run import FinishedRun
 
-BLOCKS: Final[Mapping[str, Callable[[FinishedRun, dict[str, Any]], Blocks]]] = {
+BLOCKS: Final[dict[str, Callable[[FinishedRun, dict[str, Any]], Blocks]]] = {
     "catch": catch_blocks,
     "meet": meet_blocks,
     "bat": bat_blocks,
