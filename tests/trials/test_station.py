@@ -33,7 +33,9 @@ def station_of(arm: str, tool: str, target: Target) -> Station:
 
 def test_a_belt_out_of_reach_says_what_else_to_try() -> None:
     scene = named_scene("lab").model_copy(update={"belt": Belt(middle=(9.0, 0.0), height=0.3)})
-    with pytest.raises(ModelError, match=r"no pose that does; name other joints.*\[belt\]"):
+    with pytest.raises(
+        ModelError, match=r"no pose that brings the tool there.*; name other joints.*\[belt\]"
+    ):
         station("ur5e", TOOLS["suction"], "belt", scene)
 
 

@@ -191,7 +191,6 @@ def write_design_page(path: Path, found: Design, scene: Scene, *, command: str) 
             _SECTIONS,
             title=f"What {path.stem} can catch",
             command="design",
-            frame="task",
             typed=f"mitt {command}",
             made_with=made_with(),
             hard=force_in_words(found),
