@@ -126,6 +126,7 @@ def test_a_figure_is_drawn_by_its_script(
     monkeypatch.setattr(painter, "painted", seldom(painted))
     monkeypatch.setattr(sys, "argv", [str(script), str(tmp_path)])
     monkeypatch.syspath_prepend(script.parent)
+    monkeypatch.delitem(sys.modules, "drawing", raising=False)  # it has what was set before
     monkeypatch.setattr(
         mitt, "learn", lambda arm, design=None: learned_for(arm.limits.name, design)
     )

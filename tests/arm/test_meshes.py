@@ -222,6 +222,7 @@ def test_a_ball_at_the_plate_is_cut_there(tmp_path: Path, height: float) -> None
         assert capsule.start[2] + capsule.radius == pytest.approx(plate + min(height + radius, 0.0))
 
 
+@pytest.mark.thorough
 def test_shapes_that_never_meet_are_not_watched(tmp_path: Path) -> None:
     """Those of neighbours but one, a little apart in all poses; others are watched."""
     small = '<sphere radius="0.05"/>'

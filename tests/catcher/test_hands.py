@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from exact_plant import SETTINGS
+from support import thorough
 from thrower_hands import KINDS, thrown
 
 from mitt.core.arm.arm import Arm
@@ -19,7 +20,7 @@ def first(arm: Arm, learned: Learned) -> Catcher:
     return Catcher(arm, learned, settings=SETTINGS)
 
 
-@pytest.mark.parametrize("rate", [120.0, 1000.0])
+@pytest.mark.parametrize("rate", thorough([120.0], [1000.0]))
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_ball_that_was_in_a_hand_is_caught_as_one_that_appears(
     first: Catcher, arm: Arm, learned: Learned, kind: str, rate: float

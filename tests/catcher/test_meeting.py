@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from support import thorough
 
 from mitt.core.arm.arm import Arm
 from mitt.core.arm.tools import Suction
@@ -271,7 +272,7 @@ def led(g: Meeting, rng: np.random.Generator, speed: float, jumps: float) -> tup
 
 
 @pytest.mark.parametrize("gentle", [0.0, 6.0])
-@pytest.mark.parametrize("speed", [0.3, 1.0, 1.5])
+@pytest.mark.parametrize("speed", thorough([0.3, 1.5], [1.0]))
 def test_a_tool_closes_in_step_or_not_at_all(speed: float, gentle: float) -> None:
     """Whatever a belt or a hand does, and however badly it is seen; it ends with a reason."""
     rng, ends = np.random.default_rng(round(10 * speed)), list[str]()

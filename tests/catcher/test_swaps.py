@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support import thorough
 
 from mitt.core.arm.arm import Arm
 from mitt.core.arm.description import STOP_GAP, Capsule
@@ -42,7 +43,7 @@ def wished(state: CatcherState, speed: Array) -> Array:
     return np.array([state.last[0] + TICK * speed, speed, np.zeros(len(speed))])
 
 
-@pytest.mark.parametrize("mass", [0.034, 0.07, 0.2, 0.5])
+@pytest.mark.parametrize("mass", thorough([0.07, 0.5], [0.034, 0.2]))
 @pytest.mark.parametrize("swapped", ["load", "caps", "both"])
 @settings(max_examples=12)
 @given(seed=st.integers(0, 2**31))

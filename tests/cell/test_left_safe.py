@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from local_cell import LocalCell
+from support import thorough
 
 from mitt.core.signals import ArmState, Command, Sighting
 from mitt.robot.cell.live import Mode
@@ -182,7 +183,7 @@ CASES = [
 ]
 
 
-@pytest.mark.parametrize(("method", "first", "fault", "forever"), CASES)
+@pytest.mark.parametrize(("method", "first", "fault", "forever"), thorough(CASES[::2], CASES[1::2]))
 def test_whatever_fails_the_brakes_are_told_last(
     method: str, first: int | None, fault: str, *, forever: bool
 ) -> None:

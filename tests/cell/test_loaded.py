@@ -65,6 +65,7 @@ print(json.dumps(seen))
 """
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_balls_of_each_kind_load_nothing() -> None:
     """Refused, open, too fast and lost ones, after one that was caught in the rehearsal."""

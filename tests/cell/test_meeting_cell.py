@@ -66,6 +66,7 @@ def test_all_of_it_is_replayed_to_the_bit(met: tuple[LocalCell, Path]) -> None:
     assert replay(recorded).identical
 
 
+@pytest.mark.thorough
 def test_a_tool_that_does_not_answer_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
     """The part is seen on the belt, not at the tool: nothing is put down, and the loop stops."""
     monkeypatch.setattr(live, "_EMPTY", 1)

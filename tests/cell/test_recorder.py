@@ -177,6 +177,7 @@ def test_an_interpreter_that_starts_slowly_is_waited_for(
         assert recorder.trouble == ""
 
 
+@pytest.mark.thorough
 def test_a_writer_that_stands_still_is_not_waited_for(
     tmp_path: Path, arm: Arm, runner: TrialRunner, about: About, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -241,6 +242,7 @@ def test_a_file_that_grows_is_followed(
     assert back.whole
 
 
+@pytest.mark.thorough
 def test_what_cannot_be_recorded_is_refused(tmp_path: Path, about: About) -> None:
     """A file that is there, a folder that is not, and calls that no catcher knows: one line."""
     (tmp_path / "x.mcap").write_bytes(b"mine")

@@ -78,6 +78,7 @@ def session(cell: LocalCell, said: list[str], *, yes: bool, throws: int | None) 
     return Session(cell.loop, cell.robot, Person(yes=yes), said.append, throws=throws)
 
 
+@pytest.mark.thorough
 def test_a_session_ends_with_its_throws_and_knows_what_was_caught() -> None:
     """The numbers are those of the contract; verdicts come from the simulated cell alone."""
     cell, said = LocalCell(throws=2), list[str]()

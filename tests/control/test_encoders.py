@@ -92,6 +92,7 @@ class Watch:
         return self.read(self.step * np.round(q / self.step), push, dq)
 
 
+@pytest.mark.thorough
 @given(seed=seeds, step=steps, noise=st.sampled_from((0.0, 0.05, 5.0)))
 def test_a_true_motion_raises_no_alarm(arm: Arm, seed: int, step: float, noise: float) -> None:
     """Counted readings of a motion whose model is wrong are believed, whatever the velocity says.

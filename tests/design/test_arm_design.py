@@ -46,6 +46,7 @@ def test_a_limit_is_named_where_a_ball_is_not_caught_and_nowhere_else(region: Re
     assert np.array_equal(named, region.caught < 1.0)
 
 
+@pytest.mark.thorough
 def test_a_weaker_arm_catches_fewer_balls_for_want_of_torque(
     region: Region, found: Design, whole: Arm, task: DesignTask
 ) -> None:

@@ -541,6 +541,7 @@ def test_a_cause_is_the_limit_only_where_a_throw_was_refused_for_it(
     assert cause_of([replace(hard, limit_violations=3)]) == BEYOND
 
 
+@pytest.mark.thorough
 def test_a_design_whose_force_is_too_much_says_so_and_what_helps(
     found: Design, whole: Arm, task: DesignTask, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -652,6 +653,7 @@ def _rows(*good: bool) -> list[AtSpeed]:
     ]
 
 
+@pytest.mark.thorough
 def test_the_fastest_throws_are_the_last_before_the_first_failure(
     found: Design, whole: Arm, task: DesignTask, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -180,6 +180,7 @@ def test_bad_sources_are_one_line(
     assert len(said.splitlines()) == 1
 
 
+@pytest.mark.thorough
 def test_what_is_kept_for_the_report_decides_nothing(
     found: Design, throws: tuple[Throw, ...], tmp_path: Path
 ) -> None:

@@ -138,6 +138,7 @@ def test_mutants_differ_and_repeat() -> None:
     assert sum(mutant(valid, rng) != valid for _ in range(200)) > 190
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_a_process_killed_while_it_saves_leaves_whole_files(tmp_path: Path) -> None:
     """Killed at a random moment: result, page and map are the old ones or the new ones."""

@@ -96,6 +96,7 @@ def test_a_part_that_is_not_in_step_when_it_leaves_is_not_taken() -> None:
     assert trial.at_rest
 
 
+@pytest.mark.thorough
 def test_a_recorded_thing_is_taken() -> None:
     """It comes as it was recorded, is held by the person until then, and put away."""
     t = np.linspace(0.0, 2.0, 121)

@@ -98,6 +98,7 @@ def test_settings_that_no_catcher_has_are_refused(one: Path, tmp_path: Path) -> 
         replay(Recorded(one), changed(about, generator="clairvoyant"))
 
 
+@pytest.mark.thorough
 def test_stops_recoveries_and_further_throws_of_a_live_loop_replay(
     tmp_path: Path, learned: Learned
 ) -> None:

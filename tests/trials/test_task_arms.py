@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from support import thorough
 
 pytest.importorskip("gymnasium")
 
@@ -106,7 +107,7 @@ DOORS: list[Callable[[Path, str], None]] = [by_command, by_cell, by_study, by_en
 
 
 @pytest.mark.parametrize("door", DOORS, ids=lambda x: x.__name__)
-@pytest.mark.parametrize("kind", ["ur5e", "urdf", "own"])
+@pytest.mark.parametrize("kind", thorough(["own"], ["ur5e", "urdf"]))
 def test_an_arm_of_a_file_meets_at_every_door(
     kind: str, door: Callable[[Path, str], None], files: dict[str, Path]
 ) -> None:

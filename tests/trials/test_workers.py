@@ -12,6 +12,7 @@ import dying_workers
 import pytest
 from dying_workers import aborts_at_three, raises_at_three, work
 from small_study import TEXT, quiet, ready, thrown_again, write_study
+from support import thorough
 
 from mitt.core.errors import InputError
 from mitt.core.map.learn import Learned
@@ -136,6 +137,7 @@ def test_kill_9_loses_no_throw_and_doubles_none(
     assert _files(folder.path) == _files(thrown_study)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_an_interrupt_keeps_what_is_done_and_says_130(tmp_path: Path, learned: Learned) -> None:
     study = write_study(tmp_path, TEXT.replace("throws = 2", "throws = 400"))
@@ -217,7 +219,7 @@ def test_each_way_to_die_is_told() -> None:
     assert tuple(TOLD) == dying_workers.DEATHS
 
 
-@pytest.mark.parametrize("how", dying_workers.DEATHS)
+@pytest.mark.parametrize("how", thorough(dying_workers.DEATHS[:4], dying_workers.DEATHS[4:]))
 def test_workers_that_die_again_and_again_end_by_one_line(
     how: str, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:

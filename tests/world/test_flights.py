@@ -236,6 +236,7 @@ def in_the_hand(kind: str, *, rate: float, held: float, hit: float, seed: int) -
     return RecordedFlight(name=kind, t=since - since[0], r=r)
 
 
+@pytest.mark.thorough
 @settings(max_examples=30, deadline=None)
 @given(
     kind=st.sampled_from(RESTS),
