@@ -25,6 +25,7 @@ import numpy as np
 from mitt.clock import monotonic
 from mitt.core.arm.arm import Arm
 from mitt.core.errors import InputError, MittError, check_package
+from mitt.core.signals import Array
 from mitt.io.cell import Cell
 from mitt.robot.cell.device_clock import DeviceClock
 from mitt.robot.cell.loose_markers import LooseMarkers
@@ -139,7 +140,7 @@ class NatNetTracker:
         if passed > _SETTLED:
             self._clock.fix()
 
-    def _place(self, t: float, frame: Any) -> np.ndarray[Any, np.dtype[np.float64]]:  # noqa: ANN401
+    def _place(self, t: float, frame: Any) -> Array:  # noqa: ANN401
         """Return where the ball is in a frame."""
         if not self._body:
             return self._markers.ball(t, np.array(frame.unlabeled_marker_pos).reshape(-1, 3))
