@@ -200,6 +200,17 @@ def test_the_ur_driver_goes_on_once_a_person_says_so() -> None:
     assert cell.loop.mode is Mode.CATCHING
 
 
+def test_a_clock_that_is_fixed_before_its_first_stamp_learns_it_then() -> None:
+    """As where a device sends nothing for a while: its stamps become times all the same."""
+    now = [100.0]
+    clock = clock_of(now)
+    clock.fix()
+    assert clock.at(7.0) == 100.0
+    clock.fix()
+    now[0] = 100.5
+    assert clock.at(7.5) == 100.5
+
+
 def clock_of(now: list[float]) -> DeviceClock:
     """Return the clock of a robot where it is ``now`` [s], a list of one number."""
     return DeviceClock(lambda: now[0])

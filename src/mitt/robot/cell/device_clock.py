@@ -49,7 +49,7 @@ class DeviceClock:
         self._behind += min(max(self._goal - self._behind, -step), step)
 
     def fix(self) -> None:
-        """Let the difference follow the drift alone from now on."""
-        if not self._fixed:
+        """Let the difference follow the drift alone from now on, once one is known."""
+        if not self._fixed and self._behind < inf:
             self._fixed, self._goal = True, self._behind
             self._until = self._last + _WINDOW

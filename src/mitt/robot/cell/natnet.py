@@ -16,17 +16,16 @@ frame that came fastest how far its clock is behind.
 """
 
 import threading
-from collections import deque
 from collections.abc import Sequence
 from typing import Any, Final, final
 
 import numpy as np
 
-from mitt.clock import monotonic
 from mitt.core.arm.arm import Arm
 from mitt.core.errors import InputError, MittError, check_package
 from mitt.core.signals import Array
 from mitt.io.cell import Cell
+from mitt.robot.cell.capture_frames import CaptureFrames
 from mitt.robot.cell.device_clock import DeviceClock
 from mitt.robot.cell.loose_markers import LooseMarkers
 from mitt.robot.cell.plugins import given_options
@@ -39,14 +38,12 @@ _OPTIONS: Final = {
     "rigid_body": 0.0,
     "tick_rate": 1e7,
 }
-#: Time in which Motive has to answer, and after which it has fallen silent [s].
+#: Time in which Motive has to answer [s].
 _ANSWERS: Final = 5.0
-_SILENT: Final = 1.0
-#: Time after which it is looked whether the ticks are as fast as they are said to be [s], by what
-#: share they may be off, and from when on their clock is followed only as clocks drift [s].
+#: Time after which it is looked whether the ticks are as fast as they are said to be [s], and by
+#: what share they may be off.
 _WATCHED: Final = 1.0
 _OFF: Final = 0.02
-_SETTLED: Final = 2.0
 
 
 def check_natnet(cell: Cell, arm: Arm) -> list[str]:  # noqa: ARG001 (the arm is not asked for)
@@ -104,31 +101,30 @@ class NatNetTracker:
             clock: Turns Motive's stamps into times of day.
         """
         self._client, self._body, self._rate = client, rigid_body, tick_rate
-        self._clock, self._markers = clock or DeviceClock(), LooseMarkers()
-        self._found, self._came = deque[TrackedPlace](maxlen=1000), threading.Event()
-        self._heard, self._trouble = monotonic(), ""
+        self._frames, self._markers = CaptureFrames(clock), LooseMarkers()
+        self._came, self._trouble = threading.Event(), ""
         self._first: tuple[float, float] | None = None
         client.on_data_frame_received_event.handlers.append(self._take)
 
     def _take(self, frame: Any) -> None:  # noqa: ANN401 (natnet.DataFrame)
         """Take a frame; the client calls it."""
         of = frame.suffix
-        self._heard = monotonic()
         if not of.stamp_transmit or not of.stamp_camera_mid_exposure:
             self._trouble = "Motive sends no stamps of exposure: NatNet 3.0 or later does"
             return
         sent = of.stamp_transmit / self._rate
         ago = (of.stamp_transmit - of.stamp_camera_mid_exposure) / self._rate
+        t = self._frames.come(sent) - ago
         self._watch(sent)
-        t = self._clock.at(sent) - ago
-        self._found.append(TrackedPlace(t, self._place(t, frame)))
+        self._frames.put(t, self._place(t, frame))
         self._came.set()
 
     def _watch(self, sent: float) -> None:
-        """Hold the ticks to what they are said to be; settle the clock."""
+        """Hold the ticks to what they are said to be."""
+        heard = self._frames.heard
         if self._first is None:
-            self._first = sent, self._heard
-        passed, ticked = self._heard - self._first[1], sent - self._first[0]
+            self._first = sent, heard
+        passed, ticked = heard - self._first[1], sent - self._first[0]
         if passed > _WATCHED:
             off = abs(ticked / passed - 1.0) > _OFF
             rate = self._rate * ticked / passed
@@ -137,8 +133,6 @@ class NatNetTracker:
                 if off
                 else ""
             )
-        if passed > _SETTLED:
-            self._clock.fix()
 
     def _place(self, t: float, frame: Any) -> Array:  # noqa: ANN401
         """Return where the ball is in a frame."""
@@ -153,14 +147,11 @@ class NatNetTracker:
         """Return what was seen since the last call."""
         self._came.wait(timeout)
         self._came.clear()
-        return [self._found.popleft() for _ in range(len(self._found))]
+        return self._frames.take()
 
     def trouble(self) -> str:
         """Return why it sees nothing."""
-        silent = monotonic() - self._heard
-        if silent > _SILENT:
-            return f"no frame of Motive for {silent:.0f} s: does it stream?"
-        return self._trouble
+        return self._trouble or self._frames.silence("Motive", "does it stream?")
 
     def close(self) -> None:
         """Give the link up."""

@@ -13,28 +13,23 @@ frame takes from there is not in it: ``source.latency`` takes it away.
 """
 
 import asyncio
-from collections import deque
 from collections.abc import Sequence
 from typing import Any, Final, final
 
 import numpy as np
 from defusedxml import ElementTree
 
-from mitt.clock import monotonic
 from mitt.core.arm.arm import Arm
 from mitt.core.errors import InputError, MittError, check_package
 from mitt.core.signals import Array
 from mitt.io.cell import Cell
+from mitt.robot.cell.capture_frames import CaptureFrames
 from mitt.robot.cell.device_clock import DeviceClock
 from mitt.robot.cell.loose_markers import LooseMarkers
 from mitt.robot.cell.plugins import given_options
 from mitt.robot.cell.trackers import TrackedPlace
 
 _OPTIONS: Final = {"address": "127.0.0.1", "port": 22223.0, "label": ""}
-#: Time after which QTM has fallen silent, and after which its clock is followed only as clocks
-#: drift [s].
-_SILENT: Final = 1.0
-_SETTLED: Final = 2.0
 
 
 def check_qtm(cell: Cell, arm: Arm) -> list[str]:  # noqa: ARG001 (the arm is not asked for)
@@ -71,9 +66,8 @@ class QtmTracker:
         Raises:
             MittError: QTM does not answer, or has no such trajectory.
         """
-        self._clock, self._markers = clock or DeviceClock(), LooseMarkers()
-        self._found, self._begun = deque[TrackedPlace](maxlen=1000), monotonic()
-        self._heard, self._lost, self._index = monotonic(), "", -1
+        self._frames, self._markers = CaptureFrames(clock), LooseMarkers()
+        self._lost, self._index = "", -1
         self._loop = asyncio.new_event_loop()
         self._came = asyncio.Event()
         self._loop.run_until_complete(self._connect(address, port, label))
@@ -98,11 +92,8 @@ class QtmTracker:
 
     def _take(self, packet: Any) -> None:  # noqa: ANN401 (qtm_rt.QRTPacket)
         """Take a frame; the client calls it."""
-        self._heard = monotonic()
-        if self._heard - self._begun > _SETTLED:
-            self._clock.fix()
-        t = self._clock.at(1e-6 * packet.timestamp)
-        self._found.append(TrackedPlace(t, self._place(t, packet)))
+        t = self._frames.come(1e-6 * packet.timestamp)
+        self._frames.put(t, self._place(t, packet))
         self._came.set()
 
     def _place(self, t: float, packet: Any) -> Array:  # noqa: ANN401
@@ -118,7 +109,7 @@ class QtmTracker:
     def places(self, timeout: float) -> Sequence[TrackedPlace]:
         """Return what was seen since the last call."""
         self._loop.run_until_complete(self._wait(timeout))
-        return [self._found.popleft() for _ in range(len(self._found))]
+        return self._frames.take()
 
     async def _wait(self, timeout: float) -> None:
         """Wait for a frame, for a time [s]."""
@@ -130,10 +121,7 @@ class QtmTracker:
 
     def trouble(self) -> str:
         """Return why it sees nothing."""
-        silent = monotonic() - self._heard
-        if self._lost or silent <= _SILENT:
-            return self._lost
-        return f"no frame of QTM for {silent:.0f} s: does it measure?"
+        return self._lost or self._frames.silence("QTM", "does it measure?")
 
     def close(self) -> None:
         """Give the link up."""
