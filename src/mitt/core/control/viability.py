@@ -65,8 +65,8 @@ from mitt.core.kernels import Record, copy, kernel
 from mitt.core.signals import Array
 
 STOP_CLEARANCE = MARGIN + 0.002
-"""Gap that a stop keeps [m]; the arm strays from it by up to 1.8 mm after a wish that jumps, and is
-to keep ``MARGIN``."""
+"""Gap that a stop keeps [m]. The arm is to keep ``MARGIN``, and strays from its stop by up to
+1.8 mm after a wish that jumps; seldom by more (docs/safety.md, Figures)."""
 #: Room of a pair that counts as none [m] unless it suffices: with less, every look would lead the
 #: next one hardly on.
 _SLIVER = 0.0005

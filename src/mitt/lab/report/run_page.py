@@ -86,7 +86,6 @@ def run_page(
     failed = [t for t in trials if t["status"] != task.success]
     reasons = Counter((t["status"], t["binding_limit"] or NONE) for t in failed)
     columns = [x for x in (*columns_of_task(task), *own.columns) if _says(x, trials)]
-    beyond = [int(t["limit_violations"]) for t in trials]
     counted = own.counted or task.counted
     return page(
         "run",
@@ -110,7 +109,7 @@ def run_page(
         one=noun.removesuffix("s"),
         counts={status: n for status, n in counts.items() if n},
         colour={x: status_colour(x, success=x == task.success) for x in task.statuses},
-        beyond=(sum(x > 0 for x in beyond), sum(beyond)),
+        beyond=_beyond(trials),
         too_hard=sum(t.get("over_force") is True for t in trials),
         cards=[*cards_of(task, result), *own.cards],
         head=[x.words for x in columns],
@@ -122,6 +121,12 @@ def run_page(
         typed=command,
         made_with=made_with(),
     )
+
+
+def _beyond(trials: Sequence[Row]) -> tuple[int, int]:
+    """Return in how many trials something was beyond a limit, and in how many ticks of all."""
+    ticks = [int(t["limit_violations"]) for t in trials]
+    return sum(x > 0 for x in ticks), sum(ticks)
 
 
 def _says(column: Column, trials: Sequence[Row]) -> bool:
@@ -164,7 +169,7 @@ def cards_of(task: ScoredTask, result: dict[str, Any]) -> list[Card]:
     """
     of, trials = result["summary"], result["trials"]
     low, high = (100.0 * end for end in of["ci95"])
-    beyond = [int(t["limit_violations"]) for t in trials]
+    beyond, ticks = _beyond(trials)
     tick, count = of["tick_us"], f"{len(trials)} {task.in_result}"
     return [
         Card(
@@ -176,9 +181,9 @@ def cards_of(task: ScoredTask, result: dict[str, Any]) -> list[Card]:
         *(spread_card(x, trials) for x in task.shown),
         Card(
             "Beyond a limit",
-            str(sum(x > 0 for x in beyond)),
+            str(beyond),
             f"of {count}",
-            f"{sum(beyond)} ms in all, commanded or of the plant",
+            f"{ticks} ms in all, commanded or of the plant",
         ),
         Card(
             "Catcher\u2019s tick",
