@@ -1,6 +1,7 @@
 """Each setting of a cell that a line names as its remedy is one that ends that line."""
 
 import ast
+import os
 import re
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -30,6 +31,8 @@ except InputError:
     pytest.skip("no Cyclone DDS", allow_module_level=True)
 
 HERE = Path(messages.__file__).parent
+#: Where what is there publishes: another process of tests has its own.
+PLACE = f"/there_{os.getpid()}"
 #: How a message names a setting of a cell's file.
 SETTING = re.compile(r"\b(?<!mitt\.)(?:robot|source|task|motion)\.(?:options\.)?[a-z][a-z_]*\b")
 
@@ -113,16 +116,16 @@ def tracker_said(name: str, **options: object) -> str:
 
 
 def joined(cell: Cell) -> str:
-    """Return what a driver says that waits at a cell of which only ``/there/...`` is there."""
+    """Return what a driver says that waits where only what is in ``PLACE`` is there."""
     node, robot, q = dds.Node(), Ros2Robot(cell, ARM), np.zeros(3)
     state = node.publish(ros2_options(cell)["state"], dds.JointState, "sensor")
     kept = [
         node.subscribe(ros2_options(cell)["command"], dds.JointTrajectory, "command"),
-        node.subscribe("/there/brake", dds.Bool, "command"),
-        node.subscribe("/there/hand/commands", dds.MultiArray, "command"),
-        node.publish("/there/ball", dds.PointStamped, "sensor"),
+        node.subscribe(f"{PLACE}/brake", dds.Bool, "command"),
+        node.subscribe(f"{PLACE}/hand/commands", dds.MultiArray, "command"),
+        node.publish(f"{PLACE}/ball", dds.PointStamped, "sensor"),
     ]
-    status, said = node.publish("/there/diagnostics", dds.Diagnostics, "command"), "at first"
+    status, said = node.publish(f"{PLACE}/diagnostics", dds.Diagnostics, "command"), "at first"
     begun = time.monotonic()
     while said and time.monotonic() < begun + 10.0:
         state.send(messages.joint_state(1.0, NAMES, q, q))
@@ -141,14 +144,14 @@ def joined(cell: Cell) -> str:
 
 
 THERE = {
-    "brake": "/there/brake",
-    "hand_command": "/there/hand/commands",
-    "diagnostics": "/there/diagnostics",
+    "brake": f"{PLACE}/brake",
+    "hand_command": f"{PLACE}/hand/commands",
+    "diagnostics": f"{PLACE}/diagnostics",
     "status": "arm",
 }
 
 
-def there(tag: str, topic: str = "/there/ball", **given: str) -> Cell:
+def there(tag: str, topic: str = f"{PLACE}/ball", **given: str) -> Cell:
     """Return a cell all of whose ends are there, but for what is given."""
     return source_of(cell_with(tag, **(THERE | given)), topic=topic)
 
@@ -198,22 +201,25 @@ REMEDIES: dict[str, tuple[Callable[[], str], Callable[[], str]]] = {
         ),
     ),
     "robot.options.brake": (
-        lambda: joined(there("r1", brake="/nobody")),
+        lambda: joined(there("r1", brake=f"{PLACE}/nobody")),
         lambda: joined(there("r2")),
     ),
     "robot.options.hand_command": (
-        lambda: joined(there("r3", hand_command="/nobody/commands")),
+        lambda: joined(there("r3", hand_command=f"{PLACE}/nobody/commands")),
         lambda: joined(there("r4")),
     ),
     "robot.options.hand": (
-        lambda: joined(there("r5", hand_command="/nobody/commands")),
-        lambda: joined(there("r6", hand_command="/nobody/commands", hand="")),
+        lambda: joined(there("r5", hand_command=f"{PLACE}/nobody/commands")),
+        lambda: joined(there("r6", hand_command=f"{PLACE}/nobody/commands", hand="")),
     ),
     "robot.options.status": (
         lambda: joined(there("r7", status="robot")),
         lambda: joined(there("r8", status="")),
     ),
-    "source.topic": (lambda: joined(there("r9", topic="/nobody")), lambda: joined(there("r10"))),
+    "source.topic": (
+        lambda: joined(there("r9", topic=f"{PLACE}/nobody")),
+        lambda: joined(there("r10")),
+    ),
     "source.frame": (
         lambda: frame_said(cell_with("x")),
         lambda: frame_said(source_of(cell_with("x"), frame="mocap")),
