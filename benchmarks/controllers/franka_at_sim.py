@@ -19,7 +19,7 @@ from mitt.core.signals import Array, Command, Sighting
 from mitt.io.cell import Cell
 from mitt.lab.world.throws import fly
 from mitt.robot.cell import device_clock
-from mitt.robot.cell.franka import FrankaRobot, franka_index
+from mitt.robot.drivers.franka import FrankaRobot, franka_index
 from mitt.robot.cell.prepare import feed_of, prepare, scene_of_cell
 
 #: By how much the server's clock may run slower than ours [s/s], and the window of the least late

@@ -17,12 +17,12 @@ from ros2_cell import ARM, NAMES, cell_with
 from mitt.core.errors import InputError
 from mitt.io.cell import Cell, read_cell
 from mitt.robot.cell import ros2_messages as messages
-from mitt.robot.cell import ur
 from mitt.robot.cell.frames import FrameWriter
 from mitt.robot.cell.prepare import prepare, scene_of_cell
 from mitt.robot.cell.robot import RobotLink
 from mitt.robot.cell.ros2_messages import JointReading, Orders
 from mitt.robot.cell.trackers import check_tracker
+from mitt.robot.drivers import ur
 
 try:
     from mitt.robot.cell import dds
@@ -30,7 +30,7 @@ try:
 except InputError:
     pytest.skip("no Cyclone DDS", allow_module_level=True)
 
-HERE = Path(messages.__file__).parent
+LIVE = Path(messages.__file__).parents[1]
 #: Where what is there publishes: another process of tests has its own.
 PLACE = f"/there_{os.getpid()}"
 #: How a message names a setting of a cell's file.
@@ -59,7 +59,7 @@ def named() -> set[str]:
     """Return the settings that messages of the cell name."""
     return {
         name
-        for file in HERE.glob("*.py")
+        for file in LIVE.rglob("*.py")
         for text in texts(ast.parse(file.read_text()))
         for name in SETTING.findall(text)
     }

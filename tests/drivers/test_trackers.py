@@ -17,19 +17,27 @@ from support import install, thorough
 
 from mitt.clock import monotonic, time_of_day
 from mitt.core.arm.description import roll_pitch_yaw
-from mitt.core.errors import InputError, MittError
+from mitt.core.errors import InputError, MittError, UnknownNameError
 from mitt.core.signals import Array, Sighting
 from mitt.io.cell import Cell, SourcePart, cell_of, read_cell
+from mitt.robot import trackers
 from mitt.robot.cell.device_clock import DeviceClock
 from mitt.robot.cell.drivers import LocalRobot, check_driver
 from mitt.robot.cell.hosted import DriverError
 from mitt.robot.cell.loose_markers import LooseMarkers
-from mitt.robot.cell.motion_capture import CaptureTracker
-from mitt.robot.cell.natnet import NatNetTracker
 from mitt.robot.cell.prepare import PreparedCell, prepare
-from mitt.robot.cell.qtm import QtmTracker
 from mitt.robot.cell.robot import Robot
-from mitt.robot.cell.trackers import HostedTracker, SourceFrame, TrackedRobot
+from mitt.robot.cell.trackers import (
+    TRACKERS,
+    HostedTracker,
+    SourceFrame,
+    TrackedRobot,
+    Tracker,
+    check_tracker,
+)
+from mitt.robot.trackers.motioncapture import CaptureTracker
+from mitt.robot.trackers.natnet import NatNetTracker
+from mitt.robot.trackers.qtm import QtmTracker
 
 FOLDER = Path(__file__).parent / "tracker"
 #: By how much Motive's clock is behind the day here [s].
@@ -228,7 +236,7 @@ def test_a_topic_is_a_tracker() -> None:
     """Beside a robot of any driver: who publishes, in which frame, and that nobody does."""
     dds = pytest.importorskip("mitt.robot.cell.dds")
     from mitt.robot.cell import ros2_messages  # noqa: PLC0415
-    from mitt.robot.cell.ros2_ball import Ros2Tracker  # noqa: PLC0415
+    from mitt.robot.trackers.ros2 import Ros2Tracker  # noqa: PLC0415
 
     topic = f"/tracked_{os.getpid()}/ball"
     source = SourcePart(tracker="ros2", topic=topic)
@@ -287,6 +295,56 @@ def test_a_tracker_that_cannot_be_made_is_said(
     install(FOLDER, tmp_path, monkeypatch)
     with pytest.raises(DriverError, match="tracker 'faulty': RuntimeError: no licence"):
         HostedTracker(source_of(tracker="faulty", options={"fault": "refuses"}))
+
+
+#: A tracker in one file: a file of lines ``t x y z``.
+LINES = """
+from pathlib import Path
+import numpy as np
+from mitt.robot.cell.trackers import TrackedPlace
+
+
+class Lines:
+    def __init__(self, path):
+        self._file = open(path)
+
+    def places(self, timeout):
+        rows = [[float(x) for x in line.split()] for line in self._file]
+        return [TrackedPlace(t, np.array(place)) for t, *place in rows]
+
+    def trouble(self):
+        return ""
+
+    def close(self):
+        self._file.close()
+
+
+def lines_tracker(cell):
+    return Lines(cell.source.options["file"])
+
+
+def check_lines(cell, arm):
+    return [f"{Path(cell.source.options['file']).name} has to have lines t x y z"]
+"""
+
+
+def test_one_file_in_its_folder_is_a_tracker(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nothing else names it: cells, ``--check`` and the list of an error know it."""
+    (tmp_path / "lines.py").write_text(LINES)
+    (tmp_path / "ball.txt").write_text("1.0 0.5 0.0 0.25\n2.0 nan nan nan\n")
+    monkeypatch.setattr(trackers, "__path__", [*trackers.__path__, str(tmp_path)])
+    cell = source_of(tracker="lines", options={"file": str(tmp_path / "ball.txt")})
+    arm = prepare(read_cell("wam-sim")).arm
+    assert check_tracker(cell, arm) == ["ball.txt has to have lines t x y z"]
+    with closing(TRACKERS.made("lines", Tracker, cell)) as tracker:
+        (t, r), (_, unseen) = tracker.places(0.0)
+    assert t == 1.0
+    assert r.tolist() == [0.5, 0.0, 0.25]
+    assert np.isnan(unseen).all()
+    with pytest.raises(UnknownNameError, match="lines, motioncapture, natnet"):
+        TRACKERS.load("nikon")
 
 
 @pytest.mark.parametrize(

@@ -13,14 +13,14 @@ from local_cell import LocalCell
 from mitt.core.signals import Command
 from mitt.io.arm_file import read_arm_file
 from mitt.io.cell import ArmPart, Cell, read_cell
-from mitt.robot.cell import ur
 from mitt.robot.cell.device_clock import DeviceClock
 from mitt.robot.cell.drivers import LocalRobot
-from mitt.robot.cell.franka import FrankaRobot
 from mitt.robot.cell.live import Mode
 from mitt.robot.cell.prepare import PreparedCell, prepare
 from mitt.robot.cell.readings import Lag
 from mitt.robot.cell.robot import Robot
+from mitt.robot.drivers import ur
+from mitt.robot.drivers.franka import FrankaRobot
 
 STARTED = 1.7e9
 FRANKA_JOINTS = ["panda_joint1", "panda_joint2", "panda_joint4"]

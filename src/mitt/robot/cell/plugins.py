@@ -1,11 +1,14 @@
 """What other packages add to a cell, and mitt's own of the same kind: drivers, trackers.
 
-Each is an entry point. It runs in a process of its own, as its maker's client may hang or crash.
+Those of mitt are the modules of a folder, the others are entry points. Each runs in a process of
+its own, as its maker's client may hang or crash.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
+from pkgutil import iter_modules
 from typing import Any, final
 
 from mitt.core import checks
@@ -30,7 +33,7 @@ class Plugins:
         checks_group: str,
         *,
         key: str,
-        own: Sequence[EntryPoint],
+        folder: str,
         others: Sequence[str] = (),
     ) -> None:
         """Take what they are.
@@ -40,11 +43,12 @@ class Plugins:
             group: Group of their entry points.
             checks_group: Group of what says whether one can be made.
             key: Key of a cell's file that names one.
-            own: Those of mitt, and what says whether one can be made.
+            folder: The package of mitt's own, a module each: ``NAME_kind`` makes the one that is
+                called NAME, ``check_NAME`` says whether it can be made.
             others: Names that the key may have besides.
         """
         self.kind, self.group, self._checks = kind, group, checks_group
-        self._key, self._own, self._others = key, own, others
+        self._key, self._folder, self._others = key, folder, others
 
     def load(self, name: str) -> Any:  # noqa: ANN401 (whatever the package has there)
         """Return what makes one of them.
@@ -89,8 +93,14 @@ class Plugins:
 
     def _entries(self, group: str) -> dict[str, EntryPoint]:
         """Return the entry points of a group by their names; mitt's own go first."""
-        own = [entry for entry in self._own if entry.group == group]
+        own = self._own("check_{}" if group == self._checks else f"{{}}_{self.kind}", group)
         return {entry.name: entry for entry in (*entry_points(group=group), *own)}
+
+    def _own(self, called: str, group: str) -> list[EntryPoint]:
+        """Return those of mitt as entry points of a group, whose functions are ``called`` so."""
+        modules = iter_modules(import_module(self._folder).__path__)
+        places = {x.name: f"{self._folder}.{x.name}:{called.format(x.name)}" for x in modules}
+        return [EntryPoint(name, place, group) for name, place in places.items()]
 
     def _load(self, name: str, group: str) -> Any:  # noqa: ANN401
         """Return what an entry point stands for."""

@@ -15,7 +15,6 @@ nothing, and loads no maker's library.
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
-from importlib.metadata import EntryPoint
 from math import inf
 from typing import Final, NamedTuple, Protocol, final, runtime_checkable
 
@@ -29,18 +28,13 @@ from mitt.core.signals import TICK, ArmState, Array, Command, Sighting
 from mitt.io.cell import Cell
 from mitt.robot.cell.plugins import Plugins
 
-#: Drivers, mitt's own found as those of other packages are, and before them.
+#: Drivers: mitt's own, and those of other packages.
 DRIVERS: Final = Plugins(
     "driver",
     "mitt.robots",
     "mitt.robot_checks",
     key="robot.driver",
-    own=(
-        EntryPoint("franka", "mitt.robot.cell.franka:franka_robot", "mitt.robots"),
-        EntryPoint("franka", "mitt.robot.cell.franka:check_franka", "mitt.robot_checks"),
-        EntryPoint("ur", "mitt.robot.cell.ur:ur_robot", "mitt.robots"),
-        EntryPoint("ur", "mitt.robot.cell.ur:check_ur", "mitt.robot_checks"),
-    ),
+    folder="mitt.robot.drivers",
     others=("ros2", "sim"),
 )
 #: Time after which a setpoint says nothing of the next [s].

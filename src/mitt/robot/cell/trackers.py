@@ -8,7 +8,6 @@ say what the tracker has to be; it connects to nothing.
 """
 
 from collections.abc import Sequence
-from importlib.metadata import EntryPoint
 from typing import Final, NamedTuple, Protocol, final, runtime_checkable
 
 import numpy as np
@@ -22,23 +21,13 @@ from mitt.robot.cell.hosted import DriverError, HostedProcess
 from mitt.robot.cell.plugins import Plugins
 from mitt.robot.cell.robot import Robot
 
-_HOME = "mitt.robot.cell"
-#: Trackers, mitt's own found as those of other packages are, and before them.
+#: Trackers: mitt's own, and those of other packages.
 TRACKERS: Final = Plugins(
     "tracker",
     "mitt.trackers",
     "mitt.tracker_checks",
     key="source.tracker",
-    own=(
-        EntryPoint("motioncapture", f"{_HOME}.motion_capture:capture_tracker", "mitt.trackers"),
-        EntryPoint("motioncapture", f"{_HOME}.motion_capture:check_capture", "mitt.tracker_checks"),
-        EntryPoint("natnet", f"{_HOME}.natnet:natnet_tracker", "mitt.trackers"),
-        EntryPoint("natnet", f"{_HOME}.natnet:check_natnet", "mitt.tracker_checks"),
-        EntryPoint("qtm", f"{_HOME}.qtm:qtm_tracker", "mitt.trackers"),
-        EntryPoint("qtm", f"{_HOME}.qtm:check_qtm", "mitt.tracker_checks"),
-        EntryPoint("ros2", f"{_HOME}.ros2_ball:ros2_tracker", "mitt.trackers"),
-        EntryPoint("ros2", f"{_HOME}.ros2_ball:check_ros2_ball", "mitt.tracker_checks"),
-    ),
+    folder="mitt.robot.trackers",
 )
 #: Time in which a tracker has to connect [s].
 _MADE = 60.0

@@ -99,7 +99,7 @@ def franka_index(cell: Cell, arm: Arm) -> NDArray[np.int64]:
     return np.array([known.index(x) for x in names])
 
 
-def franka_robot(cell: Cell, arm: Arm) -> "FrankaRobot":
+def franka_driver(cell: Cell, arm: Arm) -> "FrankaRobot":
     """Return the robot of a cell: the entry point."""
     check_franka(cell, arm)
     import pylibfranka  # noqa: PLC0415 (the maker's)

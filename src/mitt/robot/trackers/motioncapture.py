@@ -29,7 +29,7 @@ _KINDS: Final = ("vicon", "vrpn", "optitrack", "qualisys", "mock")
 _OPTIONS: Final = {"kind": "", "address": "127.0.0.1", "body": "ball"}
 
 
-def check_capture(cell: Cell, arm: Arm) -> list[str]:  # noqa: ARG001 (the arm is not asked for)
+def check_motioncapture(cell: Cell, arm: Arm) -> list[str]:  # noqa: ARG001 (the arm is not asked for)
     """Refuse options that cannot be; connects to nothing: the entry point."""
     of = given_options("source.options", cell.source.options, _OPTIONS)
     if of["kind"] not in _KINDS:
@@ -38,7 +38,7 @@ def check_capture(cell: Cell, arm: Arm) -> list[str]:  # noqa: ARG001 (the arm i
     return [f"{of['kind']} at {of['address']} has to track the rigid body {of['body']}"]
 
 
-def capture_tracker(cell: Cell) -> "CaptureTracker":
+def motioncapture_tracker(cell: Cell) -> "CaptureTracker":
     """Return the tracker of a cell: the entry point."""
     of = given_options("source.options", cell.source.options, _OPTIONS)
     import motioncapture  # noqa: PLC0415 (the extra motioncapture)

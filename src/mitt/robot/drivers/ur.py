@@ -83,7 +83,7 @@ def ur_index(cell: Cell, arm: Arm) -> NDArray[np.int64]:
     return np.array([NAMES.index(x) for x in names])
 
 
-def ur_robot(cell: Cell, arm: Arm) -> "UrRobot":
+def ur_driver(cell: Cell, arm: Arm) -> "UrRobot":
     """Return the robot of a cell: the entry point."""
     check_ur(cell, arm)
     import dashboard_client  # noqa: PLC0415 (of ur_rtde)
