@@ -1,6 +1,6 @@
 """Laws of the tracker: the error's own equation inside the limits, every limit outside."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -216,30 +216,81 @@ def test_torque_that_runs_out_speeds_up_no_joint_beyond_its_limit(arm: Arm, seed
     assert np.all(ddq[beyond] * np.sign(dq[beyond]) <= 1e-6)
 
 
-@given(seed=seeds, joint=st.integers(0, 2))
+#: Largest change of a torque in a tick, where a set has rates [N m].
+CHANGE = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lagging:
+    """An arm in a motion whose accelerations it has, joints of which lag behind.
+
+    Attributes:
+        q, dq: Of the arm [rad, rad/s], shape (n,).
+        given, asked: Accelerations commanded, and with the feedback [rad/s^2], shape (n,).
+        found: Those that the torques bring, likewise.
+        before: Torques of the tick before [N m], shape (n,).
+    """
+
+    q: Array
+    dq: Array
+    given: Array
+    asked: Array
+    found: Array
+    before: Array
+
+
+def lagging(arm: Arm, rng: np.random.Generator, *, rates: bool, lag: Array) -> Lagging:
+    """Return a motion that is followed, or give the example up where it is beyond the drives."""
+    n, bounds = arm.n, bounds_of(arm)
+    q = 0.5 * (arm.q_min + arm.q_max) + 0.2 * rng.uniform(-1.0, 1.0, n)
+    dq, ddq = rng.uniform(-1.0, 1.0, n), rng.uniform(-1.0, 1.0, n) * bounds["deceleration"]
+    tau = arm.torque(q, dq, ddq)
+    assume(arm.limits.torque_ratio(tau, arm.all_joints(dq)).max() < 0.99)
+    motion, estimated = np.array([q + lag, dq, ddq, np.zeros(n)]), np.array([q, dq])
+    w = tracking_of(arm)
+    before = arm.active(tau) + rng.uniform(-0.9, 0.9, n) * CHANGE
+    if rates:
+        w.change[:], w.before[:] = CHANGE, before
+    track(w, arm.tables, bounds, BANDWIDTH, estimated, motion, TICK)
+    found, asked = acceleration(arm, q, dq, motion[3]), ddq + BANDWIDTH**2 * lag
+    for wanted in (asked, ddq):
+        bound_acceleration(bounds, q, dq, wanted)
+    return Lagging(q=q, dq=dq, given=ddq, asked=asked, found=found, before=before)
+
+
+@given(seed=seeds, joint=st.integers(0, 2), rates=st.booleans())
 def test_a_joint_that_lags_takes_no_braking_from_the_others(
-    arm: Arm, seed: int, joint: int
+    arm: Arm, seed: int, joint: int, rates: bool
 ) -> None:
     """Where the drives have what is commanded, each joint gets that, or some of its feedback more.
 
-    A stop is certified so: the arm is beside it as far as it was at its start.
+    A stop is certified so: the arm is beside it as far as it was at its start. It is the same where
+    torques have rates and can change to what is commanded.
     """
-    rng, n, bounds = np.random.default_rng(seed), arm.n, bounds_of(arm)
-    q = 0.5 * (arm.q_min + arm.q_max) + 0.2 * rng.uniform(-1.0, 1.0, n)
-    dq, ddq = rng.uniform(-1.0, 1.0, n), rng.uniform(-1.0, 1.0, n) * bounds["deceleration"]
-    ratio = arm.limits.torque_ratio(arm.torque(q, dq, ddq), arm.all_joints(dq)).max()
-    assume(ratio < 0.99)
-    lag = np.zeros(n)
+    rng, lag = np.random.default_rng(seed), np.zeros(arm.n)
     lag[joint] = rng.choice([-1.0, 1.0]) * rng.uniform(0.005, 0.1)
-    motion, estimated = np.array([q + lag, dq, ddq, np.zeros(n)]), np.array([q, dq])
-    track(tracking_of(arm), arm.tables, bounds, BANDWIDTH, estimated, motion, TICK)
-    found, asked, given_ddq = acceleration(arm, q, dq, motion[3]), ddq.copy(), ddq.copy()
-    asked[joint] += BANDWIDTH**2 * lag[joint]
-    for wanted in (asked, given_ddq):
-        bound_acceleration(bounds, q, dq, wanted)
-    slack = EXACT * (1.0 + np.abs(asked))
-    assert np.all(found >= np.minimum(given_ddq, asked) - slack)
-    assert np.all(found <= np.maximum(given_ddq, asked) + slack)
+    x = lagging(arm, rng, rates=rates, lag=lag)
+    slack = EXACT * (1.0 + np.abs(x.asked))
+    assert np.all(x.found >= np.minimum(x.given, x.asked) - slack)
+    assert np.all(x.found <= np.maximum(x.given, x.asked) + slack)
+
+
+@given(seed=seeds, rates=st.booleans())
+def test_a_joint_that_asks_for_too_much_takes_no_feedback_from_the_others(
+    arm: Arm, seed: int, rates: bool
+) -> None:
+    """The last joint has its feedback, or so much that a limit is met, however others lag."""
+    rng = np.random.default_rng(seed)
+    x = lagging(arm, rng, rates=rates, lag=rng.uniform(-0.1, 0.1, arm.n))
+    further, lacking = x.found.copy(), x.asked[-1] - x.found[-1]
+    if abs(lacking) <= EXACT * (1.0 + abs(x.asked[-1])):
+        return
+    further[-1] += 1e-3 * lacking
+    tau = arm.torque(x.q, x.dq, further)
+    most = arm.limits.torque_ratio(tau, arm.all_joints(x.dq)).max()
+    if rates:
+        most = max(most, np.abs(arm.active(tau) - x.before).max() / CHANGE)
+    assert most > 1.0 - EXACT
 
 
 @pytest.mark.parametrize("beyond", [0.99, 1.02, 1.1])
@@ -260,7 +311,7 @@ def test_a_motor_that_can_hold_nothing_more_does_not_keep_the_others_from_brakin
 
 @given(seed=seeds, wild=st.sampled_from([0.1, 1.0, 10.0]))
 def test_torques_change_no_faster_than_their_rates(arm: Arm, seed: int, wild: float) -> None:
-    """Whatever is wanted, and by one share of the change of all joints' torques."""
+    """Whatever is wanted."""
     rng, rate = np.random.default_rng(seed), np.full(len(arm.model.links), 1000.0)
     slow = Tracker(Arm(arm.model, replace(arm.limits, torque_rate=rate)), bandwidth=BANDWIDTH)
     state = ArmState(t=0.0, q=arm.q_ready, dq=np.zeros(arm.n))

@@ -3,9 +3,13 @@
 tau = M(q) (ddq_d + K_d (dq_d - dq) + K_p (q_d - q)) + H(q, dq) dq + g(q), eq. (14) inverted: with
 an exact model the error of each joint obeys e'' + 2 w e' + w^2 e = 0 with w = ``bandwidth``.
 
-A joint with a jerk limit closes in on its motion as :mod:`mitt.core.control.envelope` says. Where
-the limit set has torque rates, the changes of all torques are cut by the same share, so that no
-joint's limit pushes another.
+A joint with a jerk limit closes in on its motion as :mod:`mitt.core.control.envelope` says.
+
+Where drives, or the rates of the torques that a limit set may have, do not allow that, what is left
+of them beyond the commanded accelerations goes to the feedback of one joint after the other, from
+the base outwards: a joint that asks for too much takes nothing from the motion that was certified.
+Where the commanded accelerations are not to be had either, all joints are cut by the same share, so
+that no joint's limit pushes another.
 
 Near its no-load speed a motor's torque falls off to nothing, so what it may give depends on a speed
 that nobody knows yet: the joints go on speeding up until the torque acts, their speeds are
@@ -38,6 +42,8 @@ from mitt.core.signals import TICK, Array, Command
 #: Share of its peak that a drive may give while a joint is not measured; the rest is for what a
 #: wrong pose makes of the torques. The plant of a trial may exceed a limit by as much.
 _UNMEASURED = 0.99
+#: Torques that differ by less are one [N m].
+_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -173,19 +179,36 @@ def track(
     for k in range(n):
         w.speed[index[k]] = dq[k]
     saturate(w.drives, w.tau_desired, w.speed, w.kept)
-    met = False
+    met, ticks = False, passed / TICK
     for k in range(links):
-        met |= abs(w.kept[k] - w.tau_desired[k]) > 1e-9  # [N m], above rounding
+        met |= abs(w.kept[k] - w.tau_desired[k]) > _ROUNDING
+    met |= not _slow_enough(w, index, w.kept, ticks)
     if met:
-        _give_way(w, bodies, bounds, q, dq, command[2])
+        found = _give_way(w, arm, bounds, estimated, command[2], ticks)
+        if not found and not _give_way(w, arm, bounds, estimated, command[2], np.inf):
+            _keep_speed(w, arm, q, dq)
     for k in range(n):
         command[3, k] = w.kept[index[k]]
-    return _change_slowly(w, command[3], passed / TICK) or met
+    _change_slowly(w, command[3], ticks)
+    return met
 
 
 @kernel
-def _change_slowly(w: Tracking, tau: Array, ticks: float) -> bool:
-    """Cut the changes of all torques in so many ticks by one share; say whether it cut."""
+def _slow_enough(w: Tracking, index: Array, tau: Array, ticks: float) -> bool:
+    """Say whether torques of all links change by no more than their rates allow in so many ticks.
+
+    ``index`` are the active joints, shape (n,).
+    """
+    for k in range(len(index)):
+        change = abs(tau[index[k]] - w.before[k])
+        if change > ticks * w.change[k] and np.isfinite(w.before[k]):
+            return False
+    return True
+
+
+@kernel
+def _change_slowly(w: Tracking, tau: Array, ticks: float) -> None:
+    """Cut the changes of all torques in so many ticks by one share, to what their rates allow."""
     share = 1.0
     for k in range(len(tau)):
         change, most = abs(tau[k] - w.before[k]), ticks * w.change[k]
@@ -194,65 +217,103 @@ def _change_slowly(w: Tracking, tau: Array, ticks: float) -> bool:
     if share < 1.0:
         for k in range(len(tau)):
             tau[k] = w.before[k] + share * (tau[k] - w.before[k])
-    return share < 1.0
 
 
 @kernel
-def _give_way(w: Tracking, bodies: Record, bounds: Record, q: Array, dq: Array, ddq: Array) -> None:
-    """Cut the torques of all joints by one share, towards what the arm does by itself at most.
+def _give_way(
+    w: Tracking, arm: Tables, bounds: Record, estimated: Array, ddq: Array, ticks: float
+) -> bool:
+    """Cut torques towards those of the commanded accelerations, else of what the arm does alone.
 
-    Towards those of the commanded accelerations first: a joint that lags behind, and asks for more
-    than its drive has, takes nothing from the braking of the others, which was certified.
-    ``w.kept`` are those of which each drive gives what it can. They stay where the drives cannot
-    even keep the speeds: beyond its no-load speed a drive that is to hold something gives nothing,
-    and cut by one share the others would not brake either.
+    So a joint that lags behind, and asks for more than its drive has, takes nothing from the
+    braking that was certified; and from the feedback of the others no more than it has to.
+    ``w.kept`` are those of which each drive gives what it can, and which change in so many ticks
+    as slowly as their rates ask.
+
+    Returns:
+        Whether the drives have either; else nothing has changed.
     """
-    coast, drives = w.coast, w.drives
+    coast, q, dq = w.coast, estimated[0], estimated[1]
     for way in range(2):
         for k in range(len(coast)):
             coast[k] = ddq[k] if way == 0 else 0.0
         bound_acceleration(bounds, q, dq, coast)
-        inverse_dynamics(bodies, q, dq, coast, w.given, w.dynamics)
-        if largest_share(drives, w.given, w.speed) <= 1.0:
-            _cut(w, w.given, w.tau_desired)
-            return
-    coast[:] = 0.0
-    inverse_dynamics(bodies, q, dq, coast, w.level, w.dynamics)
-    if largest_share(drives, w.level, w.speed) <= 1.0:
-        _cut(w, w.level, w.given)
+        inverse_dynamics(arm.bodies, q, dq, coast, w.given, w.dynamics)
+        within = largest_share(w.drives, w.given, w.speed) <= 1.0
+        if within and _slow_enough(w, arm.active, w.given, ticks):
+            share = _cut(w, arm.active, w.given, w.tau_desired, ticks)
+            for k in range(len(coast)):
+                coast[k] += share * (w.push[k] - coast[k])
+            _lead_each(w, arm, q, dq, ticks)
+            return True
+    return False
 
 
 @kernel
-def _cut(w: Tracking, rest: Array, tau_desired: Array) -> None:
-    """Write torques within every limit that lead as far towards the desired ones as they can.
+def _lead_each(w: Tracking, arm: Tables, q: Array, dq: Array, ticks: float) -> None:
+    """Lead joint after joint from ``w.coast`` to its desired acceleration, as far as drives allow.
 
-    Torques are cut along the line from those of the commanded accelerations, or of coasting, to the
-    desired ones, all joints by the same share: then each acceleration stays between these, which
-    both respect the speed limits and the stops. Cutting joint by joint would let one joint's limit
-    push another beyond its own. Where the torques cannot even keep coasting within the limits, the
-    line leads there from constant speed.
+    From the base outwards. ``w.tau_desired`` are the torques on the way, from those of ``w.coast``
+    on.
     """
-    share = _share(w.drives, rest, tau_desired, w.speed)
-    for k in range(len(tau_desired)):
-        tau_desired[k] = rest[k] + share * (tau_desired[k] - rest[k])
-    saturate(w.drives, tau_desired, w.speed, w.kept)
+    coast, tau = w.coast, w.tau_desired
+    for k in range(len(coast)):
+        before, coast[k] = coast[k], w.push[k]
+        inverse_dynamics(arm.bodies, q, dq, coast, w.level, w.dynamics)
+        share = _cut(w, arm.active, tau, w.level, ticks)
+        coast[k] = before + share * (w.push[k] - before)
+        copy(w.level, tau)
+    saturate(w.drives, tau, w.speed, w.kept)
 
 
 @kernel
-def _share(packed: Array, rest: Array, tau_desired: Array, speed: Array) -> float:
-    """Return how much of the way from ``rest`` to ``tau_desired`` is within all drives' peaks."""
-    n, share = len(rest), 1.0
+def _keep_speed(w: Tracking, arm: Tables, q: Array, dq: Array) -> None:
+    """Lead from constant speed towards the torques of coasting, which the drives do not have.
+
+    Those stay of which each drive gives what it can where the drives cannot even keep the speeds:
+    beyond its no-load speed a drive that is to hold something gives nothing, and cut by one share
+    the others would not brake either.
+    """
+    w.coast[:] = 0.0
+    inverse_dynamics(arm.bodies, q, dq, w.coast, w.level, w.dynamics)
+    if largest_share(w.drives, w.level, w.speed) <= 1.0:
+        _cut(w, arm.active, w.level, w.given, np.inf)
+        saturate(w.drives, w.given, w.speed, w.kept)
+
+
+@kernel
+def _cut(w: Tracking, index: Array, rest: Array, tau_desired: Array, ticks: float) -> float:
+    """Lead torques within every limit as far to the desired ones as they can; return the share.
+
+    Torques are cut along the line from ``rest`` to the desired ones, all joints by the same share:
+    then each acceleration stays between these, which both respect the speed limits and the stops.
+    Cutting torques joint by joint would let one joint's limit push another beyond its own.
+    """
+    n, share, packed = len(rest), 1.0, w.drives
     for m in range(n):
         start, way = 0.0, 0.0
         for k in range(n):
             start += packed[m, k] * rest[k]
             way += packed[m, k] * (tau_desired[k] - rest[k])
         goal = start + way
-        bound = bound_of(packed, m, goal, drive_asked(packed, m, tau_desired, speed)[1], 0.0)
-        if abs(goal) > bound:
-            edge = np.copysign(bound, goal)
-            share = min(share, max((edge - start) / way, 0.0)) if way * goal > 0.0 else 0.0
+        bound = bound_of(packed, m, goal, drive_asked(packed, m, tau_desired, w.speed)[1], 0.0)
+        share = min(share, _share(start, goal, bound))
+    for k in range(len(index)):
+        if np.isfinite(w.before[k]):
+            start, goal = rest[index[k]] - w.before[k], tau_desired[index[k]] - w.before[k]
+            share = min(share, _share(start, goal, ticks * w.change[k]))
+    for k in range(n):
+        tau_desired[k] = rest[k] + share * (tau_desired[k] - rest[k])
     return share
+
+
+@kernel
+def _share(start: float, goal: float, bound: float) -> float:
+    """Return how much of the way from ``start`` to ``goal`` is within a bound on the size."""
+    way = goal - start
+    if not abs(goal) > bound + _ROUNDING:
+        return 1.0
+    return max((np.copysign(bound, goal) - start) / way, 0.0) if way * goal > 0.0 else 0.0
 
 
 @kernel
