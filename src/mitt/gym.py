@@ -224,7 +224,7 @@ class Environment(gymnasium.Env[Observation, Numbers], ABC):
         if self.residual:
             return self._catcher.looking
         sensing = self.scene.sensing
-        first = self.ticks - 1 - sensing.latency if sensing.frame_rate >= 1.0 / TICK else 0
+        first = self.ticks - 1 - sensing.image_latency if sensing.frame_rate >= 1.0 / TICK else 0
         return self.watched or (self.pixels and k >= first)
 
     def _command(self, senses: Senses | None, given: Array) -> Command:

@@ -232,7 +232,7 @@ class Staged:
             return
         ball = self.track.state(self.t_last)
         t = max(frame.t for frame in senses.frames)
-        self.eyes.guide(ball, t, gap=TICK, alone=not self.beside)
+        self.eyes.guide(ball, t, alone=not self.beside)
 
     def keep_below(self, speeds: Array) -> None:
         """Take the speeds below which the catcher keeps the joints, as its verdict says."""

@@ -51,7 +51,7 @@ def watch(
     for k in range(BOUNCE + FRAMES):
         t = TICK * k
         veiled = -BEFORE <= k - BOUNCE < hidden - BEFORE
-        eyes.guide(f.state(t), t, gap=TICK, alone=True)
+        eyes.guide(f.state(t), t, alone=True)
         frames = imager.render(t, nowhere if veiled else r, RADIUS, dr_o=dr)
         f.update(eyes.step(frames if shown or not veiled else ()))
         ball = f.state(t)

@@ -1,7 +1,7 @@
 """The image sensor against brute force, and its noise against its settings."""
 
 from collections.abc import Callable
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -196,3 +196,17 @@ def test_a_rolling_shutter_shows_a_ball_when_its_row_is_exposed(readout: float) 
             v, u = (np.sum(mass * axis) / mass.sum() for axis in np.mgrid[:128, :128])
             late = readout * (v / 127.0 - 0.5)
             assert (u, v) == pytest.approx(camera.project(r + late * dr), abs=0.15)
+
+
+def test_lamps_that_flicker_show_in_bands_and_not_in_a_whole_period() -> None:
+    """A rolling shutter shows them row by row; an exposure of their period averages them."""
+    rig, still = fixed_rig(), replace(CLEAN, brightness=100.0, background=100.0)
+    for exposure, readout, least, most in (
+        (5e-4, 0.0, 0.0, 0.6),
+        (5e-4, 0.02, 8.0, 30.0),
+        (0.01, 0.02, 0.0, 0.6),
+    ):
+        sensor = replace(still, exposure=exposure, readout=readout, light=(0.1, 100.0))
+        imager = Imager(rig, sensor, np.random.default_rng(5))
+        rows = imager.render(0.0, None, 0.04)[0].pixels.mean(axis=1)
+        assert least <= np.ptp(rows) <= most

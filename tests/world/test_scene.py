@@ -42,6 +42,7 @@ def test_a_file_changes_only_what_it_names(tmp_path: Path) -> None:
         ("[ball]\nradious = 0.04", "one of the keys radius, mass, drag, brightness, material"),
         ("ball = 3", "key ball"),
         ("[sensing]\nlatency = 1.5", "sensing.latency"),
+        ("[sensing]\nexposure = 0.01", "exposure of at most a frame, 1 / frame_rate"),
         ("[mismatch]\nmass = 0.9", "mismatch.mass"),
         ("[contact]\nsettle = 0.0001", "contact.settle"),
         pytest.param("[sensing]\nlatency = 0x" + 6000 * "f", "sensing.latency", id="digits"),

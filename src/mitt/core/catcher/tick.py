@@ -64,7 +64,7 @@ from mitt.core.control.tracking import Tracking, derate, largest_gap, track
 from mitt.core.control.viability import BLOCKED, safety_filter
 from mitt.core.eyes.head import aim_heads, bearing, lead
 from mitt.core.eyes.held import find_held
-from mitt.core.eyes.localization import guide, localize
+from mitt.core.eyes.localization import any_shown, guide, localize
 from mitt.core.kernels import big_kernel, copy, kernel
 from mitt.core.map.mapping import reference
 from mitt.core.map.prediction import time_to_catch
@@ -150,7 +150,7 @@ def perceive(seen: Seen, read: Read, state: CatcherState, result: Result) -> Non
     if s.heads > 0:
         aim_heads(state.eyes)
     _guide(images, t_exposed, beside, state, result)
-    found = localize(images, backgrounds, apart, state.eyes, state.z, state.R)
+    found = localize(images, backgrounds, apart, t_exposed, state.eyes, state.z, state.R)
     t_seen = t_exposed + state.eyes.rig[0].late
     out.sighted, out.t_sighted = found and is_of_now(t_exposed, t, state), t_seen
     if found and not out.sighted:
@@ -257,7 +257,7 @@ def _see_held(
     """Find the ball that rides on the braking hand; its flight is over, the filter is not told."""
     s, out, hand = state.scalars[0], result.scalars[0], state.hand
     tip_motion(state.chain, state.estimated[0], state.estimated[1], hand)
-    if _is_shown(images):
+    if any_shown(images):
         if s.heads > 0:
             aim_heads(state.eyes)
         for i in range(3):
@@ -274,23 +274,14 @@ def _see_held(
 
 
 @kernel
-def _is_shown(images: tuple[Image, ...]) -> bool:
-    """Say whether there is an image."""
-    shown = False
-    for n in range(len(images)):
-        shown |= images[n].size > 0
-    return shown
-
-
-@kernel
 def _guide(
     images: tuple[Image, ...], t_exposed: float, beside: bool, state: CatcherState, result: Result
 ) -> None:
     """Give the eyes the prediction of the ball from the tick before."""
     out = result.scalars[0]
     rig, ball = state.eyes.rig[0], result.ball
-    if _is_shown(images):
-        guide(rig, ball[0], ball[1], t_exposed - out.t_ball, TICK, out.sigma, not beside)
+    if any_shown(images):
+        guide(rig, ball[0], ball[1], t_exposed - out.t_ball, t_exposed, out.sigma, not beside)
 
 
 @kernel
@@ -341,7 +332,7 @@ def _turn_heads(
 ) -> None:
     """Let the heads look where the ball will be when the command acts."""
     s, out, target, ball = state.scalars[0], result.scalars[0], state.look_at, result.ball
-    if _is_shown(images):
+    if any_shown(images):
         s.t_exposed = t_exposed
     for i in range(3):
         target[0, i], target[1, i] = ball[0, i] + TICK * ball[1, i], ball[1, i]

@@ -209,24 +209,22 @@ class Eyes:
         head.lead(self._handle, motion, t_seen, self._t, t, desired)
         return desired
 
-    def guide(self, ball: BallState, t: float, *, gap: float, alone: bool) -> None:
+    def guide(self, ball: BallState, t: float, *, alone: bool) -> None:
         """Say where the ball should be; where both cameras see it, that changes nothing.
 
         Args:
             ball: Estimate of the ball, at a time near ``t``; it counts if its position is known to
                 60 mm.
             t: Time of the frames that come next [s].
-            gap: Time between two frames [s].
             alone: Whether one camera counts while something hides the ball from the other.
 
         Raises:
             InputError: One of them is not what it should be.
         """
         ball = checks.instance("ball", ball, BallState)
-        ahead = checks.number("t", t, finite=True) - ball.t
-        gap, alone = checks.number("gap", gap, finite=True), checks.flag("alone", alone)
+        t, alone = checks.number("t", t, finite=True), checks.flag("alone", alone)
         sigma = np.sqrt(np.trace(ball.covariance[:3, :3]) / 3.0) if ball.tracked else np.inf
-        localization.guide(self.memory.rig[0], ball.r_o, ball.dr_o, ahead, gap, sigma, alone)
+        localization.guide(self.memory.rig[0], ball.r_o, ball.dr_o, t - ball.t, t, sigma, alone)
 
     def step(self, frames: tuple[Frame, ...]) -> Sighting:
         """Return where the ball is in frames exposed together.
@@ -243,12 +241,11 @@ class Eyes:
         images, apart, t = self.arrange(frames)
         rig = self.memory.rig[0]
         if frames:
-            rig["gap"] = max(t - self._t, 0.0) if isfinite(t - self._t) else 0.0
             self._t = t
         if self.heads:
             head.aim_heads(self._handle)
         r_o, covariance = np.empty(3), np.empty((3, 3))
-        if localize(images, self.backgrounds, apart, self._handle, r_o, covariance):
+        if localize(images, self.backgrounds, apart, t, self._handle, r_o, covariance):
             return Sighting(t=t + float(rig["late"]), found=True, r_o=r_o, covariance=covariance)
         return no_sighting(t)
 

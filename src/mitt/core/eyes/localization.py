@@ -22,19 +22,23 @@ from mitt.core.eyes.segmentation import (
     detect,
     find_sign,
     follow_target,
+    level_behind,
     measure_if_due,
     most_like_ball,
+    noise_over_contrast,
     outline,
     searched_difference,
 )
 from mitt.core.eyes.triangulation import NEAR, note, on_ray, triangulate
 from mitt.core.kernels import Fields, Handle, Record, define, kernel
-from mitt.core.signals import Array, Image
+from mitt.core.signals import TICK, Array, Image
 
 BLIND, ONE, BOTH, AT_ODDS = range(4)
 """What the last frames said of the ball; ``EyesStatus``."""
 LACKING = -2.0
 """Instead of a centroid's standard deviation: the target is not as heavy as the ball should be."""
+SHORTEST = 0.25
+"""Least time between two images [ticks]: that of a camera of 4 kHz."""
 LARGE = 2.0
 """Mass over the one that the ball should have above which a target is something else."""
 MOST = 6
@@ -44,23 +48,25 @@ TRACK = np.dtype(
     [
         ("r", float, (3,)),
         ("start", float, (3,)),  # last and first position [m]
-        ("first", np.int64),
-        ("last", np.int64),  # the frames of these
+        ("first", float),
+        ("last", float),  # when, since the search began [ticks]
         ("seen", np.int64),
         ("pair", np.int64, (2,)),  # in how many it was seen, its targets
     ]
 )
 """A candidate for the ball."""
-SEEN = np.dtype([("u", float), ("v", float), ("area", float), ("group", GROUP)])
-"""A target that may be the ball: centroid [px], area [px^2], its pixels."""
+SEEN = np.dtype([("u", float), ("v", float), ("area", float), ("noise", float), ("group", GROUP)])
+"""A target that may be the ball: centroid [px], area [px^2], noise over contrast, its pixels."""
 RIG = np.dtype(
     [
         ("status", np.int64),  # BLIND, ONE, BOTH or AT_ODDS
         ("r", float, (3,)),
-        ("step", float, (3,)),  # position [m], its motion a frame [m]
+        ("step", float, (3,)),  # position [m], its motion a tick [m]
         ("known", float),  # sightings that the position rests on
         ("since", float),
-        ("age", float),  # frames since both cameras saw it, since a correction
+        ("age", float),  # time since both cameras saw it, since a correction [ticks]
+        ("gap", float),  # time since the images before [ticks]
+        ("t", float),  # when the last images were exposed [s]
         ("odds", float),  # frames at odds in a row
         ("missed", float),  # frames since a sighting that should have shown the ball and did not
         (
@@ -69,10 +75,9 @@ RIG = np.dtype(
         ),  # whether one camera counts while something hides the ball from the other
         ("guided", float),  # distance from a position of ``guide`` at which the ball may be [m]
         ("rounds", np.int64),
-        ("frame", np.int64),  # searches begun anew, frames of this one so far
+        ("searched", float),  # searches begun anew, time of this one so far [ticks]
         ("count", np.int64),
         ("tracks", TRACK, (MOST,)),  # its candidates
-        ("gap", float),  # time between two frames; 0 if unknown [s]
         ("late", float),  # how much later than its images the ball was seen, by its rows [s]
         ("t_shown", float),
         ("lag", float),  # of the gaze: last exposure, lag of one with the ball [s]
@@ -95,9 +100,13 @@ WORK = np.dtype(
 
 @final
 class _Limits(NamedTuple):
-    """When what is known of the ball is old, wrong or enough; found on simulated throws."""
+    """When what is known of the ball is old, wrong or enough; found on simulated throws.
 
-    # Age of a position: frames without both cameras after which it is old, and no more than so many
+    Times are in ticks, of which one is a frame of a camera of 1 kHz. The time between two images
+    that both show the ball counts as one tick, however long it is.
+    """
+
+    # Age of a position: ticks without both cameras after which it is old, and no more than so many
     # for each sighting that it rests on, as its motion is then a guess; frames at odds that are no
     # accident; sightings that count, and frames over which the contrast may change.
     forget: float = 100.0
@@ -105,7 +114,7 @@ class _Limits(NamedTuple):
     stubborn: float = 20.0
     slowly: float = 20.0
     # Share of the ball's mass by which a target differs by noise, by which it may differ, what
-    # patches of the background add to that, over the radius [px], and each frame without both.
+    # patches of the background add to that, over the radius [px], and each tick without both.
     sure: float = 0.002
     misfit: float = 0.01
     small: float = 0.05
@@ -117,34 +126,38 @@ class _Limits(NamedTuple):
     deviations: float = 3.0
     # Relative standard deviation of the light of a window, over noise / background.
     lit: float = 0.07
-    # Distance from where it should be within which a lost ball is searched, and what each frame
+    # Distance from where it should be within which a lost ball is searched, and what each tick
     # without both cameras adds [m]: it may change its speed by 10 m/s.
     reach: float = 0.12
     astray: float = 0.01
     # The same where its flight says where it should be: it is nowhere else, two standard deviations
-    # added; standard deviation of the flight's position below which it says so [m]; and frames
+    # added; standard deviation of the flight's position below which it says so [m]; and ticks
     # without a sighting after which it does no longer: the ball may have bounced where nothing saw
     # it. While it is above an image they do not count: there is nothing to bounce off.
     guided_reach: float = 0.06
     guided_sigma: float = 0.06
     guides: float = 30.0
-    # Gains of position and motion from frame to frame; frames after which motion starts anew.
+    # Gains of position and motion from frame to frame; ticks after which motion starts anew.
     alpha: float = 0.5
     beta: float = 0.1
     restart: float = 20.0
-    # Frames for which candidates are followed, in how many of them the ball is seen at least, and
-    # after how many the search begins anew. In 8 ms a thrown ball goes 40 mm, and 5 m away its
-    # place is known to a few millimetres.
-    frames: int = 8
+    # Ticks for which candidates are followed, and in how many frames the ball is seen at least, or
+    # where so few take that long; and ticks, or frames where these are longer, after which the
+    # search begins anew. In 8 ms a thrown ball goes 40 mm, and 5 m away its place is known to a few
+    # millimetres.
+    frames: float = 8.0
     seen: int = 5
-    patience: int = 24
-    # Distance in a frame [m] below which a candidate may be a ball that rolls, 2 m/s at a
-    # kilohertz; what the noise of two positions adds to a distance [m]; how often the search begins
-    # anew before such a one is taken all the same; most distance in a frame [m].
+    few: int = 3
+    patience: float = 24.0
+    # Distance in a tick [m] below which a candidate may be a ball that rolls, 2 m/s; what the noise
+    # of two positions adds to a distance [m]; how often the search begins anew before such a one is
+    # taken all the same; most distance in a tick [m], and what each further tick without a frame
+    # adds: a ball of 12 m/s.
     slow: float = 0.002
     blur: float = 0.01
     rounds: int = 6
     leap: float = 0.05
+    farther: float = 0.012
     # Speed of a ball of which nothing is known [m/s], and its distance from a camera [m].
     fast: float = 6.0
     close: float = 3.0
@@ -194,7 +207,7 @@ def eyes_handle(memory: EyesMemory) -> Any:  # noqa: ANN401
 
 @kernel
 def guide(
-    rig: Fields, r: Array, dr: Array, ahead: float, gap: float, sigma: float, alone: bool
+    rig: Fields, r: Array, dr: Array, ahead: float, t: float, sigma: float, alone: bool
 ) -> None:
     """Tell cameras that do not both see the ball where it should be by its flight.
 
@@ -202,16 +215,18 @@ def guide(
         rig: What the cameras remember together.
         r: Position [m], shape (3,).
         dr: Velocity [m/s], shape (3,).
-        ahead: Time from there to the frames that come next [s].
-        gap: Time between two frames [s].
+        ahead: Time from there to the images that come next [s].
+        t: When these are exposed [s].
         sigma: Standard deviation of that position [m]; infinite without a flight.
         alone: Whether one camera counts while something hides the ball from the other.
     """
-    rig.alone, rig.gap = 1 if alone else 0, gap
-    if not sigma < LIMITS.guided_sigma or rig.since == 0.0 or rig.age >= LIMITS.guides:
+    rig.alone = 1 if alone else 0
+    gap = max(t - rig.t, 0.0)
+    fresh = rig.since == 0.0 and gap < 1.5 * TICK
+    if not sigma < LIMITS.guided_sigma or fresh or rig.age >= LIMITS.guides:
         return
     for i in range(3):
-        rig.r[i], rig.step[i] = r[i] + (ahead + rig.late - gap) * dr[i], gap * dr[i]
+        rig.r[i], rig.step[i] = r[i] + (ahead + rig.late - gap) * dr[i], TICK * dr[i]
     rig.known, rig.guided = LIMITS.slowly, LIMITS.guided_reach + 2.0 * sigma
     rig.since = min(rig.since, LIMITS.forget - 2.0)
 
@@ -221,6 +236,7 @@ def localize(
     images: tuple[Image, ...],
     backgrounds: tuple[Image, ...],
     apart: int,
+    t: float,
     eyes: EyesMemory,
     r: Array,
     P: Array,
@@ -232,6 +248,7 @@ def localize(
         backgrounds: One a camera, as in :mod:`mitt.core.eyes.segmentation`, then scratch as large
             as the largest image.
         apart: Images that were not exposed at the instant that is asked for, a bit each.
+        t: That instant [s].
         eyes: What the cameras know and remember, overwritten.
         r: Result, centre of the ball [m], shape (3,).
         P: Result, its covariance [m^2], shape (3, 3).
@@ -243,8 +260,10 @@ def localize(
     """
     hidden, gone, count, one = False, False, 0, -1
     points, rig = eyes.points, eyes.rig[0]
-    _predict(rig)
     rig.status = BLIND
+    if not any_shown(images):
+        return False
+    _predict(rig, t)
     if _is_searching(images, apart, eyes) and not _choose(images, backgrounds, eyes, r, P):
         return False
     guided = rig.guided > 0.0
@@ -253,11 +272,12 @@ def localize(
     if rig.known > 0.0:
         expect(eyes, rig.r, reach + LIMITS.astray * since)
         if guided and min(eyes.targets[0].at_v, eyes.targets[1].at_v) < 0.0:
-            rig.age -= 1.0
+            rig.age -= rig.gap
     else:
         for n in range(len(points)):
             own = eyes.targets[n]
             own.expected, own.weighed, own.near = 0.0, 0.0, 0.0
+    since -= rig.gap - 1.0
     for n in range(len(points)):
         points[n].sigma = -1.0
         if images[n].size > 0:
@@ -283,15 +303,27 @@ def localize(
 
 
 @kernel
-def _predict(rig: Fields) -> None:
-    """Move the last position on by one frame; forget it where it is old."""
-    rig.since += 1.0
-    rig.age += 1.0
-    if rig.since > min(LIMITS.forget, LIMITS.hasty * rig.known):
+def any_shown(images: tuple[Image, ...]) -> bool:
+    """Return whether there is an image."""
+    shown = False
+    for n in range(len(images)):
+        shown |= images[n].size > 0
+    return shown
+
+
+@kernel
+def _predict(rig: Fields, t: float) -> None:
+    """Move the last position on to images that were exposed at ``t``; forget it where it is old."""
+    rig.gap, rig.t = max((t - rig.t) / TICK, 0.0), t
+    rig.since += rig.gap
+    rig.age += rig.gap
+    if rig.searched > 0.0:
+        rig.searched += rig.gap
+    if rig.since - rig.gap + 1.0 > min(LIMITS.forget, LIMITS.hasty * rig.known):
         rig.known = 0.0
     if rig.known > 0.0:
         for i in range(3):
-            rig.r[i] += rig.step[i]
+            rig.r[i] += rig.gap * rig.step[i]
 
 
 @kernel
@@ -324,22 +356,27 @@ def _look(
 ) -> tuple[bool, bool, bool]:
     """Find the target of camera ``n``, and write what it sees.
 
-    ``expected`` are the frames since the ball was seen, and whether its flight says where it is.
+    ``expected`` are the ticks since the ball was seen, and whether its flight says where it is.
 
     Returns:
         Whether it is the whole ball; whether something hides that, or is beside it; and whether
         there is nothing where the ball should be.
     """
     own, point, (since, guided) = eyes.targets[n], eyes.points[n], expected
+    own.behind = own.mean
+    unscaled = own.weighed == 0.0 or own.expected == 0.0
     area, clipped = detect(
         pixels, background, scratch, own, eyes.segmenter[0], eyes.segment_work[0]
     )
+    if unscaled and own.learned > 0 and area > 0:
+        own.behind = level_behind(background, own)
     hidden = own.state >= MERGED
     if own.state == GOOD and area > 0 and guided and _is_elsewhere(own):
         hidden, own.state = True, LOST  # to be searched anew
     if apart or area == 0 or own.state != GOOD:
         return False, hidden, area == 0 and _is_inside(own, pixels)
-    if not note(point, own.u, own.v, float(area), clipped, eyes.ball[0]):
+    noise = noise_over_contrast(own, own.moments)
+    if not note(point, own.u, own.v, float(area), noise, clipped, eyes.ball[0]):
         return False, hidden, False
     if _is_whole(own, since, point):
         return True, hidden, False
@@ -372,8 +409,8 @@ def _is_whole(target: Fields, since: float, point: Fields) -> bool:
     ball that is hidden in part has less, long before its shape gives it away. A rim that hides a
     share s of the disc moves the centroid by up to s radii: its error widens by that. A contrast
     that rests on few frames is soon forgotten: they may have been odd. Before a background of
-    little contrast noise alone takes more from it. ``since`` counts the frames
-    since both cameras saw the ball.
+    little contrast noise alone takes more from it. ``since`` counts the ticks since both cameras
+    saw the ball.
     """
     if target.expected == 0.0 or since >= LIMITS.hasty * target.weighed:
         target.weighed = 0.0
@@ -384,6 +421,7 @@ def _is_whole(target: Fields, since: float, point: Fields) -> bool:
     if target.learned > 0:
         light = LIMITS.lit * target.noise / max(target.mean, 1.0)
         spread = hypot(spread, light * (1.0 + target.mean / target.gain))
+    spread *= sqrt(1.0 + 1.0 / target.weighed)
     allowed = max(LIMITS.small / radius, LIMITS.deviations * spread - LIMITS.misfit)
     off = max(lacking - LIMITS.sure - 0.5 * allowed, 0.0) * radius
     point.sigma = sqrt(point.sigma * point.sigma + off * off)
@@ -410,7 +448,7 @@ def _bring_together(eyes: EyesMemory) -> float:
         if not point.sigma > 0.0 or early == 0.0:
             continue
         x, y, z = in_camera(camera, rig.r)
-        if rig.known < 2.0 or rig.gap <= 0.0 or not z > NEAR * eyes.ball[0].radius:
+        if rig.known < 2.0 or not z > NEAR * eyes.ball[0].radius:
             most = LIMITS.fast * camera.f_px / LIMITS.close * early
             point.sigma = hypot(point.sigma, most)
             continue
@@ -420,7 +458,7 @@ def _bring_together(eyes: EyesMemory) -> float:
             dx += camera.R[i, 0] * rig.step[i]
             dy += camera.R[i, 1] * rig.step[i]
             dz += camera.R[i, 2] * rig.step[i]
-        scale = camera.f_px / z * early / rig.gap
+        scale = camera.f_px / z * early / TICK
         point.u += scale * (dx - u * dz)
         point.v += scale * (dy - v * dz)
     return late
@@ -441,8 +479,9 @@ def _count_where_they_meet(eyes: EyesMemory, since: float) -> int:
     for n in range(len(points)):
         seen[n].sigma = -1.0
         own = eyes.targets[n]
-        if own.weighed == LIMITS.slowly and (points[n].sigma > 0.0 or points[n].sigma == LACKING):
-            count += note(seen[n], own.u, own.v, own.area, False, ball)
+        if own.weighed > 0.0 and (points[n].sigma > 0.0 or points[n].sigma == LACKING):
+            noise = noise_over_contrast(own, own.moments)
+            count += note(seen[n], own.u, own.v, own.area, noise, False, ball)
     if count < 2:
         return 0
     residual = triangulate(eyes.cameras, seen, ball.radius, work.r, work.P, eyes.solve_work[0])
@@ -468,6 +507,7 @@ def _locate(eyes: EyesMemory, r: Array, P: Array) -> bool:
     if residual <= ball.max_residual:
         _correct(rig, r)
         rig.since, rig.odds, rig.status = 0.0, 0.0, BOTH
+        expect(eyes, r, 0.0)
         for n in range(len(points)):
             if points[n].sigma > 0.0:
                 _learn(n, eyes, r)
@@ -496,21 +536,21 @@ def _locate_alone(one: int, hidden: bool, eyes: EyesMemory, r: Array, P: Array) 
 @kernel
 def _correct(rig: Fields, r: Array) -> None:
     """Correct position and motion from frame to frame by an alpha-beta filter."""
-    frames = max(rig.age, 1.0)
-    count = rig.known if frames < LIMITS.restart else 0.0
+    ticks = max(rig.age, SHORTEST)
+    count = rig.known if rig.age - rig.gap + 1.0 < LIMITS.restart else 0.0
     for i in range(3):
         error = r[i] - rig.r[i]
         rig.r[i] = r[i] if count < 2.0 else rig.r[i] + LIMITS.alpha * error
         if count == 0.0:
             rig.step[i] = 0.0
         else:
-            rig.step[i] += (1.0 if count == 1.0 else LIMITS.beta) * error / frames
+            rig.step[i] += (1.0 if count == 1.0 else LIMITS.beta) * error / ticks
     rig.known, rig.age, rig.missed = min(count + 1.0, LIMITS.slowly), 0.0, 0.0
 
 
 @kernel
 def _learn(n: int, eyes: EyesMemory, r: Array) -> None:
-    """Update the ball's contrast, and by how much camera ``n`` differs from where all see the ball.
+    """Update the ball's contrast before the mean background, and by how much camera ``n`` differs from where all see the ball.
 
     A calibration leaves such an offset, ten times the noise of a frame. Without it a camera that
     goes on alone would see the ball jump, which the filter would take for a kick.
@@ -519,7 +559,8 @@ def _learn(n: int, eyes: EyesMemory, r: Array) -> None:
     radius = eyes.ball[0].radius
     if own.expected > 0.0:
         own.weighed = min(own.weighed + 1.0, LIMITS.slowly)
-        own.gain += (own.moments.mass / own.expected - own.gain) / own.weighed
+        before_mean = own.moments.mass / own.expected + own.sign * (own.behind - own.mean)
+        own.gain += (before_mean - own.gain) / own.weighed
     place, share = in_camera(camera, r), 1.0 / max(eyes.rig[0].known, 1.0)
     if place[2] > NEAR * radius:
         u, v = sphere_centroid(camera, place, radius)
@@ -552,30 +593,34 @@ def _choose(
     seen, partners = work.seen, work.partners
     a, b = _list_targets(images, backgrounds, 0, eyes), _list_targets(images, backgrounds, 1, eyes)
     if a == 0 or b == 0:
-        rig.frame += 1 if rig.frame > 0 else 0
         return False
-    if rig.frame == 0 and rig.rounds == 0 and a == 1 and b == 1:
+    if rig.searched == 0.0 and rig.rounds == 0 and a == 1 and b == 1:
         _take_both(images, backgrounds, eyes, 0, 0)
         return True
-    rig.frame += 1
+    if rig.searched == 0.0:
+        rig.searched, rig.count = 1.0, 0
     for i in range(MOST):
         for j in range(MOST):
             paired = i < a and j < b
             work.residuals[i, j] = _meet(seen[0, i], seen[1, j], eyes, r, P) if paired else np.inf
     _match(work)
-    for i in range(MOST):
-        if partners[i] >= 0:
-            _meet(seen[0, i], seen[1, partners[i]], eyes, r, P)
-            rig.count = _follow(rig.tracks, rig.count, rig.frame, r, (i, partners[i]))
-    if rig.frame < LIMITS.frames:
+    for near in (True, False):  # what hardly moved first, so that it loses its track to none
+        for i in range(MOST):
+            if partners[i] >= 0:
+                _meet(seen[0, i], seen[1, partners[i]], eyes, r, P)
+                pair = i, partners[i]
+                rig.count, taken = _follow(rig.tracks, rig.count, rig.searched, r, pair, near)
+                partners[i] = -1 if taken else partners[i]
+    if rig.searched < LIMITS.frames:
         return False
-    chosen = _fastest(rig.tracks, rig.count, rig.rounds >= LIMITS.rounds)
-    if chosen < 0 or rig.tracks[chosen].last < rig.frame:
-        if rig.frame >= LIMITS.patience:
-            rig.frame, rig.count = 0, 0
+    enough = LIMITS.few if rig.gap * LIMITS.few >= LIMITS.frames else LIMITS.seen
+    chosen = _fastest(rig.tracks, rig.count, rig.rounds >= LIMITS.rounds, enough)
+    if chosen < 0 or rig.tracks[chosen].last < rig.searched:
+        if rig.searched >= max(LIMITS.patience, LIMITS.frames * rig.gap):
+            rig.searched = 0.0
             rig.rounds += 1
         return False
-    rig.frame, rig.count, rig.rounds = 0, 0, 0
+    rig.searched, rig.rounds = 0.0, 0
     pair = rig.tracks[chosen].pair
     _take_both(images, backgrounds, eyes, pair[0], pair[1])
     return True
@@ -620,6 +665,7 @@ def _list_targets(
             continue
         one = seen[n, count]
         one.u, one.v, one.area = own.moments.u, own.moments.v, own.moments.area
+        one.noise = noise_over_contrast(own, own.moments)
         one.group = group
         count += 1
     return count
@@ -656,7 +702,7 @@ def _meet(a: Fields, b: Fields, eyes: EyesMemory, r: Array, P: Array) -> float:
     for n in range(len(points)):
         points[n].sigma = -1.0
     for n, seen in enumerate((a, b)):
-        if not note(points[n], seen.u, seen.v, seen.area, False, ball):
+        if not note(points[n], seen.u, seen.v, seen.area, seen.noise, False, ball):
             return np.inf
     residual = triangulate(eyes.cameras, points, ball.radius, r, P, eyes.solve_work[0])
     if not residual <= ball.max_residual:
@@ -698,62 +744,86 @@ def _match(work: Fields) -> None:
 
 
 @kernel
-def _follow(tracks: Record, count: int, frame: int, r: Array, pair: tuple[int, int]) -> int:
-    """Take a position into the track that it goes on with, or a new one; return their number.
+def _follow(
+    tracks: Record, count: int, now: float, r: Array, pair: tuple[int, int], near: bool
+) -> tuple[int, bool]:
+    """Take a position into the track that it goes on with, or a new one.
 
     Where there is no room, it takes the place of the one least like a thrown ball.
+
+    Args:
+        tracks: Candidates.
+        count: Their number.
+        now: Time since the search began [ticks].
+        r: The position [m], shape (3,).
+        pair: Targets of the two cameras.
+        near: Whether it is to go on with a track that hardly moves, or none.
+
+    Returns:
+        The number of candidates, and whether it was taken.
     """
-    near, best = LIMITS.leap, -1
+    least, best = np.inf, -1
     for k in range(count):
-        gap, away = frame - tracks[k].last, 0.0
+        gap, away = now - tracks[k].last, 0.0
         for i in range(3):
             away += (tracks[k].r[i] - r[i]) ** 2
-        if gap > 0 and sqrt(away) < near * gap:
-            best, near = k, sqrt(away) / gap
+        most = LIMITS.leap if near else LIMITS.leap * gap
+        if not near and gap > 1.0:
+            most = LIMITS.leap + LIMITS.farther * (gap - 1.0)
+        if gap > 0.0 and sqrt(away) < min(most, least * gap):
+            best, least = k, sqrt(away) / gap
+    if near and best < 0:
+        return count, False
     begins = best < 0
     if begins:
-        best = count if count < len(tracks) else _slowest(tracks, frame)
+        best = count if count < len(tracks) else _slowest(tracks, now)
     track = tracks[best]
     if begins:
-        track.first, track.seen = frame, 0
+        track.first, track.seen = now, 0
         for i in range(3):
             track.start[i] = r[i]
     for i in range(3):
         track.r[i] = r[i]
-    track.last, track.pair[0], track.pair[1] = frame, pair[0], pair[1]
+    track.last, track.pair[0], track.pair[1] = now, pair[0], pair[1]
     track.seen += 1
-    return max(count, best + 1)
+    return max(count, best + 1), True
 
 
 @kernel
 def _speed(track: Fields) -> float:
-    """Return how far a track moved in a frame [m]."""
+    """Return how far a track moved in a tick [m]."""
     moved = 0.0
     for i in range(3):
         moved += (track.r[i] - track.start[i]) ** 2
-    return float(sqrt(moved) / max(track.last - track.first, 1))
+    return float(sqrt(moved) / max(track.last - track.first, 1.0))
 
 
 @kernel
-def _slowest(tracks: Record, frame: int) -> int:
+def _slowest(tracks: Record, now: float) -> int:
     """Return the track least like a thrown ball: lost for some frames, or else the slowest."""
-    worst, least = 0, np.inf
+    worst, least, newest = 0, np.inf, 0.0
     for k in range(len(tracks)):
-        speed = _speed(tracks[k]) if tracks[k].last >= frame - 3 else -1.0
+        newest = max(newest, tracks[k].last)
+    for k in range(len(tracks)):
+        lost = tracks[k].last < newest - 3.0 * max(now - newest, 1.0)
+        speed = -1.0 if lost else _speed(tracks[k])
         if speed < least:
             worst, least = k, speed
     return worst
 
 
 @kernel
-def _fastest(tracks: Record, count: int, slow: bool) -> int:
-    """Return the track that moved fastest, or -1; one that may be a rolling ball if ``slow``."""
+def _fastest(tracks: Record, count: int, slow: bool, enough: int) -> int:
+    """Return the track that moved fastest, or -1; one that may be a rolling ball if ``slow``.
+
+    It was seen in ``enough`` frames.
+    """
     best, speed = -1, -1.0
     for k in range(count):
         track = tracks[k]
-        one, frames = _speed(track), max(track.last - track.first, 1)
-        if not slow and one * frames < LIMITS.blur + LIMITS.slow * frames:
+        one, ticks = _speed(track), max(track.last - track.first, 1.0)
+        if not slow and one * ticks < LIMITS.blur + LIMITS.slow * ticks:
             continue
-        if track.seen >= LIMITS.seen and one > speed:
+        if track.seen >= enough and one > speed:
             best, speed = k, one
     return best

@@ -36,7 +36,7 @@ Runs and moments: :mod:`mitt.core.eyes.blobs`.
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from math import sqrt
+from math import pi, sqrt
 from typing import Annotated
 
 import numpy as np
@@ -103,6 +103,7 @@ TARGET = np.dtype(
         ("at_v", float),  # where the ball should be [px]
         ("near", float),  # how far from there it may be; 0 if unknown [px]
         ("offset", float, (2,)),  # centroid less that of the ball where all cameras see it [px]
+        ("behind", float),  # the background that its mass is measured before [grey levels]
         ("sign", np.int64),  # 1: brighter than the background, -1: darker; 0: not known
         ("learned", np.int64),  # whether its background was learned, without the ball
         ("faults", np.int64),  # pixels that stand out of their neighbours in the background
@@ -433,6 +434,28 @@ def measure_background(pixels: Image, counts: Ints) -> tuple[float, float]:
         first += counts[value] * d
         second += counts[value] * d * d
     return middle + first / n, np.sqrt(max(second / n - (first / n) ** 2, 0.0))
+
+
+@kernel
+def level_behind(background: Image, target: Fields) -> float:
+    """Return the mean level of the background where a target is, about as large as it."""
+    half = int(sqrt(target.area / pi))
+    row, column, total, count = round(target.v), round(target.u), 0.0, 0
+    for v in range(max(row - half, 0), min(row + half + 1, background.shape[0])):
+        for u in range(max(column - half, 0), min(column + half + 1, background.shape[1])):
+            total += background[v, u]
+            count += 1
+    return total / count if count > 0 else float(target.mean)
+
+
+@kernel
+def noise_over_contrast(target: Fields, moments: Fields) -> float:
+    """Return the noise of a pixel over the contrast of a disc that has these moments [1].
+
+    Its rim adds half a pixel to the radius. A ball that smears is paler for it.
+    """
+    radius = max(sqrt(moments.area / pi) - 0.5, 0.5)
+    return float(target.noise * pi * radius * radius / max(moments.mass, 1.0))
 
 
 @kernel

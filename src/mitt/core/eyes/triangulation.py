@@ -52,6 +52,9 @@ WORK = np.dtype(
 ALONG = 1.0
 """Standard deviation along the ray of a ball that one camera alone sees [m]: a thousand times what
 is known of it, and few enough digits away from what is seen across."""
+FITTED_NOISE = 0.016
+"""Noise of a pixel over the contrast of the disc [1] up to which the error of a centroid is the
+fitted one: it was fitted with 0.014 and is on the safe side there."""
 NEAR = 1.01
 """Depth over the radius below which a ball is not in front of a camera."""
 
@@ -62,7 +65,9 @@ class TriangulatorConfig(Settings):
 
     The standard deviation of a centroid is sqrt(floor^2 + (spread / r^1.5)^2), r the radius of
     a disc of the target's area; fitted to rendered discs of 0.6 to 6 px with 2 grey levels of
-    read noise under 160 of signal. A real rig adds its calibration error to the floor.
+    read noise under 160 of signal. Where there is more noise, over the contrast, than
+    ``FITTED_NOISE``, as before a bright wall, the spread grows as it does. A real rig adds its
+    calibration error to the floor.
 
     Attributes:
         sigma_floor: Error that no disc falls below [px].
@@ -98,16 +103,19 @@ def pack_ball(config: TriangulatorConfig, ball_radius: float, rig: Rig) -> Recor
 
 
 @kernel
-def note(point: Fields, u: float, v: float, area: float, clipped: bool, ball: Fields) -> bool:
+def note(
+    point: Fields, u: float, v: float, area: float, noise: float, clipped: bool, ball: Fields
+) -> bool:
     """Write what one camera sees into its record of ``points``; return whether it counts.
 
-    A centroid [px] of a target of an area [px^2]; one that touches the border does not count, and
-    then nothing is written.
+    A centroid [px] of a target of an area [px^2], whose pixels have a noise over their contrast [1]
+    (0 if unknown); one that touches the border does not count, and then nothing is written.
     """
     if clipped or not area > 0.0 or not np.isfinite(u + v):
         return False
     point.u, point.v = u, v
-    point.sigma = sqrt(ball.floor + ball.spread / (area * sqrt(area)))
+    grown = max(noise / FITTED_NOISE, 1.0)
+    point.sigma = sqrt(ball.floor + grown * grown * ball.spread / (area * sqrt(area)))
     return True
 
 
@@ -261,7 +269,7 @@ class Triangulator:
         self._points["sigma"] = -1.0
         for m in moments:
             if m.found and not m.merged and abs(m.t - t) <= self._max_skew:
-                count += note(self._points[m.camera], m.u, m.v, m.area, m.clipped, ball)
+                count += note(self._points[m.camera], m.u, m.v, m.area, 0.0, m.clipped, ball)
         if count >= 2:
             r_o, P = np.empty(3), np.empty((3, 3))
             worst = triangulate(self._cameras, self._points, ball["radius"], r_o, P, self._work[0])

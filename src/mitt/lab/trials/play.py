@@ -290,7 +290,8 @@ def play(
 
 def sight_of(stage: Stage, catcher: Catcher, offset: float = 0.0) -> PlayedSight:
     """Return what a catcher is given to see in a world at the release; ``offset`` as of a stamp."""
-    imager, latency = stage.imager, stage.scene.sensing.latency
+    imager, sensing = stage.imager, stage.scene.sensing
+    latency = sensing.latency if imager is None else sensing.image_latency
     film, starts = (_DARK, _NO_STARTS) if imager is None else imager.film
     shots = Shots(
         np.zeros((latency + 1, len(stage.body.capsules) + 2, 8)),

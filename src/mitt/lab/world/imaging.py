@@ -135,7 +135,10 @@ def sensor_of(scene: Scene) -> ImageSensor:
 
 
 def _light(sensor: ImageSensor, side: int, rng: np.random.Generator) -> Optics:
-    """Return light and noise; what moves on images of so many pixels has a stream of its own."""
+    """Return light and noise; what moves on images of so many pixels has a stream of its own.
+
+    An exposure of a whole period of the lamps sees no flicker.
+    """
     phase, place = rng.spawn(1)[0].random(2)
     return Optics(
         float(sensor.read_noise),
@@ -145,7 +148,7 @@ def _light(sensor: ImageSensor, side: int, rng: np.random.Generator) -> Optics:
         float(sensor.shading),
         float(sensor.grain),
         float(sensor.blur),
-        float(sensor.light[0]),
+        float(sensor.light[0] * np.sinc(sensor.light[1] * sensor.exposure)),
         float(sensor.light[1]),
         phase=float(2.0 * np.pi * phase),
         shadow=float(sensor.shadow[0]),

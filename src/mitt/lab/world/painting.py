@@ -55,7 +55,8 @@ class Optics(NamedTuple):
         body, hand: Grey levels of arm and hand.
         shading, grain: Relative to these levels [1].
         blur: Of the lens, 1 sigma [px].
-        amplitude, frequency, phase: Of the illumination: relative [1], [Hz], [rad].
+        amplitude, frequency, phase: Of the illumination as an exposure averages it: relative [1],
+            [Hz], [rad].
         shadow: Relative depth of a shadow [1].
         shadow_speed, shadow_start: Of its edge: speed [px/s], column at time zero [px].
     """
@@ -360,16 +361,21 @@ def _cast(canvas: Canvas, light: Optics, t: float, window: Edges) -> None:
 
 @kernel
 def _read_out(pixels: Image, film: Film, t: float, start: int, window: Edges) -> None:
-    """Light a window of the canvas at an instant, add read and shot noise, and round to bytes."""
+    """Light a window of the canvas at an instant, add read and shot noise, and round to bytes.
+
+    The rows of a rolling shutter are lit one after the other: light that flickers shows in bands.
+    """
     light, normal, canvas = film.light, film.normal, view(film.canvas, 0, pixels.shape)
     if light.shadow > 0.0:
         _cast(canvas, light, t, window)
     read, shot = np.float32(light.read_noise * light.read_noise), np.float32(1.0 / light.electrons)
-    flicker = 1.0 + light.amplitude * sin(2.0 * pi * light.frequency * t + light.phase)
-    lit, half = np.float32(flicker), np.float32(0.5)
+    half, last = np.float32(0.5), max(pixels.shape[0] - 1, 1)
     zero, top, width = np.float32(0.0), np.float32(255.0), np.uint64(pixels.shape[1])
     for v in range(np.uint64(window[0]), np.uint64(window[1] + 1)):
         at = np.uint64(start) + v * width
+        when = t + film.readout * (np.int64(v) / last - 0.5)
+        turn = 2.0 * pi * light.frequency * when + light.phase
+        lit = np.float32(1.0 + light.amplitude * sin(turn))
         for u in range(np.uint64(window[2]), np.uint64(window[3] + 1)):
             mean = lit * canvas[v, u]
             value = mean + np.sqrt(read + shot * mean) * normal[at + u] + half

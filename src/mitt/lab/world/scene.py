@@ -5,6 +5,7 @@ the sensors are. Every figure without a source is a choice of this project.
 """
 
 from functools import lru_cache
+from math import ceil
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, Self, get_args
 
@@ -13,7 +14,7 @@ from pydantic import Field, field_validator, model_validator
 
 from mitt.core import checks
 from mitt.core.errors import FileError, InputError, meant
-from mitt.core.signals import Array
+from mitt.core.signals import TICK, Array
 from mitt.io.reading import read_toml, shipped_path
 from mitt.io.schema import FileSettings, merged, validated
 from mitt.lab.world.faults import FaultPlan
@@ -94,7 +95,7 @@ class Sensing(FileSettings):
 
     Attributes:
         point_noise: Noise of points, 1 sigma an axis [m].
-        latency: Ticks from the exposure of a frame or point to its delivery.
+        latency: Ticks until a frame, once it is exposed and read out, or a point is delivered.
         frame_rate: Frames or points a second [Hz], from a random phase on, each exposed in a tick.
         encoder_step: Resolution of the joint encoders [rad]; 0 is exact, ``arm`` that of the
             arm's own encoders. Where they count in steps, velocity is the difference of counts.
@@ -130,7 +131,7 @@ class Sensing(FileSettings):
     frame_rate: Annotated[float, Field(ge=1.0, le=1000.0)] = 1000.0
     encoder_step: NotNegative | Literal["arm"] = 0.0
     cameras: Literal["fixed", "active"] = "fixed"
-    exposure: Annotated[float, Field(ge=0.0, le=0.001)] = 0.0005
+    exposure: Annotated[float, Field(ge=0.0, le=0.02)] = 0.0005
     background: Annotated[float, Field(ge=0.0, le=255.0)] = 24.0
     texture: Annotated[float, Field(ge=0.0, le=8.0)] = 3.0
     slope: Annotated[float, Field(ge=0.0, le=120.0)] = 0.0
@@ -170,6 +171,19 @@ class Sensing(FileSettings):
         if 0 < views < 6:
             raise ValueError("0, or at least 6 views")
         return views
+
+    @model_validator(mode="after")
+    def _closes(self) -> Self:
+        """Refuse a shutter that is still open as the next frame begins."""
+        if self.exposure * self.frame_rate > 1.0 + 1e-9:
+            raise ValueError("exposure of at most a frame, 1 / frame_rate")
+        return self
+
+    @property
+    def image_latency(self) -> int:
+        """Ticks from the time of an image, the middle of its exposure, to its delivery."""
+        half = 0.5 * (self.exposure + self.readout)
+        return self.latency + ceil(half / TICK - 0.5)
 
 
 class Actuation(FileSettings):

@@ -81,7 +81,7 @@ class Sensors:
     """Sensors of one trial.
 
     Frames and points are exposed at every tick, or as often as ``frame_rate`` says, and delivered
-    ``latency`` ticks later, carrying the time of their exposure.
+    ``latency`` ticks after they are read out, carrying the time of their exposure.
     """
 
     def __init__(
@@ -107,7 +107,8 @@ class Sensors:
         self._sensing, self._radius = sensing, radius
         self._cameras = None if cameras is None else cameras(rng)
         self._rng = rng
-        self._latency, self._encoders = sensing.latency, fresh_encoders(steps)
+        self._latency = sensing.latency if cameras is None else sensing.image_latency
+        self._encoders = fresh_encoders(steps)
         self._phase = rng.random() if sensing.frame_rate < 1.0 / TICK else 0.0
         self._line: deque[Exposed] = deque()
         self._covariance = max(sensing.point_noise, 1e-6) ** 2 * np.eye(3)
