@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from mitt.core.ball.flight import advance
 from mitt.core.eyes.camera import fixed_rig
+from mitt.core.eyes.candidates import MOST, TRACK, fastest_track
 from mitt.core.eyes.eyes import Eyes
-from mitt.core.eyes.localization import LIMITS, MOST, TRACK, _fastest
 from mitt.core.signals import Array
 from mitt.lab.world.imaging import Imager, ImageSensor
 
@@ -90,6 +90,6 @@ def test_a_slow_candidate_is_not_taken_for_a_thrown_ball(
         tracks["r"][k], tracks["start"][k] = rng.normal(scale=0.002, size=(2, 3))
         tracks["r"][k, 0] += 1e-3 * looks * speed
         tracks["first"][k], tracks["last"][k], tracks["seen"][k] = 1, 1 + looks, looks
-    assert _fastest(tracks, 1, False, LIMITS.seen) == -1
-    assert _fastest(tracks, 1, True, LIMITS.seen) == 0
-    assert _fastest(tracks, 2, False, LIMITS.seen) == _fastest(tracks, 2, True, LIMITS.seen) == 1
+    assert fastest_track(tracks, 1, False, 5) == -1
+    assert fastest_track(tracks, 1, True, 5) == 0
+    assert fastest_track(tracks, 2, False, 5) == fastest(tracks, 2, True, 5) == 1

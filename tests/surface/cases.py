@@ -356,7 +356,7 @@ class Cases:
         of_eyes = {
             "arrange": {"frames": self.frames},
             "gaze": {"ball": ball, "t": 0.25},
-            "guide": {"ball": ball, "t": 0.25, "gap": 0.001, "alone": False},
+            "guide": {"ball": ball, "t": 0.25, "alone": False},
             "learn_background": {"views": [self.frames]},
             "step": {"frames": self.frames},
         }

@@ -14,6 +14,7 @@ import numpy as np
 
 from mitt.core.eyes.blobs import ROWS, is_merged
 from mitt.core.eyes.camera import in_camera, late_by_row, sphere_centroid
+from mitt.core.eyes.candidates import MOST, TRACK, extend_track, fastest_track
 from mitt.core.eyes.groups import GROUP
 from mitt.core.eyes.segmentation import (
     GOOD,
@@ -41,20 +42,7 @@ SHORTEST = 0.25
 """Least time between two images [ticks]: that of a camera of 4 kHz."""
 LARGE = 2.0
 """Mass over the one that the ball should have above which a target is something else."""
-MOST = 6
-"""Targets of a camera, and candidates, that are followed: those most like a thrown ball."""
 
-TRACK = np.dtype(
-    [
-        ("r", float, (3,)),
-        ("start", float, (3,)),  # last and first position [m]
-        ("first", float),
-        ("last", float),  # when, since the search began [ticks]
-        ("seen", np.int64),
-        ("pair", np.int64, (2,)),  # in how many it was seen, its targets
-    ]
-)
-"""A candidate for the ball."""
 SEEN = np.dtype([("u", float), ("v", float), ("area", float), ("noise", float), ("group", GROUP)])
 """A target that may be the ball: centroid [px], area [px^2], noise over contrast, its pixels."""
 RIG = np.dtype(
@@ -149,15 +137,8 @@ class _Limits(NamedTuple):
     seen: int = 5
     few: int = 3
     patience: float = 24.0
-    # Distance in a tick [m] below which a candidate may be a ball that rolls, 2 m/s; what the noise
-    # of two positions adds to a distance [m]; how often the search begins anew before such a one is
-    # taken all the same; most distance in a tick [m], and what each further tick without a frame
-    # adds: a ball of 12 m/s.
-    slow: float = 0.002
-    blur: float = 0.01
+    # How often the search begins anew before what may be a ball that rolls is taken all the same.
     rounds: int = 6
-    leap: float = 0.05
-    farther: float = 0.012
     # Speed of a ball of which nothing is known [m/s], and its distance from a camera [m].
     fast: float = 6.0
     close: float = 3.0
@@ -550,7 +531,7 @@ def _correct(rig: Fields, r: Array) -> None:
 
 @kernel
 def _learn(n: int, eyes: EyesMemory, r: Array) -> None:
-    """Update the ball's contrast before the mean background, and by how much camera ``n`` differs from where all see the ball.
+    """Update the ball's contrast, and by how much camera ``n`` differs from where all see the ball.
 
     A calibration leaves such an offset, ten times the noise of a frame. Without it a camera that
     goes on alone would see the ball jump, which the filter would take for a kick.
@@ -609,12 +590,12 @@ def _choose(
             if partners[i] >= 0:
                 _meet(seen[0, i], seen[1, partners[i]], eyes, r, P)
                 pair = i, partners[i]
-                rig.count, taken = _follow(rig.tracks, rig.count, rig.searched, r, pair, near)
+                rig.count, taken = extend_track(rig.tracks, rig.count, rig.searched, r, pair, near)
                 partners[i] = -1 if taken else partners[i]
     if rig.searched < LIMITS.frames:
         return False
     enough = LIMITS.few if rig.gap * LIMITS.few >= LIMITS.frames else LIMITS.seen
-    chosen = _fastest(rig.tracks, rig.count, rig.rounds >= LIMITS.rounds, enough)
+    chosen = fastest_track(rig.tracks, rig.count, rig.rounds >= LIMITS.rounds, enough)
     if chosen < 0 or rig.tracks[chosen].last < rig.searched:
         if rig.searched >= max(LIMITS.patience, LIMITS.frames * rig.gap):
             rig.searched = 0.0
@@ -741,89 +722,3 @@ def _match(work: Fields) -> None:
         work.partners[i] = j
         if j >= 0:
             taken ^= 1 << j
-
-
-@kernel
-def _follow(
-    tracks: Record, count: int, now: float, r: Array, pair: tuple[int, int], near: bool
-) -> tuple[int, bool]:
-    """Take a position into the track that it goes on with, or a new one.
-
-    Where there is no room, it takes the place of the one least like a thrown ball.
-
-    Args:
-        tracks: Candidates.
-        count: Their number.
-        now: Time since the search began [ticks].
-        r: The position [m], shape (3,).
-        pair: Targets of the two cameras.
-        near: Whether it is to go on with a track that hardly moves, or none.
-
-    Returns:
-        The number of candidates, and whether it was taken.
-    """
-    least, best = np.inf, -1
-    for k in range(count):
-        gap, away = now - tracks[k].last, 0.0
-        for i in range(3):
-            away += (tracks[k].r[i] - r[i]) ** 2
-        most = LIMITS.leap if near else LIMITS.leap * gap
-        if not near and gap > 1.0:
-            most = LIMITS.leap + LIMITS.farther * (gap - 1.0)
-        if gap > 0.0 and sqrt(away) < min(most, least * gap):
-            best, least = k, sqrt(away) / gap
-    if near and best < 0:
-        return count, False
-    begins = best < 0
-    if begins:
-        best = count if count < len(tracks) else _slowest(tracks, now)
-    track = tracks[best]
-    if begins:
-        track.first, track.seen = now, 0
-        for i in range(3):
-            track.start[i] = r[i]
-    for i in range(3):
-        track.r[i] = r[i]
-    track.last, track.pair[0], track.pair[1] = now, pair[0], pair[1]
-    track.seen += 1
-    return max(count, best + 1), True
-
-
-@kernel
-def _speed(track: Fields) -> float:
-    """Return how far a track moved in a tick [m]."""
-    moved = 0.0
-    for i in range(3):
-        moved += (track.r[i] - track.start[i]) ** 2
-    return float(sqrt(moved) / max(track.last - track.first, 1.0))
-
-
-@kernel
-def _slowest(tracks: Record, now: float) -> int:
-    """Return the track least like a thrown ball: lost for some frames, or else the slowest."""
-    worst, least, newest = 0, np.inf, 0.0
-    for k in range(len(tracks)):
-        newest = max(newest, tracks[k].last)
-    for k in range(len(tracks)):
-        lost = tracks[k].last < newest - 3.0 * max(now - newest, 1.0)
-        speed = -1.0 if lost else _speed(tracks[k])
-        if speed < least:
-            worst, least = k, speed
-    return worst
-
-
-@kernel
-def _fastest(tracks: Record, count: int, slow: bool, enough: int) -> int:
-    """Return the track that moved fastest, or -1; one that may be a rolling ball if ``slow``.
-
-    It was seen in ``enough`` frames.
-    """
-    best, speed = -1, -1.0
-    for k in range(count):
-        track = tracks[k]
-        one, ticks = _speed(track), max(track.last - track.first, 1.0)
-        if not slow and one * ticks < LIMITS.blur + LIMITS.slow * ticks:
-            continue
-        if track.seen >= enough and one > speed:
-            best, speed = k, one
-    return best
