@@ -92,4 +92,4 @@ def test_a_slow_candidate_is_not_taken_for_a_thrown_ball(
         tracks["first"][k], tracks["last"][k], tracks["seen"][k] = 1, 1 + looks, looks
     assert fastest_track(tracks, 1, False, 5) == -1
     assert fastest_track(tracks, 1, True, 5) == 0
-    assert fastest_track(tracks, 2, False, 5) == fastest(tracks, 2, True, 5) == 1
+    assert fastest_track(tracks, 2, False, 5) == fastest_track(tracks, 2, True, 5) == 1
