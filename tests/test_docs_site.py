@@ -34,10 +34,8 @@ from mitt.io.load import with_hand
 from mitt.lab.report import painter, pictures
 from mitt.lab.report.painter import painted
 from mitt.lab.report.pictures import placed_faces
-from mitt.lab.trials.batting import STATUSES as STRUCK
 from mitt.lab.trials.explain import LIMITS
-from mitt.lab.trials.meeting import STATUSES as MET
-from mitt.lab.trials.score import STATUSES as TRIED
+from mitt.lab.trials.tasks import TASKS
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -176,7 +174,8 @@ def kinds_in_code(learned: Learned) -> set[str]:
 
 
 #: Words that name no limit: outcomes of a verdict, statuses of trials.
-NO_LIMITS = {"", *(x.value for x in Outcome), *TRIED, *MET, *STRUCK}
+STATUSES = {x for known in TASKS.values() for x in known.scored.statuses}
+NO_LIMITS = {"", *(x.value for x in Outcome)} | STATUSES
 
 
 def words_given(module: ast.Module) -> set[str]:

@@ -19,8 +19,8 @@ from mitt.core.signals import Array, Command, Sighting
 from mitt.io.cell import Cell
 from mitt.lab.world.throws import fly
 from mitt.robot.cell import device_clock
-from mitt.robot.drivers.franka import FrankaRobot, franka_index
 from mitt.robot.cell.prepare import feed_of, prepare, scene_of_cell
+from mitt.robot.drivers.franka import FrankaRobot, franka_index
 
 #: By how much the server's clock may run slower than ours [s/s], and the window of the least late
 #: states [s].

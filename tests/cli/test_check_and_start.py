@@ -16,6 +16,7 @@ from mitt.cli.main import main
 from mitt.cli.options import COMMANDS
 from mitt.io.cell import Cell
 from mitt.io.writing import toml_text
+from mitt.lab.trials.tasks import TASKS
 
 
 class Started(BaseException):
@@ -29,8 +30,7 @@ def _start(*_: object, **__: object) -> NoReturn:
 
 #: What makes each command good, and where its work begins.
 GOOD: dict[str, tuple[list[str], str]] = {
-    "catch": (["catch", "--out", "OUT"], "mitt.cli.running._run"),
-    "meet": (["meet", "--out", "OUT"], "mitt.cli.running._run"),
+    **{name: ([name, "--out", "OUT"], "mitt.cli.running._run") for name in TASKS},
     "bat": (["bat", "--out", "OUT", "--shield"], "mitt.cli.running._run"),
     "learn": (["learn", "--out", "NEW.json"], "mitt.cli.catching.learn_map"),
     "design": (["design", "wam", "--out", "NEW.toml"], "mitt.cli.designing.search_design"),

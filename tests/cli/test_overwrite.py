@@ -28,6 +28,7 @@ from mitt.lab.trials.batting import BatRunner
 from mitt.lab.trials.journal import read_kept
 from mitt.lab.trials.meeting import MeetRunner
 from mitt.lab.trials.scored_task import NAME, PAGE, RESULT
+from mitt.lab.trials.tasks import TASKS
 
 #: The user's own files: names that mean something to one of the commands, and others.
 MINE = (
@@ -110,12 +111,9 @@ def quick(monkeypatch: pytest.MonkeyPatch, learned: Learned, a_map: Path) -> Qui
 
 
 def test_each_command_that_writes_a_folder_or_a_file_is_looked_at_here() -> None:
-    """A new command with --out has to be added to this file."""
+    """A new command with --out has to be added to this file; those of tasks are one command."""
     with_out = {name for name, kind in COMMANDS.items() if hasattr(kind, "out")}
-    assert with_out == {
-        "catch",
-        "meet",
-        "bat",
+    assert with_out - set(TASKS) == {
         "learn",
         "design",
         "run",

@@ -95,7 +95,8 @@ def test_an_option_that_is_nearly_one_is_meant(
                 continue
             said = refused([*base(name), wrong, "3"], capsys)
             assert "did you mean '--" in said or len(called) < 6, said
-    value = [] if option.kind is bool else [str(option.choices[0]) if option.choices else "1"]
+    least = str((option.arg.range or (1,))[0])
+    value = [] if option.kind is bool else [str(option.choices[0]) if option.choices else least]
     assert parse([*base(name, option), called.replace("_", "-"), *value])[0] == name
 
 

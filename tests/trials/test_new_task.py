@@ -1,11 +1,10 @@
-"""A task is one thing to register: its line in ``TASKS``, its options in ``COMMANDS``.
+"""A task is one file, a line in ``TASKS``, and the options of its command in ``COMMANDS``.
 
-This module is both files of such a task, to touch the ball with the back of the hand: in
-``lab/trials`` what its trials count, its runner and its study, in ``cli`` its command.
+The file, in ``lab/trials``, is this module, of a task to touch the ball with the back of the hand:
+what its trials count, its runner, its study and its run.
 """
 
 import json
-import sys
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -18,11 +17,10 @@ from small_study import Here, written
 
 import mitt
 from mitt.cli.main import main
-from mitt.cli.options import COMMANDS, Folder, Options, Trials
-from mitt.cli.running import OptionsRun, RunCommand, with_origin
-from mitt.cli.screen import run_folder
+from mitt.cli.options import COMMANDS, TaskOptions, Trials
 from mitt.clock import Progress, Stopwatch
 from mitt.io.recordings import Recording
+from mitt.lab.trials.prepared import OptionsRun
 from mitt.lab.trials.scored_task import NAME, PAGE, RESULT, Measure, ScoredTask
 from mitt.lab.trials.study import Chunk, Condition, Study
 from mitt.lab.trials.study_file import (
@@ -129,22 +127,16 @@ def read_touch_study(path: Path) -> TouchStudy:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TouchOptions(Options):
+class TouchOptions(TaskOptions):
     """Touch balls with the back of the hand; print a table and write DIR.
 
     Attributes:
         throws: Number of throws.
-        out: Folder to write.
-        overwrite: Use a folder that has files in it.
     """
 
-    module: ClassVar = "touching"
     examples: ClassVar = ("mitt touch --throws 3",)
 
     throws: Trials = 3
-    out: Folder = None
-    overwrite: bool = False
-    record: Literal["none"] = "none"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -168,19 +160,17 @@ class TouchRun(OptionsRun):
         return TouchRunner(0)
 
 
-def _prepared(options: TouchOptions) -> TouchRun:
-    return TouchRun(options=options, out=run_folder(options, "touch"))
-
-
-touch_command = RunCommand(task=TOUCH, prepare=lambda options: with_origin(_prepared, options, ()))
+def prepare_touches(options: TouchOptions, out: Path) -> TouchRun:
+    """Return a run that can start; a task with an arm reads and checks it here."""
+    return TouchRun(options=options, out=out)
 
 
 @pytest.fixture
 def _registered(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Register the task, and call this module by the names that its two files would have."""
-    monkeypatch.setitem(TASKS, "touch", KnownTask(TOUCH, TouchStudy, read_touch_study))
+    """Register the task, and the options of its command."""
+    known = KnownTask(TOUCH, TouchStudy, read_touch_study, prepare_touches)
+    monkeypatch.setitem(TASKS, "touch", known)
     monkeypatch.setitem(COMMANDS, "touch", TouchOptions)
-    monkeypatch.setitem(sys.modules, "mitt.cli.touching", sys.modules[__name__])
     monkeypatch.setattr("mitt.cli.measuring.engine_of", lambda *_: Here())
 
 
@@ -196,6 +186,7 @@ def test_a_registered_task_has_a_command_a_page_and_a_study(
     assert result["summary"]["touch_rate"] == 0.75
     page = (run / PAGE).read_text()
     assert "3 of 4 balls touched" in page
+    assert TOUCH.done == "The ball was touched."  # what a replay says of it
     assert "Speed at the touch" in page
     assert (run / NAME).read_text().count("\n") == 5
     (run / PAGE).unlink()

@@ -8,7 +8,7 @@ import numpy as np
 
 import mitt
 from mitt.cli.options import BatOptions
-from mitt.cli.running import OptionsRun, RunCommand, with_origin
+from mitt.cli.running import RunCommand, with_origin
 from mitt.cli.screen import (
     beyond_words,
     check_record,
@@ -31,14 +31,13 @@ from mitt.lab.trials.bat_station import (
     throw_ranges,
 )
 from mitt.lab.trials.batting import BAT, BatRunner, BatTrial
+from mitt.lab.trials.prepared import OptionsRun
 from mitt.lab.trials.scored_task import ScoredTask
 from mitt.lab.trials.source import Source, source_of
 from mitt.lab.trials.task_run import FinishedRun
 from mitt.lab.world.flights import RecordedFlight, builtin_flights, read_flights
 from mitt.lab.world.scene import DEFAULT_SCENE, Scene, read_scene
 
-#: Options that may name a file.
-_FILES = ("arm", "scene", "limits", "flights")
 #: Name of the recorded flights that ship.
 _SHIPPED = "tennicam"
 #: Limits of the WAM's motors: those of the idealised arm would flatter.
@@ -130,7 +129,7 @@ def prepare_bats(options: BatOptions) -> BatRun:
     Raises:
         MittError: An input cannot be used.
     """
-    return with_origin(_prepared, options, _FILES)
+    return with_origin(_prepared, options)
 
 
 def _prepared(options: BatOptions) -> BatRun:

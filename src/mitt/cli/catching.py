@@ -38,8 +38,6 @@ from mitt.lab.trials.task_run import FinishedRun
 from mitt.lab.world.overlap import check_scene
 from mitt.lab.world.scene import DEFAULT_SCENE, read_scene
 
-#: Options that may name a file.
-_FILES = ("arm", "limits", "scene", "map", "throws_file", "flights")
 #: Options that a map has decided already.
 _OF_THE_MAP = ("catch_joint", "q_catch", "kappa", "inward", "order")
 
@@ -56,7 +54,7 @@ def prepare_run(options: CatchOptions) -> Prepared:
     Raises:
         MittError: An input cannot be used.
     """
-    return with_origin(_prepared, options, _FILES, kept=str(options.map))
+    return with_origin(_prepared, options, kept=str(options.map))
 
 
 def _anew(options: CatchOptions, folder: Path) -> CatchOptions:

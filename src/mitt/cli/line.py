@@ -13,7 +13,7 @@ from types import NoneType
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import mitt
-from mitt.cli.options import COMMANDS, Arg, Options
+from mitt.cli.options import COMMANDS, Arg, Options, TaskOptions
 from mitt.core.errors import FileError, InputError, MittError, UnknownNameError, meant
 from mitt.interrupts import safe_path
 from mitt.numerals import real_of, whole_of
@@ -37,7 +37,7 @@ def dispatch(words: list[str]) -> int:
     with safe_path():  # GLFW, which MuJoCo imports, starts a Python that looks for a library
         module = import_module(f"mitt.cli.{options.module}")  # heavy: only now
     try:
-        status: int = vars(module)[f"{name}_command"](options)
+        status: int = (vars(module).get(f"{name}_command") or module.command_of(name))(options)
     except InputError as error:
         raise _as_said(options, error) from error
     return status
@@ -95,6 +95,11 @@ class Option:
         return self.arg.place
 
     @property
+    def names_file(self) -> bool:
+        """Whether its value may be a file."""
+        return re.search(r"FILE|CSV|TOML|\.json", self.value) is not None
+
+    @property
     def called(self) -> str:
         """Name and value, as help has them."""
         return self.name if self.place else f"{self.name} {self.value}".strip()
@@ -130,9 +135,11 @@ class Option:
 
 
 def options_of(command: type[Options]) -> list[Option]:
-    """Return the options of a command: those by place first, those of every command last."""
+    """Return the options of a command: by place, its own, of every task, of every command."""
     hints, said = get_type_hints(command, include_extras=True), _attributes(command)
-    common, found = {x.name for x in fields(Options)}, []
+    shared = (TaskOptions, Options) if issubclass(command, TaskOptions) else (Options,)
+    rank = {x.name: k for k, kind in enumerate(shared) for x in fields(kind)}
+    found = []
     for field in fields(command):
         inner = get_args(hints[field.name])
         arg = next((x for x in inner if isinstance(x, Arg)), Arg(""))
@@ -155,7 +162,7 @@ def options_of(command: type[Options]) -> list[Option]:
                 arg=arg,
             )
         )
-    return sorted(found, key=lambda x: (not x.place, x.field in common))
+    return sorted(found, key=lambda x: (not x.place, rank.get(x.field, -1)))
 
 
 def parse(words: Sequence[str]) -> tuple[str, Options]:

@@ -6,7 +6,7 @@ from typing import Any, ClassVar, Final, final
 
 import mitt
 from mitt.cli.options import MeetOptions
-from mitt.cli.running import OptionsRun, RunCommand, with_origin
+from mitt.cli.running import RunCommand, with_origin
 from mitt.cli.screen import (
     beyond_words,
     check_record,
@@ -21,6 +21,7 @@ from mitt.io.arm_file import joint_names
 from mitt.io.writing import check_ours
 from mitt.lab.rivals.meeting import PLANNERS
 from mitt.lab.trials.meeting import MEET, MeetRunner, MeetTrial
+from mitt.lab.trials.prepared import OptionsRun
 from mitt.lab.trials.result import finite
 from mitt.lab.trials.scored_task import ScoredTask
 from mitt.lab.trials.station import PARTS_SCENE, TARGETS, Station, station
@@ -28,8 +29,6 @@ from mitt.lab.trials.task_run import FinishedRun
 from mitt.lab.world.flights import RecordedFlight, read_flights
 from mitt.lab.world.scene import read_scene
 
-#: Options that may name a file.
-_FILES = ("arm", "scene", "limits", "target")
 #: Speeds of belt and hand where none is said [m/s]; and of the tool near a person: the reduced
 #: speed of manual mode (ISO 10218-1: 0.25 m/s), which says nothing of forces (ISO/TS 15066).
 _SPEEDS = {"belt": 0.3, "hand": 0.8}
@@ -85,7 +84,7 @@ def prepare_meetings(options: MeetOptions) -> MeetRun:
     Raises:
         MittError: An input cannot be used.
     """
-    return with_origin(_prepared, options, _FILES)
+    return with_origin(_prepared, options)
 
 
 def _prepared(options: MeetOptions) -> MeetRun:

@@ -63,6 +63,27 @@ class Options:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class TaskOptions(Options):
+    """What every command takes that runs trials of a task; see :mod:`mitt.lab.trials.tasks`.
+
+    Attributes:
+        seed: Seed of throws, plant and noise.
+        scene: The world: ideal, lab, room or rough, or a TOML file.
+        record: Recordings to keep, of trials that the map made: none, failures or all.
+        out: Folder to write; a new runs/<task>-<seed> if left out.
+        overwrite: Use a folder that has files in it; what the same command left there is replaced.
+    """
+
+    module: ClassVar = "running"
+
+    seed: Seed = 0
+    scene: Scene = None
+    record: Literal["none", "failures", "all"] = "none"
+    out: Folder = None
+    overwrite: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ArmOptions(Options):
     """Which arm and which map.
 
@@ -145,7 +166,7 @@ class CatchOptions(ArmOptions):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MeetOptions(Options):
+class MeetOptions(TaskOptions):
     """Meet what moves on a belt or in a hand, and take it; print a table and write DIR.
 
     Attributes:
@@ -167,7 +188,6 @@ class MeetOptions(Options):
         plan_rate: How often those that plan do so [Hz].
         trials: Number of trials; 10, or as many as a file has motions.
         seed: Seed of the trials.
-        record: Recordings to keep, of trials that the map made: none, failures or all.
         scene: The world: a name or a TOML file; if left out, lab with a camera of 60 Hz, 30 ms late
             and with 2 mm of noise. Its faults (docs/studies.md) stop a belt, turn or take a part.
         out: Folder to write; a new runs/meet-<seed>-<target> if left out.
@@ -195,15 +215,10 @@ class MeetOptions(Options):
     )
     plan_rate: Annotated[float, Arg("HZ", range=(1.0, 1000.0))] = 100.0
     trials: Trials = None
-    seed: Seed = 0
-    record: Literal["none", "failures", "all"] = "none"
-    scene: Scene = None
-    out: Folder = None
-    overwrite: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BatOptions(Options):
+class BatOptions(TaskOptions):
     """Hit balls back to a target, or put the paddle in their way; print a table and write DIR.
 
     Attributes:
@@ -215,14 +230,11 @@ class BatOptions(Options):
         throws: Number of throws; 10, or as many as a file has.
         speed: Least and largest speed of the throws at release [m/s], as MIN,MAX; 5,7.1 if left
             out.
-        seed: Seed of throws, plant and noise.
         vision: What the catcher sees: images of two cameras, or noisy points.
-        scene: The world: ideal, lab, room or rough, or a TOML file.
         flights: Recorded flights to use: columns flight,t_s,x_m,y_m,z_m; or tennicam, the 44 of
             table tennis that ship.
         generator: What moves the arm: direct, the map; rivals to the same contact: quintic, ruckig,
             mpc, ik; and clairvoyant, which is told the true flight and restitution.
-        record: Recordings to keep, of trials that the map made: none, failures or all.
         out: Folder to write; a new runs/bat-<seed> if left out.
         overwrite: Use a folder that has files in it; what mitt bat left there is replaced.
     """
@@ -239,14 +251,9 @@ class BatOptions(Options):
     shield: bool = False
     throws: Trials = None
     speed: Annotated[str | None, Arg("MIN,MAX")] = None
-    seed: Seed = 0
     vision: Literal["pixels", "points"] = "pixels"
-    scene: Scene = None
     flights: Annotated[str | None, Arg("CSV|NAME")] = None
     generator: Literal["direct", "quintic", "ruckig", "mpc", "ik", "clairvoyant"] = "direct"
-    record: Literal["none", "failures", "all"] = "none"
-    out: Folder = None
-    overwrite: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

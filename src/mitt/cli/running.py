@@ -1,16 +1,17 @@
 """What ``mitt catch``, ``mitt meet`` and ``mitt bat`` do: prepare, run, keep, show."""
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import Any, ClassVar, Protocol, TypeVar
+from typing import Any, TypeVar
 
 from rich.table import Table
 
 import mitt
-from mitt.cli.line import parse
-from mitt.cli.options import COMMANDS
+from mitt.cli.line import options_of, parse
+from mitt.cli.options import COMMANDS, Options, TaskOptions
 from mitt.cli.screen import (
     beyond_words,
     checked,
@@ -18,6 +19,7 @@ from mitt.cli.screen import (
     progress,
     rate_words,
     repeated,
+    run_folder,
     say,
     show,
     table,
@@ -30,75 +32,30 @@ from mitt.clock import Progress
 from mitt.core.errors import FileError
 from mitt.interrupts import notice, status_of, words_of
 from mitt.io.reading import changed_file, noted
-from mitt.io.writing import locked
+from mitt.io.writing import check_ours, locked
 from mitt.lab.trials.journal import Kept
+from mitt.lab.trials.prepared import TaskRun
 from mitt.lab.trials.result import kept_words
 from mitt.lab.trials.scored_task import PAGE, RESULT, ScoredTask
-from mitt.lab.trials.task_run import FinishedRun, TaskRun, recorded_as, run_trials, write_result
+from mitt.lab.trials.task_run import FinishedRun, run_trials, write_result
+from mitt.lab.trials.tasks import TASKS, KnownTask
 
-
-class PreparedRun(TaskRun, Protocol):
-    """A run that a command has prepared."""
-
-    @property
-    def warnings(self) -> Sequence[str]:
-        """What is odd about it, in words."""
-        ...
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class OptionsRun:
-    """What a run says that keeps the options of its command.
-
-    Attributes:
-        task: What is run.
-        options: What was said.
-        out: Folder to write.
-        again: What makes the run again, as JSON: its options, and what it read.
-    """
-
-    task: ClassVar[ScoredTask]
-    options: Any
-    out: Path
-    again: Mapping[str, Any] = field(default_factory=dict)
-
-    @property
-    def overwrite(self) -> bool:
-        """Whether a folder with files in it may be used."""
-        return bool(self.options.overwrite)
-
-    @property
-    def warnings(self) -> Sequence[str]:
-        """Nothing is odd that is not refused."""
-        return ()
-
-    def records(self, trial: Any) -> bool:  # noqa: ANN401 (one of its task)
-        """Say whether a trial is to be recorded."""
-        return recorded_as(self.options.record, self.task, trial)
-
-
-_Options = TypeVar("_Options")
+_Options = TypeVar("_Options", bound=Options)
 _Run = TypeVar("_Run")
 
 
-def with_origin(
-    prepare: Callable[[_Options], _Run],
-    options: _Options,
-    files: Sequence[str],
-    *,
-    kept: str = "",
-) -> _Run:
+def with_origin(prepare: Callable[[_Options], _Run], options: _Options, *, kept: str = "") -> _Run:
     """Return a prepared run that says what makes it again: its options, and the files it read.
 
     Args:
         prepare: Reads and checks all that the options name.
         options: What was said.
-        files: Options that may name a file.
         kept: A file that need not be there again, as the run keeps what it says.
     """
     with noted() as read:
         run = prepare(options)
     read.pop(kept, None)
+    files = [x.field for x in options_of(type(options)) if x.names_file]
     again = {"words": repeated(options, files=files), "read": read}
     return replace(run, again=again)  # type: ignore[type-var]
 
@@ -132,7 +89,7 @@ class RunCommand:
     """
 
     task: ScoredTask
-    prepare: Callable[[Any], PreparedRun]
+    prepare: Callable[[Any], TaskRun]
     title: Callable[[FinishedRun], str] = _title_of
     columns: Sequence[str] = ()
     row: Callable[[Any], tuple[str, ...]] | None = None
@@ -187,10 +144,26 @@ class RunCommand:
 
 
 def command_of(task: str) -> RunCommand:
-    """Return the command of a task, by its name; its options name the module that it stands in."""
-    module = import_module(f"mitt.cli.{COMMANDS[task].module}")
-    command: RunCommand = vars(module)[f"{task}_command"]
-    return command
+    """Return the command of a task: its own, or else that of all tasks."""
+    known, module = TASKS[task], import_module(f"mitt.cli.{COMMANDS[task].module}")
+    own: RunCommand | None = vars(module).get(f"{task}_command")
+    return own or RunCommand(task=known.scored, prepare=partial(_prepared_by, known))
+
+
+def _prepared_by(known: KnownTask, options: TaskOptions) -> TaskRun:
+    """Read and check all that a run needs, by what the task says of that."""
+    task = known.scored
+
+    def prepared(options: TaskOptions) -> TaskRun:
+        if known.prepare is None:
+            raise RuntimeError(f"the task {task.name} has no command")
+        out = run_folder(options, f"{task.name}-{options.seed}")
+        run = known.prepare(options, out)
+        if not options.check:
+            check_ours(out, task.leaves)
+        return run
+
+    return with_origin(prepared, options)
 
 
 def _run(run: TaskRun, report: Progress) -> FinishedRun:

@@ -17,6 +17,7 @@ from mitt.io.messages import EVENT, TRUTH
 from mitt.lab.trials.log import FIRST_CONTACT, catch_tick
 from mitt.lab.trials.replayed import Judged, Replayed
 from mitt.lab.trials.score import drive_loads
+from mitt.lab.trials.tasks import TASKS
 
 #: What a hand needs: 1-sigma of the ball's place, and how far it may be off [m].
 _NEAR = CatcherSettings().tolerance
@@ -49,12 +50,6 @@ LIMITS = {
     "area": "the part is not in the work area when it would be met",
     "window": "the part leaves the work area before the tool would have closed",
     "taken": "the part fell, left its belt or was taken away",
-}
-#: What is said of a trial that did what it was to do, of whatever task.
-_SUCCESS = {
-    "caught": "The ball was caught.",
-    "met": "The part was met.",
-    "hit": "The ball was hit.",
 }
 
 
@@ -190,7 +185,8 @@ def explain(x: Replayed, e: Evidence) -> Explanation:
             " recorded, so what comes later says nothing of a catch."
         )
     else:
-        cause = _SUCCESS.get(status) or next(_causes(x, e))
+        done = {of.scored.success: of.scored.done for of in TASKS.values()}
+        cause = done.get(status) or next(_causes(x, e))
     return Explanation(status=status, cause=cause, facts=tuple(_facts(x, e)))
 
 

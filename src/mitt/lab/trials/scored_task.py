@@ -96,6 +96,11 @@ class ScoredTask:
         return self.statuses[0]
 
     @property
+    def done(self) -> str:
+        """What is said of a trial that did what it was to do, as ``The ball was caught.``."""
+        return f"The {self.counted.partition(' ')[0].removesuffix('s')} was {self.success}."
+
+    @property
     def result_schema(self) -> str:
         """Schema of the result of a run."""
         return f"mitt.{self.name}/1"

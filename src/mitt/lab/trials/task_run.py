@@ -4,92 +4,19 @@ An interrupt ends the run and keeps what is done; a process that cannot be reach
 leaves the result of the trials that are done.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any, Protocol, final
+from typing import Any, final
 
-from mitt.clock import Progress, Stopwatch, settled
+from mitt.clock import Progress, settled
 from mitt.interrupts import finally_do, notice, status_of
-from mitt.io.recordings import Recording, write_recording
+from mitt.io.recordings import write_recording
 from mitt.io.writing import claim_folder, write_json
 from mitt.lab.trials.journal import Journal
+from mitt.lab.trials.prepared import TaskRun, Trials
 from mitt.lab.trials.result import result
-from mitt.lab.trials.scored_task import RESULT, ScoredTask
-
-
-class Trials(Protocol):
-    """What runs the trials of a run, one after the other."""
-
-    @property
-    def stopwatch(self) -> Stopwatch:
-        """Times of the catcher's ticks."""
-        ...
-
-    @property
-    def said(self) -> Mapping[str, object]:
-        """What the result says of the run beside its head: what was learned on the way."""
-        ...
-
-    @property
-    def warning(self) -> str | None:
-        """What is odd about what was learned on the way; None where nothing is."""
-        ...
-
-    def trial(self, index: int) -> Any:  # noqa: ANN401 (one of its task)
-        """Run a trial."""
-        ...
-
-    def recording(self, trial: Any) -> Recording:  # noqa: ANN401 (one of its task)
-        """Return the recording of the last trial."""
-        ...
-
-    def keep(self, folder: Path) -> None:
-        """Write what a run keeps beside its trials, before the first."""
-        ...
-
-
-class TaskRun(Protocol):
-    """A run that can start: every input read and found good."""
-
-    @property
-    def task(self) -> ScoredTask:
-        """What is run."""
-        ...
-
-    @property
-    def out(self) -> Path:
-        """Folder to write."""
-        ...
-
-    @property
-    def overwrite(self) -> bool:
-        """Whether a folder with files in it may be used."""
-        ...
-
-    @property
-    def count(self) -> int:
-        """Number of trials."""
-        ...
-
-    @property
-    def head(self) -> Mapping[str, object]:
-        """What the result says of the run."""
-        ...
-
-    @property
-    def again(self) -> Mapping[str, Any]:
-        """What makes the run again, as JSON: its options, and what it read."""
-        ...
-
-    def begin(self, progress: Progress) -> Trials:
-        """Learn what is not there yet, and return what runs the trials."""
-        ...
-
-    def records(self, trial: Any) -> bool:  # noqa: ANN401 (one of its task)
-        """Say whether a trial is to be recorded."""
-        ...
+from mitt.lab.trials.scored_task import RESULT
 
 
 @final
@@ -124,11 +51,6 @@ class FinishedRun:
         """The result as the contract writes it."""
         run, head = self.run, {**self.run.head, **self.runner.said}
         return result(run.task, self.trials, self.runner.stopwatch, head, run.count)
-
-
-def recorded_as(wanted: str, task: ScoredTask, trial: Any) -> bool:  # noqa: ANN401
-    """Say whether a trial is recorded where ``none``, ``failures`` or ``all`` are wanted."""
-    return wanted == "all" or (wanted == "failures" and trial.status != task.success)
 
 
 Keep = Callable[[Any], None]

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from mitt.core.errors import UnknownNameError
 from mitt.io.reading import read_toml
@@ -11,6 +11,7 @@ from mitt.lab.trials.batting import BAT
 from mitt.lab.trials.catch_study import CatchStudy, read_catch_study
 from mitt.lab.trials.meet_study import MeetStudy, read_meet_study
 from mitt.lab.trials.meeting import MEET
+from mitt.lab.trials.prepared import TaskRun
 from mitt.lab.trials.score import CATCH
 from mitt.lab.trials.scored_task import ScoredTask
 from mitt.lab.trials.study import Study
@@ -25,11 +26,15 @@ class KnownTask(NamedTuple):
         scored: What its trials count and measure.
         study: Its studies.
         read: Reads the file of one.
+        prepare: Returns a run from the options of its command and the folder to be written, every
+            input read and found good; None where the command is written for the task
+            (``mitt.cli``).
     """
 
     scored: ScoredTask
     study: type[Study]
     read: Callable[[Path], Study]
+    prepare: Callable[[Any, Path], TaskRun] | None = None
 
 
 TASKS: Final = {
