@@ -9,21 +9,18 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from mitt.core.errors import InputError, ShapeError
+from mitt.core.eyes.background import OFFSET, faulty_pixels, mean_background, subtract
 from mitt.core.eyes.camera import fixed_rig
 from mitt.core.eyes.eyes import Eyes
 from mitt.core.eyes.segmentation import (
-    OFFSET,
     TARGET,
     WORK,
     Segmenter,
     SegmenterConfig,
     detect,
-    faulty_pixels,
     forget,
-    mean_background,
     pack_segmenter,
     region_of_interest,
-    subtract,
     suffices,
 )
 from mitt.core.kernels import Record

@@ -12,6 +12,7 @@ import numpy as np
 from mitt.core import checks
 from mitt.core.errors import InputError
 from mitt.core.eyes import groups, head, localization, segmentation, triangulation
+from mitt.core.eyes.background import keep_background
 from mitt.core.eyes.camera import Rig, fixed_rig, pack_cameras
 from mitt.core.eyes.localization import EyesHandle, EyesMemory, eyes_handle, localize
 from mitt.core.eyes.segmentation import SegmenterConfig, forget, pack_segmenter
@@ -156,7 +157,7 @@ class Eyes:
             means.append(np.rint(np.mean(seen, axis=0)).astype(np.uint8))
         self.backgrounds = (*means, self.backgrounds[-1])
         for target, mean in zip(self.memory.targets, means, strict=True):
-            segmentation.keep_background(target, mean)
+            keep_background(target, mean)
 
     def _learn_directions(self, frames: list[Frame]) -> None:
         """Learn what frames of cameras that turn show where they look."""

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple, final
 
 import numpy as np
 
+from mitt.core.eyes.background import level_behind, searched_difference
 from mitt.core.eyes.blobs import ROWS, is_merged
 from mitt.core.eyes.camera import in_camera, late_by_row, sphere_centroid
 from mitt.core.eyes.candidates import MOST, TRACK, extend_track, fastest_track
@@ -23,12 +24,10 @@ from mitt.core.eyes.segmentation import (
     detect,
     find_sign,
     follow_target,
-    level_behind,
     measure_if_due,
     most_like_ball,
     noise_over_contrast,
     outline,
-    searched_difference,
 )
 from mitt.core.eyes.triangulation import NEAR, note, on_ray, triangulate
 from mitt.core.kernels import Fields, Handle, Record, define, kernel

@@ -29,10 +29,11 @@ from mitt.core.catcher.state import (
 )
 from mitt.core.catcher.tick import looks, tick
 from mitt.core.errors import ShapeError
+from mitt.core.eyes.background import whole_image
 from mitt.core.eyes.camera import CAMERA
 from mitt.core.eyes.head import HEAD
 from mitt.core.eyes.held import window_about
-from mitt.core.eyes.segmentation import WORK, region_of_interest, suffices, whole_image
+from mitt.core.eyes.segmentation import WORK, region_of_interest, suffices
 from mitt.core.kernels import Record, big_kernel, copy, kernel
 from mitt.core.signals import TICK, Array, Image
 from mitt.lab.world.capsules import Body, lay_capsules

@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 from mitt.core.arm.arm import Arm
 from mitt.core.catcher.settings import BRAKE
 from mitt.core.errors import InputError
+from mitt.core.eyes.background import mean_background
 from mitt.core.eyes.camera import Camera as Pinhole
 from mitt.core.eyes.camera import applied, by_pose, inverse, laid, turned
 from mitt.core.eyes.clock_offset import CatchSeen, LearnedClock, caught_offset
-from mitt.core.eyes.segmentation import Segmenter, mean_background
+from mitt.core.eyes.segmentation import Segmenter
 from mitt.core.eyes.triangulation import Triangulator, TriangulatorConfig
 from mitt.core.signals import Array, Moments, Sighting
 from mitt.io.cdr import Rows

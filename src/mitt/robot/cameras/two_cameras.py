@@ -10,8 +10,9 @@ import numpy as np
 from mitt.clock import Progress
 from mitt.core.ball.filter import TABLE_TENNIS_BALL, THROWN_BALL, BallFilter, FilterConfig
 from mitt.core.errors import InputError
+from mitt.core.eyes.background import mean_background
 from mitt.core.eyes.groups import MOST_GROUPS
-from mitt.core.eyes.segmentation import Segmenter, mean_background
+from mitt.core.eyes.segmentation import Segmenter
 from mitt.core.eyes.triangulation import Triangulator, TriangulatorConfig
 from mitt.core.signals import Array, BallState, Frame, Image, Moments, Sighting
 from mitt.io.rig import CalibratedRig
