@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,9 +10,19 @@ from arm.test_load import urdf
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.core.arm.limits import LimitSet, bound_of, joint_level, torque_share
+from mitt.core.arm.arm import Arm, difference, identity_of
+from mitt.core.arm.limits import (
+    HELD_BACK,
+    IN_WORDS,
+    LimitSet,
+    bound_of,
+    joint_level,
+    torque_share,
+    with_reserve,
+)
 from mitt.core.errors import InputError, MittError, ModelError, UnknownNameError
 from mitt.core.signals import Array
+from mitt.io.arm_file import load_arm
 from mitt.io.load import build_arm
 from mitt.io.wam import wam_limits
 
@@ -204,6 +215,28 @@ def test_a_set_supplies_what_the_file_leaves_out(tmp_path: Path) -> None:
     arm = build_arm(path, tip="l5", joints=_NAMES, limits=_set(five, **bounds))
     assert arm.q_max.tolist() == [2.0, 2.0, 2.0]
     assert arm.model.notes == ()
+
+
+@pytest.mark.parametrize("name", IN_WORDS)
+def test_each_bound_tells_arms_apart_in_its_words(name: str) -> None:
+    """A map that was learned with another one is another map."""
+    arm, n = load_arm("wam", limits="wam-80v"), 4
+    given = vars(arm.limits)[name]
+    changed: dict[str, Any] = {name: np.full(n, 5.0) if given is None else 2.0 * given}
+    other = replace(arm.limits, **changed)
+    said = difference(identity_of(arm), identity_of(Arm(arm.model, other)))
+    assert said is not None
+    assert f"its {IN_WORDS[name]}" in said
+
+
+def test_a_reserve_is_a_share_of_what_drives_give() -> None:
+    """Of nothing else."""
+    limits = wam_limits("wam-80v")
+    less = with_reserve(limits, 0.25)
+    for name in IN_WORDS:
+        share = 0.75 if name in HELD_BACK else 1.0
+        if vars(limits)[name] is not None:
+            assert np.allclose(vars(less)[name], share * vars(limits)[name])
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mitt.core.arm.arm import Arm
-from mitt.core.map.demand import Tolerance, demand, shares_of
+from mitt.core.map.demand import KINDS, Tolerance, demand, shares_of, uniform
 from mitt.core.map.learn import limit_rows, sensitivity
 from mitt.core.signals import Array
 from mitt.io.load import build_arm
@@ -175,3 +175,15 @@ def test_accelerations_have_a_share_where_the_set_bounds_them(arm: Arm, seed: in
         assert named[f"acceleration:{name}"] == pytest.approx(expected, rel=EXACT)
     assert not demand(arm, motion).acceleration.any()
     assert not any(x.startswith("acceleration") for x in shares_of(arm, motion, WHOLE))
+
+
+@given(seed=seeds, share=st.floats(0.5, 2.0))
+def test_one_share_counts_for_every_kind(arm: Arm, seed: int, share: float) -> None:
+    """Twice the tolerance is half the share, whatever the limit; ranges have none."""
+    most, motion = np.linspace(5.0, 20.0, len(arm.model.links)), motion_of(arm, seed)
+    bounded = Arm(arm.model, replace(arm.limits, acceleration=most))
+    once, twice = (shares_of(bounded, motion, uniform(k * share)) for k in (1.0, 2.0))
+    assert {x.split(":")[0] for x in once} == set(KINDS)
+    for name, value in once.items():
+        factor = 1.0 if name.startswith("range") else 0.5
+        assert twice[name] == pytest.approx(factor * value, rel=EXACT)

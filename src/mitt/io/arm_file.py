@@ -10,10 +10,10 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self, final
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, final
 
 import numpy as np
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, create_model, field_validator, model_validator
 
 from mitt.core import checks
 from mitt.core.arm.arm import Arm
@@ -128,16 +128,17 @@ class ArrivalSettings(FileSettings):
         return np.array([self.speed, self.descent, self.azimuth, self.flight])
 
 
-class _Limits(FileSection):
+class _Limited(FileSection):
     joints: Annotated[list[str], Field(min_length=1, max_length=64)]
-    lower: _Row | None = None
-    upper: _Row | None = None
-    speed: _Row | None = None
-    acceleration: _Row | None = None
-    jerk: _Row | None = None
-    torque: _Row | None = None
-    torque_rate: _Row | None = None
     force: Annotated[float, Field(gt=0.0, le=1e6)] | None = None
+
+
+if TYPE_CHECKING:
+    _Limits = _Limited
+else:  # a row for each kind of limit
+    _Limits = create_model(
+        "_Limits", __base__=_Limited, **dict.fromkeys(KINDS, (_Row | None, None))
+    )
 
 
 class _LimitsFile(FileSection):

@@ -7,7 +7,7 @@ where the others are held, is said by name. What a limit set says goes before wh
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from mitt.core.arm.description import (
     rotation,
     transform,
 )
-from mitt.core.arm.limits import Limits, LimitSet, joint_level
+from mitt.core.arm.limits import KINDS, Limits, LimitSet, joint_level
 from mitt.core.errors import InputError, ModelError, UnknownNameError
 from mitt.core.signals import Array
 from mitt.io.description_files import LeftOut, Seat, Stated, check_suffix
@@ -52,6 +52,8 @@ TIP_AXES = {
 _READERS = {".urdf": read_urdf, ".xml": read_mjcf, ".mjcf": read_mjcf}
 #: What else may be named as an arm; an arm file is read by :func:`mitt.load_arm`.
 _FILES = ("an arm file (.toml)", "a URDF (.urdf)", "an MJCF (.xml)")
+#: Kinds of bounds that a description states, too.
+_STATED = ("lower", "upper", "torque", "speed")
 #: How an error calls what an active joint needs.
 _LIMITS = {
     "range": "a range",
@@ -535,17 +537,17 @@ def _limits(
     bounds: Mapping[str, Mapping[str, float]],
 ) -> Limits:
     """Return the limits of the links; a joint that a set does not bound has no such bound."""
-    more = {
+    more: dict[str, Any] = {
         kind: np.array([bounds[kind].get(name, np.inf) for name in names])
-        for kind in ("acceleration", "jerk", "torque_rate")
-        if kind in bounds
+        for kind in KINDS
+        if kind in bounds and kind not in _STATED
     }
     limits = joint_level(
         "model" if given is None else given.name,
         tau=np.array([stated.torque[name] for name in names]),
         speed=np.array([stated.speed[name] for name in names]),
-        **more,
     )
+    limits = replace(limits, **more)
     return limits if given is None else replace(limits, force=given.force)
 
 

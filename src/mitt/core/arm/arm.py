@@ -300,14 +300,7 @@ def identity_of(arm: Arm) -> Identity:
         "inertias": [link.inertia for link in links],
         "rotor inertias": [link.armature for link in links],
         "joint ranges": [np.array([link.q_min, link.q_max]) for link in links],
-        "transmission": limits.transmission,
-        "peak torques": limits.tau_peak,
-        "stall torques": limits.tau_stall,
-        "continuous torques": limits.tau_rms,
-        "joint speeds": limits.dq_max,
-        "accelerations": np.zeros(0) if limits.acceleration is None else limits.acceleration,
-        "jerks": np.zeros(0) if limits.jerk is None else limits.jerk,
-        "torque rates": np.zeros(0) if limits.torque_rate is None else limits.torque_rate,
+        **limits.in_words,
     }
     return {name: _plain(np.asarray(part, dtype=np.float64)) for name, part in parts.items()}
 

@@ -15,7 +15,7 @@ Vendors state bounds of joints; such a set is fitted to an arm by the names of i
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Final, NamedTuple
 
@@ -35,6 +35,21 @@ divided by. Torques themselves are held to the bound without it."""
 KINDS = ("lower", "upper", "speed", "acceleration", "jerk", "torque", "torque_rate")
 """What a set may bound: ends of the range [rad], then the largest rad/s, rad/s^2, rad/s^3, N m and
 N m/s (of a sliding joint m and N in the place of rad and N m)."""
+
+IN_WORDS: Final = {
+    "transmission": "transmission",
+    "tau_peak": "peak torques",
+    "tau_stall": "stall torques",
+    "tau_rms": "continuous torques",
+    "dq_max": "joint speeds",
+    "acceleration": "accelerations",
+    "jerk": "jerks",
+    "torque_rate": "torque rates",
+}
+"""What the transmission and the bounds of a limit set are called, by their fields."""
+
+HELD_BACK: Final = ("tau_peak", "tau_stall")
+"""Bounds of which a share is left to drives that lag behind their commands."""
 
 #: Names of joints that tell nothing of the arm.
 _BARE = re.compile(r"(actuator|joint|jnt|axis|j|a|q)?[ _-]*\d*", re.IGNORECASE)
@@ -82,22 +97,11 @@ class Limits:
             ShapeError: An array has another shape.
             InputError: A bound is none.
         """
-        bounds = {
-            "tau_peak": self.tau_peak,
-            "tau_stall": self.tau_stall,
-            "dq_max": self.dq_max,
-            "tau_rms": self.tau_rms,
-        }
         transmission = checks.array("transmission", self.transmission, (None, None), finite=True)
         size = len(transmission)
         kept = {"transmission": checks.array("transmission", transmission, (size, size))}
-        kept |= {name: checks.vector(name, bound, size) for name, bound in bounds.items()}
-        rates = {
-            "acceleration": self.acceleration,
-            "jerk": self.jerk,
-            "torque_rate": self.torque_rate,
-        }
-        kept |= {k: checks.vector(k, x, size) for k, x in rates.items() if x is not None}
+        bounds = {name: vars(self)[name] for name in IN_WORDS if name != "transmission"}
+        kept |= {k: checks.vector(k, x, size) for k, x in bounds.items() if x is not None}
         for name, value in kept.items():
             if name != "transmission" and not np.all(value > 0.0):  # they stand in denominators
                 raise InputError(f"limits {name}", "numbers above 0", value.tolist())
@@ -107,7 +111,7 @@ class Limits:
 
     def __getstate__(self) -> dict[str, object]:
         """Return the fields; what follows from them is worked out anew."""
-        return {name: vars(self)[name] for name in _FIELDS}
+        return {x.name: vars(self)[x.name] for x in fields(self)}
 
     @cached_property
     def to_drive(self) -> Array:
@@ -124,6 +128,12 @@ class Limits:
     def no_load(self) -> bool:
         """Whether the torque of a drive falls off towards its no-load speed."""
         return bool(np.all(np.isfinite(self.tau_stall)))
+
+    @property
+    def in_words(self) -> dict[str, Array]:
+        """What tells it from another set, by what it is called; no numbers where it has none."""
+        given = {words: vars(self)[name] for name, words in IN_WORDS.items()}
+        return {words: np.zeros(0) if x is None else x for words, x in given.items()}
 
     @property
     def smooth(self) -> bool:
@@ -183,19 +193,10 @@ class Limits:
         return checks.rows(name, x, len(self.dq_max))
 
 
-_FIELDS = (
-    "name",
-    "transmission",
-    "tau_peak",
-    "tau_stall",
-    "dq_max",
-    "tau_rms",
-    "acceleration",
-    "jerk",
-    "torque_rate",
-    "force",
-)
-"""Fields of a limit set."""
+def with_reserve(limits: Limits, share: float) -> Limits:
+    """Return a limit set of whose drives a share is not commanded (:data:`HELD_BACK`)."""
+    given = {name: vars(limits)[name] for name in HELD_BACK}
+    return replace(limits, **{k: (1.0 - share) * x for k, x in given.items() if x is not None})
 
 
 def slowed(limits: Limits, scale: float) -> Limits:

@@ -24,7 +24,7 @@ from mitt.core.arm.arm import Arm
 from mitt.core.catcher.generators import Direct
 from mitt.core.errors import InputError
 from mitt.core.fields import brief
-from mitt.core.map.demand import Tolerance
+from mitt.core.map.demand import uniform
 from mitt.core.map.family import family_of
 from mitt.core.map.mapping import DirectMap
 from mitt.core.map.neighbourhood import nominal_ball
@@ -34,7 +34,7 @@ from mitt.core.verdict.pieces import Pieces
 
 #: Share of each limit in units of which maps are compared: one that keeps them is preferred. The
 #: arm may be weaker, or carry more, than modelled: a fifth of its torque is no part of the brake.
-_CHOICE = Tolerance(torque=1.25, speed=1.0, acceleration=1.0, strength=0.8)
+_CHOICE = replace(uniform(1.0), torque=1.25, strength=0.8)
 
 
 @final

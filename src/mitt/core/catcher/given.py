@@ -12,6 +12,7 @@ import numpy as np
 
 from mitt.core import checks
 from mitt.core.arm.arm import Arm, difference, identity_of
+from mitt.core.arm.limits import HELD_BACK, IN_WORDS
 from mitt.core.catcher.family import direct
 from mitt.core.catcher.generators import Direct, Generator, Movable, Remembering
 from mitt.core.errors import InputError, answered_by
@@ -25,17 +26,9 @@ _BRIEFEST = 1e-6
 #: Least share of the torque that an arm commands which is the same but for a reserve.
 _KEPT = 0.95
 #: Parts of an arm's identity that are limits: what a map was learned for, not what it is made of.
-_TORQUES = ("peak torques", "stall torques")
-_LIMITS = (
-    *_TORQUES,
-    "continuous torques",
-    "transmission",
-    "joint ranges",
-    "joint speeds",
-    "accelerations",
-    "jerks",
-    "torque rates",
-)
+_LIMITS = ("joint ranges", *IN_WORDS.values())
+#: Those of which an arm may command a share alone.
+_HELD_BACK = tuple(IN_WORDS[name] for name in HELD_BACK)
 
 GeneratorLike: TypeAlias = Generator | DirectMap | Learned
 """What is taken for a generator: itself; what :func:`mitt.learn` returned, for the default one; or
@@ -129,7 +122,7 @@ def _difference(arm: Arm, other: Arm, *, limits: bool) -> str | None:
         return f"its joints are {', '.join(other.names)}"
     mine, theirs = identity_of(arm), identity_of(other)
     for name in _LIMITS:
-        reserved = name in _TORQUES and _is_reserve(mine[name], theirs[name])
+        reserved = name in _HELD_BACK and _is_reserve(mine[name], theirs[name])
         if reserved or not limits:
             mine[name] = theirs[name]
     shapes, others = (

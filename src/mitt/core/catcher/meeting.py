@@ -28,7 +28,7 @@ from mitt.core.catcher.generators import Generator, Memory
 from mitt.core.control.envelope import bounds_of
 from mitt.core.fields import Range, Settings, brief
 from mitt.core.kernels import kernel
-from mitt.core.map.demand import Tolerance, shares_of
+from mitt.core.map.demand import Tolerance, shares_of, uniform
 from mitt.core.map.meeting import MeetingMap
 from mitt.core.map.prediction import flown, spread
 from mitt.core.signals import TICK, Array, BallState, JointReference, MapStatus, reference_of
@@ -53,7 +53,7 @@ _PAUSE = 0.0075
 _LEAVES = (0.2, 0.3, 0.4, 0.6, 0.9, 1.4, 2.0)
 #: Times in which it comes to rest straight on [s], and the shares of the limits that this may take.
 _STOPS = (0.05, 0.07, 0.1, 0.2, 0.4)
-_HARD = Tolerance(torque=0.9, speed=1.0, acceleration=0.9)
+_HARD = replace(uniform(0.9), speed=1.0)
 #: Share of ``above`` by which it then lifts a part off its belt all the same.
 _HOP = 0.25
 #: Least time from the start until the way down begins [s].
@@ -312,7 +312,7 @@ class Meeting(Generator):
     map: MeetingMap
     settings: MeetingSettings = field(default_factory=MeetingSettings)
     tolerance: Tolerance = field(
-        default_factory=lambda: Tolerance(torque=0.8, speed=0.9, acceleration=0.7)
+        default_factory=lambda: replace(uniform(0.8), speed=0.9, acceleration=0.7)
     )
     start: float = inf
     after: float = inf

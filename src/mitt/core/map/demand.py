@@ -55,6 +55,11 @@ class Tolerance(Settings):
     strength: Annotated[float | None, Range(1e-6, 1e3)] = None
 
 
+def uniform(share: float) -> Tolerance:
+    """Return a tolerance of one share of each limit that a motion asks for."""
+    return Tolerance(torque=share, speed=share, acceleration=share)
+
+
 class Demand(NamedTuple):
     """Demand of a motion at K instants; see the module's table."""
 
@@ -145,12 +150,24 @@ def demand(arm: Arm, motion: Array) -> Demand:
     The torque is eq. (14) at q = q_d, which is eq. (16) with M~, H~ and g~ of eq. (17); the
     speed is eq. (19); their shares of the limits are those of eqs. (18) and (20).
     """
-    count, n, links = len(motion), arm.n, len(arm.bodies)
-    shapes = (count,), (count,), (count, links), (count, links), (count, n), (count, n), (count, n)
-    out = Demand(*(np.empty(shape) for shape in shapes))
+    out: Demand = room_of_demand(len(motion), arm.n, len(arm.bodies))
     rows = np.ascontiguousarray(motion, dtype=np.float64)
     reckon(arm_numbers(arm), rows, out, work_of(arm))
     return out
+
+
+@kernel
+def room_of_demand(count: int, n: int, links: int) -> Demand:
+    """Return arrays for the demand of so many instants of an arm with n joints, N links."""
+    return Demand(
+        np.empty(count),
+        np.empty(count),
+        np.empty((count, links)),
+        np.empty((count, links)),
+        np.empty((count, n)),
+        np.empty((count, n)),
+        np.empty((count, n)),
+    )
 
 
 @kernel

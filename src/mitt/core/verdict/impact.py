@@ -30,7 +30,7 @@ from mitt.core.control.envelope import bounds_of, clamp, speeds_of
 from mitt.core.control.stop import Brake, MassWork, mass_work, plan_brake
 from mitt.core.control.tracking import Tracking, track, tracking_of
 from mitt.core.kernels import Record, kernel
-from mitt.core.map.demand import Tolerance, shares_of
+from mitt.core.map.demand import shares_of, uniform
 from mitt.core.signals import TICK, Array
 from mitt.core.verdict.feasibility import Approach, Outcome, Verdict
 from mitt.core.verdict.holding import force_of, hand_shares
@@ -235,7 +235,7 @@ def _rehearsed(
     pieces: Pieces,
 ) -> Verdict:
     """Return the verdict by how far the hand will be from its place, where no range is exceeded."""
-    endless = Tolerance(torque=np.inf, speed=np.inf, acceleration=np.inf)
+    endless = uniform(np.inf)
     shares = pieces.of("ranges", shares_of, arm, approach.motion, endless)
     if not np.all(np.isfinite(approach.motion)) or max(shares.values()) > 1.0:
         return verdict

@@ -27,7 +27,7 @@ from mitt.core.ball.flight import advance
 from mitt.core.catcher.generators import Direct
 from mitt.core.catcher.settings import CatcherSettings
 from mitt.core.errors import MittError
-from mitt.core.map.demand import Tolerance
+from mitt.core.map.demand import uniform
 from mitt.core.map.learn import LearnSettings, lift_flight
 from mitt.core.map.mapping import DirectMap, unlearned
 from mitt.core.map.neighbourhood import FASTEST_SHARE, Neighbourhood, learn
@@ -120,7 +120,7 @@ def verdicts(
     from one that the arm can only just follow.
     """
     q, caught = f.arm.q_ready, settings.caught
-    strict = Tolerance(torque=1.0, speed=1.0, acceleration=1.0)
+    strict = uniform(1.0)
     said, ends = list[Verdict](), list[_End]()
     for ball in balls:
         verdict, pieces = judge(f, ball, q, tolerance=strict), Pieces()

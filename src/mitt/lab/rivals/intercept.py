@@ -51,11 +51,11 @@ from mitt.core.kernels import kernel
 from mitt.core.map.demand import (
     KINDS,
     ArmNumbers,
-    Demand,
     Tolerance,
     Work,
     arm_numbers,
     reckon,
+    room_of_demand,
     work_of,
 )
 from mitt.core.map.mapping import DirectMap
@@ -507,15 +507,7 @@ def _weigh(
             return np.inf, np.inf, 0
         if not np.max(np.abs(path[:, 1, j])) <= _TOO_FAST * p.dq_max[j]:
             return np.inf, np.inf, 0
-    d = Demand(
-        np.empty(INSTANTS),
-        np.empty(INSTANTS),
-        np.empty((INSTANTS, links)),
-        np.empty((INSTANTS, links)),
-        np.empty((INSTANTS, n)),
-        np.empty((INSTANTS, n)),
-        np.empty((INSTANTS, n)),
-    )
+    d = room_of_demand(INSTANTS, n, links)
     reckon(p, path, d, g.scratch)
     share, which = -1.0, 0
     for kind in range(3):

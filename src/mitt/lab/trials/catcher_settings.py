@@ -6,6 +6,7 @@ from math import pi, sqrt
 import numpy as np
 
 from mitt.core.arm.arm import Arm
+from mitt.core.arm.limits import with_reserve
 from mitt.core.arm.shapes import Surroundings
 from mitt.core.arm.tools import Paddle
 from mitt.core.ball.filter import FilterConfig
@@ -78,9 +79,7 @@ def driven(arm: Arm, scene: Scene) -> Arm:
 
 def reserved(arm: Arm) -> Arm:
     """Return an arm with a share of its torque left for drives that lag behind their commands."""
-    limits, left = arm.limits, 1.0 - RESERVE
-    weaker = replace(limits, tau_peak=left * limits.tau_peak, tau_stall=left * limits.tau_stall)
-    return Arm(arm.model, weaker)
+    return Arm(arm.model, with_reserve(arm.limits, RESERVE))
 
 
 def bandwidth_of(takes: str, servo: float) -> float:

@@ -24,7 +24,7 @@ from mitt.core.catcher.generators import Generator
 from mitt.core.catcher.meeting import Meeting, MeetingSettings
 from mitt.core.catcher.settings import CatcherSettings
 from mitt.core.errors import ModelError
-from mitt.core.map.demand import Tolerance
+from mitt.core.map.demand import uniform
 from mitt.core.map.meeting import MeetingMap, unlearned_meeting
 from mitt.core.map.reach import Reach, ReachScratch, reach_of, reach_scratch, reach_target
 from mitt.core.signals import Array
@@ -77,7 +77,7 @@ _GENTLE = {"belt": 0.0, "hand": 6.0}
 _DOWN = (0.2, 0.25, 0.3, 0.4, 0.5, 0.7, 1.0, 1.5, 2.5)
 #: Least of them: a person is touched gently [s].
 _LEAST_DOWN = {"belt": 0.2, "hand": 0.4}
-_HALF = Tolerance(torque=0.8, speed=0.5, acceleration=0.4)
+_HALF = replace(uniform(0.8), speed=0.5, acceleration=0.4)
 #: Places that are tried, in lengths of the arm before its shoulder, and above it [m]: where a
 #: forearm points as the tool to a person does, its wrist is singular.
 _SHARES = (0.5, 0.6, 0.7)
