@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,8 @@ from mitt.core.eyes.camera import Camera, Rig, fixed_rig, inverse
 from mitt.core.eyes.lens import Lens
 from mitt.core.signals import GRAVITY, Array, Image
 from mitt.io.rig import CalibratedRig, write_rig
+from mitt.robot.cameras import two_cameras
+from mitt.robot.cameras.cameras import ImageSource
 from mitt.robot.cameras.other_rigs import fall_error
 from mitt.robot.cameras.video_writer import VideoWriter
 
@@ -333,3 +336,122 @@ def test_what_falls_falls_at_g() -> None:
     assert fall_error(list(fall)) == pytest.approx(0.0, abs=1e-9)
     assert fall_error(list(straight)) == pytest.approx(GRAVITY, abs=1e-9)
     assert fall_error(list(fall[:10])) is None
+
+
+def painted(grey: Image, ground: tuple[int, int, int], ball: tuple[int, int, int]) -> Image:
+    """Return an image in which ground and ball of a film have other colours, with their noise."""
+    share = np.clip((grey - 24.0) / 160.0, 0.0, 1.0)[..., None]
+    noise = np.where(share > 0.1, 0.0, grey[..., None] - 24.0)
+    colours = (1.0 - share) * np.array(ground) + share * np.array(ball) + noise
+    return np.asarray(np.clip(np.rint(colours), 0.0, 255.0), dtype=np.uint8)
+
+
+def write_painted(path: Path, images: list[Image], ball: tuple[int, int, int]) -> None:
+    """Write a film before a blue wall that is as bright as the ball."""
+    with VideoWriter(path, rate=RATE, lossless=True) as writer:
+        for image in images:
+            writer.write(painted(image, (60, 120, 180), ball))
+
+
+def test_a_ball_of_the_walls_brightness_is_told_by_its_colour(
+    see: See, taken: Film, tmp_path: Path
+) -> None:
+    """Six digits, or a picture of the ball; without, a ball of the same mean is not seen."""
+    orange = (210, 110, 40)
+    for name, images in (("left.mkv", taken.left), ("right.mkv", taken.right)):
+        write_painted(tmp_path / name, images, orange)
+    films = tmp_path / "left.mkv", tmp_path / "right.mkv"
+    picture = np.full((20, 20, 3), orange[::-1], np.uint8)
+    cv2.imwrite(str(tmp_path / "ball.png"), picture)
+    for said in ("d26e28", tmp_path / "ball.png"):
+        status, result, _ = see(*films, "--ball", "thrown", "--ball-colour", said)
+        assert (status, result["status"]) == (0, "ok")
+        check_track(tmp_path / "T.csv", taken)
+    assert see(*films)[0] == 2
+
+
+def test_a_background_may_be_a_film_of_its_own(see: See, taken: Film, tmp_path: Path) -> None:
+    """A ball in sight from the first frame to the last of a short film, darker than the wall."""
+    for name, images in (("left", taken.left), ("right", taken.right)):
+        for kind, shown in (("empty", images[:3]), ("film", images[100:112])):
+            (tmp_path / f"{kind}-{name}").mkdir()
+            for k, image in enumerate(shown):
+                path = tmp_path / f"{kind}-{name}" / f"{0.001 * k:.4f}.png"
+                cv2.imwrite(str(path), 255 - image)
+    films = tmp_path / "film-left", tmp_path / "film-right"
+    left = "--left-background", tmp_path / "empty-left"
+    right = "--right-background", tmp_path / "empty-right"
+    status, result, _ = see(*films, *left, *right)
+    assert status == 0
+    assert result["sightings"] == 12
+    status, _, said = see(*films, *left)
+    assert status == 2
+    assert "--right-background" in said
+    big = tmp_path / "big.png"
+    cv2.imwrite(str(big), np.zeros((64, 64), np.uint8))
+    status, _, said = see(*films, "--left-background", big, "--right-background", big)
+    assert status == 2
+    assert "128 x 128" in said
+
+
+@pytest.mark.parametrize("said", ["ff80", "gg0000", "3c78b4"])
+def test_colours_that_say_nothing_are_refused(
+    see: See, taken: Film, tmp_path: Path, said: str
+) -> None:
+    """Too few digits, no digits, the colour of the wall: one line."""
+    for name, images in (("left.mkv", taken.left[:8]), ("right.mkv", taken.right[:8])):
+        write_painted(tmp_path / name, images, (210, 110, 40))
+    films = tmp_path / "left.mkv", tmp_path / "right.mkv"
+    status, _, err = see(*films, "--ball-colour", said)
+    assert status == 2
+    assert "--ball-colour" in err
+
+
+class Shown(ImageSource):
+    """A live camera that shows images."""
+
+    live = True
+
+    def __init__(self, camera: int, images: list[Image]) -> None:
+        """Take what it shows, one image a millisecond."""
+        super().__init__(f"shown {camera}", camera, None)
+        self._images = iter(enumerate(images))
+
+    def _grab(self) -> tuple[float, Image] | None:
+        """Return the next image."""
+        k, pixels = next(self._images, (0, None))
+        return None if pixels is None else (k / RATE, pixels)
+
+    def close(self) -> None:
+        """Nothing is held open."""
+
+
+def test_live_cameras_learn_their_background_from_the_first_images(
+    taken: Film, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """So a ball may be darker than the wall."""
+    empty = (taken.left[:4] * 8, taken.right[:4] * 8)
+    shown = [
+        Shown(k, [255 - image for image in (*ground, *images)])
+        for k, (ground, images) in enumerate(zip(empty, (taken.left, taken.right), strict=True))
+    ]
+    monkeypatch.setattr(two_cameras, "open_cameras", lambda *_, **__: nullcontext(shown))
+    monkeypatch.setattr(two_cameras, "film_looks", lambda *_: list[Image]())
+    seen = two_cameras.SeenSoFar()
+    two_cameras.see_ball(
+        "left",
+        "right",
+        calibrated(),
+        seen,
+        None,
+        ball="thrown",
+        radius=0.04,
+        max_skew=5e-4,
+        fps=None,
+        frames=None,
+        background=None,
+        colour=None,
+        progress=lambda *_: None,
+    )
+    assert seen.counts.paired == FRAMES
+    assert seen.agreed > 0.95 * (FRAMES - 5)

@@ -531,6 +531,11 @@ class SeeOptions(Options):
         ball: What is believed of the flight: any ball, the thrown one of mitt catch, or a
             table-tennis ball.
         ball_radius: Radius of the ball [m].
+        ball_colour: Its colour, where that tells it from what is behind it better than its
+            brightness: red, green, blue as six hexadecimal digits, or a picture of it.
+        left_background: Images or a film of the left camera without the ball; the film itself, or
+            the first images of a live camera, if left out.
+        right_background: The same of the right camera.
         overwrite: Replace existing files of mitt.
     """
 
@@ -549,6 +554,9 @@ class SeeOptions(Options):
     frames: Count = None
     ball: Literal["any", "thrown", "table-tennis"] = "any"
     ball_radius: Metres = 0.04
+    ball_colour: Annotated[str | None, Arg("RRGGBB|PICTURE")] = None
+    left_background: Annotated[str | None, Arg("FILE|FOLDER")] = None
+    right_background: Annotated[str | None, Arg("FILE|FOLDER")] = None
     overwrite: bool = False
 
 

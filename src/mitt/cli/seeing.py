@@ -24,12 +24,14 @@ from mitt.core.arm.arm import Arm
 from mitt.core.ball.filter import MAX_HORIZON
 from mitt.core.errors import FileError, InputError
 from mitt.core.eyes.camera import inverse
+from mitt.core.signals import Array
 from mitt.interrupts import notice
 from mitt.io.arm_file import load_arm
 from mitt.io.csv_table import header_of
 from mitt.io.rig import CalibratedRig, read_rig, write_rig
 from mitt.lab.world.fall import WANTED, doubt_of
 from mitt.numerals import whole_of
+from mitt.robot.cameras.ball_colour import colour_of, read_colour
 from mitt.robot.cameras.board_calibration import (
     CELLS,
     BoardProblem,
@@ -41,6 +43,7 @@ from mitt.robot.cameras.cameras import (
     check_cameras,
     check_library,
     open_cameras,
+    picture_of,
     skew_of_names,
 )
 from mitt.robot.cameras.charuco import Board, BoardSpec
@@ -123,6 +126,7 @@ def see_command(options: SeeOptions) -> int:
         if ":" not in spec and not Path(spec).exists():
             raise InputError(spec, "a video, a folder of images or a camera", "nothing there")
     check_cameras((options.left, options.right))
+    background, colour = _background(options), _colour(options)
     for module in () if video is None else ("cv2", "av"):
         check_library(module)
     if options.check:
@@ -144,6 +148,8 @@ def see_command(options: SeeOptions) -> int:
                 max_skew=options.max_skew,
                 fps=options.fps,
                 frames=options.frames,
+                background=background,
+                colour=colour,
                 progress=report,
             )
     except KeyboardInterrupt:
@@ -180,6 +186,35 @@ def _checked_rig(options: SeeOptions) -> CalibratedRig:
     if not 0.0 < options.ball_radius < 1.0:
         raise InputError("--ball-radius", "a length between 0 and 1 m", options.ball_radius)
     return rig
+
+
+def _background(options: SeeOptions) -> tuple[str, str] | None:
+    """Return what shows each camera's background; None where that is not said."""
+    left, right = options.left_background, options.right_background
+    if left is None and right is None:
+        return None
+    if left is None or right is None:
+        missing = "--left-background" if left is None else "--right-background"
+        raise InputError(missing, "the background of both cameras, or of none", "one alone")
+    for name, spec in (("--left-background", left), ("--right-background", right)):
+        if not Path(spec).exists():
+            raise FileError(
+                spec, f"{name}: an image, a video or a folder of images", "no such file"
+            )
+    check_cameras((left, right))
+    return left, right
+
+
+def _colour(options: SeeOptions) -> Array | None:
+    """Return red, green and blue of the ball; None where they are not said."""
+    text = options.ball_colour
+    if text is None:
+        return None
+    colour = read_colour(text)
+    if colour is None and not Path(text).is_file():
+        wanted = "six digits as ff8000, or a picture of the ball"
+        raise InputError("--ball-colour", wanted, text[:60])
+    return colour_of(picture_of(Path(text))) if colour is None else colour
 
 
 def _video(options: SeeOptions) -> Path | None:

@@ -21,6 +21,7 @@ from mitt.core.errors import FileError, InputError, check_package, heard
 from mitt.core.signals import Frame, Image
 from mitt.io.reading import read_bytes
 from mitt.numerals import whole_of
+from mitt.robot.cameras.ball_colour import BallColour
 
 #: Largest image file that is read [bytes].
 _MAX_BYTES = 100_000_000
@@ -54,74 +55,6 @@ class Zero:
         """Return the time of a stamp [s]."""
         self.stamp = stamp if self.stamp is None else self.stamp
         return stamp - self.stamp
-
-
-class ImageSource(ABC):
-    """A video, a folder of images, or a live camera.
-
-    The time of a frame is its number over ``fps`` or, without that, its stamp. Stamps of devices
-    count from the first frame of any camera of a rig, their clocks being taken for one; times of
-    arrival count from the camera's own first frame.
-
-    Attributes:
-        name: What the user called it.
-        live: Whether it runs until it is closed.
-        zero: From where the stamps of devices count.
-        stamp: Stamp of the last frame [s].
-        timed: Whether that is the device's own.
-    """
-
-    live = False
-
-    def __init__(self, name: str, camera: int, fps: float | None) -> None:
-        """Take the name, the index in the rig, and frames a second [Hz], None for stamps."""
-        self.name, self._camera, self._fps = name, camera, fps
-        self._number, self._arrivals = 0, Zero()
-        self.zero, self.stamp, self.timed = Zero(), 0.0, self.live
-
-    def read(self) -> Frame | None:
-        """Return the next frame; None at the end.
-
-        Raises:
-            FileError: The file is damaged, has no times, or the camera does not answer.
-        """
-        got = self._grab()
-        if got is None:
-            return None
-        (t, pixels), number = got, self._number
-        self.stamp = t
-        if self._fps is not None:
-            t = number / self._fps
-        elif self.live:
-            t = (self.zero if self.timed else self._arrivals).since(t)
-        self._number += 1
-        return Frame(t=t, camera=self._camera, number=number, pixels=pixels)
-
-    @abstractmethod
-    def _grab(self) -> tuple[float, Image] | None:
-        """Return stamp [s], any if ``fps`` is given, and grey pixels; None at the end."""
-
-    @abstractmethod
-    def close(self) -> None:
-        """Close the file or release the device."""
-
-
-def check_library(module: str) -> None:
-    """Refuse to go on without a library of the extra ``cameras``; it is not loaded."""
-    check_package("cameras", module, module, "cameras")
-
-
-def optional(module: str) -> ModuleType:
-    """Import a library of the extra ``cameras``."""
-    try:
-        return import_module(module)
-    except ImportError:
-        raise InputError(
-            "cameras",
-            f"the library {module.split('.', maxsplit=1)[0]}",
-            "none",
-            do="install mitt with its extra: mitt[cameras]",
-        ) from None
 
 
 def grey(pixels: Image) -> Image:
@@ -162,6 +95,85 @@ class Depth:
         return np.asarray(pixels >> (self.bits - 8), dtype=np.uint8)
 
 
+class ImageSource(ABC):
+    """A video, a folder of images, or a live camera.
+
+    The time of a frame is its number over ``fps`` or, without that, its stamp. Stamps of devices
+    count from the first frame of any camera of a rig, their clocks being taken for one; times of
+    arrival count from the camera's own first frame.
+
+    Attributes:
+        name: What the user called it.
+        live: Whether it runs until it is closed.
+        zero: From where the stamps of devices count.
+        stamp: Stamp of the last frame [s].
+        timed: Whether that is the device's own.
+        colour: The ball's, in which the pixels are looked at; None for their mean.
+    """
+
+    live = False
+
+    def __init__(self, name: str, camera: int, fps: float | None) -> None:
+        """Take the name, the index in the rig, and frames a second [Hz], None for stamps."""
+        self.name, self._camera, self._fps = name, camera, fps
+        self._number, self._arrivals = 0, Zero()
+        self.zero, self.stamp, self.timed = Zero(), 0.0, self.live
+        self.colour: BallColour | None = None
+
+    def read(self) -> Frame | None:
+        """Return the next frame; None at the end.
+
+        Raises:
+            FileError: The file is damaged, has no times, or the camera does not answer.
+        """
+        got = self._grab()
+        if got is None:
+            return None
+        (t, pixels), number = got, self._number
+        self.stamp = t
+        if self._fps is not None:
+            t = number / self._fps
+        elif self.live:
+            t = (self.zero if self.timed else self._arrivals).since(t)
+        self._number += 1
+        return Frame(t=t, camera=self._camera, number=number, pixels=pixels)
+
+    @abstractmethod
+    def _grab(self) -> tuple[float, Image] | None:
+        """Return stamp [s], any if ``fps`` is given, and grey pixels; None at the end."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Close the file or release the device."""
+
+    def _in_grey(self, pixels: Image, depth: Depth, *, blue_first: bool = False) -> Image:
+        """Return pixels of any depth and one or more channels in 8 grey bits."""
+        if self.colour is None:
+            return depth.eight(grey(pixels))
+        if pixels.ndim == 2 or pixels.shape[2] < 3:
+            raise InputError("--ball-colour", "cameras that show colours", f"{self.name} in grey")
+        seen = depth.eight(pixels[:, :, :3])
+        return self.colour.grey(seen[:, :, ::-1] if blue_first else seen)
+
+
+def check_library(module: str) -> None:
+    """Refuse to go on without a library of the extra ``cameras``; it is not loaded."""
+    check_package("cameras", module, module, "cameras")
+
+
+def optional(module: str) -> ModuleType:
+    """Import a library of the extra ``cameras``."""
+    try:
+        return import_module(module)
+    except ImportError:
+        raise InputError(
+            "cameras",
+            f"the library {module.split('.', maxsplit=1)[0]}",
+            "none",
+            do="install mitt with its extra: mitt[cameras]",
+        ) from None
+
+
 @final
 class ImageFolder(ImageSource):
     """A folder of images.
@@ -188,7 +200,7 @@ class ImageFolder(ImageSource):
         path = next(self._left, None)
         if path is None:
             return None
-        pixels = self._depth.eight(_decoded(path))
+        pixels = self._in_grey(_decoded(path), self._depth, blue_first=True)
         return (stamp(path) if self._fps is None else 0.0), pixels
 
     def close(self) -> None:
@@ -235,7 +247,7 @@ class Video(ImageSource):
             self._depth.bits = 16
         kinds = ("gray16le", "rgb48le") if deep else ("gray", "rgb24")
         kind = kinds[not picture.format.name.startswith("gray")]
-        pixels = self._depth.eight(grey(picture.to_ndarray(format=kind)))
+        pixels = self._in_grey(picture.to_ndarray(format=kind), self._depth)
         return (self._time(picture.time) if self._fps is None else 0.0), pixels
 
     def close(self) -> None:
@@ -263,11 +275,11 @@ def _reason(error: Exception) -> str:
 
 def read_image(path: Path) -> Image:
     """Return an image in grey, shape (height, width), in 8 of the bits that it uses."""
-    return Depth().eight(_decoded(path))
+    return Depth().eight(grey(_decoded(path)))
 
 
 def _decoded(path: Path) -> Image:
-    """Return an image in grey, shape (height, width), in 8 or 16 bits as its file has them."""
+    """Return an image of 8 or 16 bits as its file has them: blue, green, red, shape (h, w, 3)."""
     cv2 = optional("cv2")
     content = read_bytes(path, max_bytes=_MAX_BYTES, wanted="a readable image")
     data = np.frombuffer(content, dtype=np.uint8)
@@ -277,7 +289,12 @@ def _decoded(path: Path) -> Image:
         pixels = cv2.imdecode(data, kind) if data.size else None
     if pixels is None or pixels.dtype not in (np.uint8, np.uint16):
         raise FileError(str(path), "an image of 8 or 16 bits", "a file that does not decode")
-    return grey(pixels)
+    return pixels
+
+
+def picture_of(path: Path) -> Image:
+    """Return red, green and blue of an image in 8 bits, shape (height, width, 3)."""
+    return np.ascontiguousarray(Depth().eight(_decoded(path))[:, :, ::-1])
 
 
 def images_in(path: Path) -> list[Path]:
@@ -397,7 +414,8 @@ class GenICam(ImageSource):
                     t, self.timed = 1e-9 * float(buffer.timestamp_ns), True
                 except Exception:
                     t, self.timed = monotonic(), False
-                return t, _pixels(self.name, buffer.payload.components[0])
+                pixels, blue_first = _pixels(self.name, buffer.payload.components[0])
+                return t, self._in_grey(pixels, Depth(), blue_first=blue_first)
         except FileError:
             raise
         except Exception as error:
@@ -411,8 +429,8 @@ class GenICam(ImageSource):
         self._producers.release(self._producer)
 
 
-def _pixels(name: str, part: Any) -> Image:  # noqa: ANN401 (harvesters has no types)
-    """Return a grey copy of a component's pixels."""
+def _pixels(name: str, part: Any) -> tuple[Image, bool]:  # noqa: ANN401 (harvesters has no types)
+    """Return a copy of a component's pixels, and whether blue comes first."""
     channels = _CHANNELS.get(part.data_format)
     if channels is None:
         raise FileError(
@@ -421,17 +439,18 @@ def _pixels(name: str, part: Any) -> Image:  # noqa: ANN401 (harvesters has no t
             part.data_format,
             do="set PixelFormat of the camera",
         )
-    return grey(part.data.reshape(part.height, part.width, channels).copy().squeeze())
+    pixels = part.data.reshape(part.height, part.width, channels).copy()
+    return (pixels[:, :, 0] if channels == 1 else pixels), part.data_format.startswith("BGR")
 
 
 @final
 class Basler(ImageSource):
-    """A Basler camera, set to 8 grey bits; without stamps, timed on arrival."""
+    """A Basler camera, set to 8 bits a channel; without stamps, timed on arrival."""
 
     live = True
 
-    def __init__(self, which: str, camera: int, *, fps: float | None) -> None:
-        """Open a camera by its serial number or its index and start it."""
+    def __init__(self, which: str, camera: int, *, fps: float | None, coloured: bool) -> None:
+        """Open a camera by its serial number or its index and start it, in grey or in colours."""
         super().__init__(f"basler:{which}", camera, fps)
         self._pylon = optional("pypylon.pylon")
         factory = self._pylon.TlFactory.GetInstance()
@@ -445,7 +464,7 @@ class Basler(ImageSource):
         try:
             self._device = self._pylon.InstantCamera(factory.CreateDevice(device))
             self._device.Open()
-            self._device.PixelFormat.Value = "Mono8"
+            self._device.PixelFormat.Value = "RGB8" if coloured else "Mono8"
             self._device.StartGrabbing(self._pylon.GrabStrategy_OneByOne)
         except self._pylon.GenericException as error:
             raise FileError(self.name, "a camera that starts", str(error)[:100]) from error
@@ -461,7 +480,8 @@ class Basler(ImageSource):
             if not got.GrabSucceeded():
                 raise FileError(self.name, "a whole frame", got.GetErrorDescription())
             self.timed = bool(got.TimeStamp)
-            return (1e-9 * got.TimeStamp if self.timed else monotonic()), grey(got.Array)
+            t = 1e-9 * got.TimeStamp if self.timed else monotonic()
+            return t, self._in_grey(got.Array, Depth())
         finally:
             got.Release()
 
@@ -472,13 +492,19 @@ class Basler(ImageSource):
 
 
 @contextmanager
-def open_cameras(specs: Sequence[str], *, fps: float | None = None) -> Iterator[list[ImageSource]]:
+def open_cameras(
+    specs: Sequence[str],
+    *,
+    fps: float | None = None,
+    colours: Sequence[BallColour | None] | None = None,
+) -> Iterator[list[ImageSource]]:
     """Open the cameras of a rig, and close them in the end.
 
     Args:
         specs: For each a video, a folder of images, ``genicam:PRODUCER.cti#INDEX`` or
             ``basler:SERIAL``.
         fps: Frames a second, where the source does not tell the time.
+        colours: Of each camera that of the ball, where it is to be told from the ground by that.
 
     Raises:
         InputError: There is no such source; also its child FileError.
@@ -487,25 +513,32 @@ def open_cameras(specs: Sequence[str], *, fps: float | None = None) -> Iterator[
         raise InputError("--fps", "a number of frames a second in 0.01..1e6", fps)
     producers = Producers()
     with ExitStack() as stack:
-        yield [
-            stack.enter_context(closing(_opened(spec, k, producers, fps)))
-            for k, spec in enumerate(specs)
-        ]
+        cameras = list[ImageSource]()
+        for k, (spec, colour) in enumerate(zip(specs, colours or [None] * len(specs), strict=True)):
+            opened = _opened(spec, k, producers, fps, colour is not None)
+            opened.colour = colour
+            cameras.append(stack.enter_context(closing(opened)))
+        yield cameras
 
 
-def film_looks(spec: str, most: int) -> list[Image]:
+def film_looks(spec: str, most: int, colour: BallColour | None = None) -> list[Image]:
     """Return images of a video or folder, ``most`` to twice as many, spread over all of it.
 
     None of a live camera: what it shows now does not come again.
     """
-    with open_cameras((spec,), fps=1.0) as (source,):
-        kept, apart, number = list[Image](), 1, 0
-        while not source.live and (frame := source.read()) is not None:
-            if number % apart == 0:
-                kept.append(frame.pixels)
-            if len(kept) > 2 * most:
-                kept, apart = kept[::2], 2 * apart
-            number += 1
+    with open_cameras((spec,), fps=1.0, colours=(colour,)) as (source,):
+        return [] if source.live else spread_looks(source, most)
+
+
+def spread_looks(source: ImageSource, most: int) -> list[Image]:
+    """Return images of a source to its end, ``most`` to twice as many, spread over all of it."""
+    kept, apart, number = list[Image](), 1, 0
+    while (frame := source.read()) is not None:
+        if number % apart == 0:
+            kept.append(frame.pixels)
+        if len(kept) > 2 * most:
+            kept, apart = kept[::2], 2 * apart
+        number += 1
     return kept
 
 
@@ -517,11 +550,13 @@ def check_cameras(specs: Sequence[str]) -> None:
         check_library(known.get(kind, "cv2" if Path(spec).is_dir() else "av"))
 
 
-def _opened(spec: str, camera: int, producers: Producers, fps: float | None) -> ImageSource:
+def _opened(
+    spec: str, camera: int, producers: Producers, fps: float | None, coloured: bool
+) -> ImageSource:
     """Return one open camera."""
     kind, _, rest = spec.partition(":")
     if kind == "basler":
-        return Basler(rest or "0", camera, fps=fps)
+        return Basler(rest or "0", camera, fps=fps, coloured=coloured)
     if kind == "genicam":
         producer, _, index = rest.partition("#")
         number = whole_of(index or "0")

@@ -12,10 +12,12 @@ from mitt.core.ball.filter import TABLE_TENNIS_BALL, THROWN_BALL, BallFilter, Fi
 from mitt.core.errors import InputError
 from mitt.core.eyes.background import mean_background
 from mitt.core.eyes.groups import MOST_GROUPS
+from mitt.core.eyes.lens import Lens
 from mitt.core.eyes.segmentation import Segmenter
 from mitt.core.eyes.triangulation import Triangulator, TriangulatorConfig
 from mitt.core.signals import Array, BallState, Frame, Image, Moments, Sighting
 from mitt.io.rig import CalibratedRig
+from mitt.robot.cameras.ball_colour import BallColour
 from mitt.robot.cameras.cameras import ImageSource, film_looks, open_cameras, optional
 from mitt.robot.cameras.other_rigs import FALL, fall_error, meant_rig
 from mitt.robot.cameras.synchrony import Synchrony, synchrony
@@ -26,11 +28,14 @@ BALLS = {"any": FilterConfig(), "thrown": THROWN_BALL, "table-tennis": TABLE_TEN
 WATCHED = 30.0
 #: Share of the instants with two targets below which the cameras disagree.
 _AGREE = 0.5
+_NOTHING = np.empty((0, 0), np.uint8)
 #: What an unknown offset may move the ball by, one sigma, before it is said [m].
 _UNKNOWN = 5e-3
 #: Images of a film from which its background is learned, and the fewest that tell one.
 _LOOKS = 16
 _FEWEST_LOOKS = 8
+#: First images of each live camera from which its background is learned.
+_LIVE_LOOKS = 32
 #: Share of the frames with more bright things than are looked at, above which it is said.
 _CROWDED = 0.1
 #: Brightest pixel below which a camera sees nothing.
@@ -169,10 +174,12 @@ class Watcher:
         radius: float,
         max_skew: float,
         looks: tuple[list[Image], ...] = (),
+        least: int = _FEWEST_LOOKS,
     ) -> None:
         """Take two cameras in a frame with z up, and a ball's radius [m].
 
-        ``looks`` are images of each camera, from which its background is learned.
+        ``looks`` are images of each camera, from which its background is learned where there are
+        ``least`` or more of one size.
         """
         worst = max(c.rms_px for c in rig.cameras)
         # A real camera's centroid is 0.05 px off besides what its calibration left. The cameras
@@ -186,7 +193,7 @@ class Watcher:
         self._rig, self._config = rig.rig(), config
         self._segmenters = [Segmenter() for _ in rig.cameras]
         for segmenter, images in zip(self._segmenters, looks, strict=False):
-            if len({image.shape for image in images}) == 1 and len(images) >= _FEWEST_LOOKS:
+            if len({image.shape for image in images}) == 1 and len(images) >= least:
                 segmenter.learn_background(mean_background(images))
         self._triangulator = Triangulator(rig.rig(), radius, config)
 
@@ -236,13 +243,7 @@ class Watcher:
     def _moments(self, frame: Frame) -> Moments:
         """Return what a camera sees in one image."""
         camera = self._cameras[frame.camera]
-        width, height = camera.lens.width, camera.lens.height
-        if frame.pixels.shape != (height, width):
-            raise InputError(
-                f"images of camera {camera.name}",
-                f"{width} x {height} pixels as the rig says",
-                f"{frame.pixels.shape[1]} x {frame.pixels.shape[0]}",
-            )
+        _check_size(f"images of camera {camera.name}", frame.pixels, camera.lens)
         return self._segmenters[frame.camera].step(frame)
 
     def _straight(self, m: Moments) -> Moments:
@@ -251,6 +252,16 @@ class Watcher:
             return m
         ((u, v),) = self._cameras[m.camera].lens.straighten(np.array(((m.u, m.v),)))
         return replace(m, u=float(u), v=float(v), found=bool(np.isfinite(u + v)))
+
+
+def _check_size(name: str, pixels: Image, lens: Lens) -> None:
+    """Refuse images of another size than the rig's."""
+    if pixels.shape != (lens.height, lens.width):
+        raise InputError(
+            name,
+            f"{lens.width} x {lens.height} pixels as the rig says",
+            f"{pixels.shape[1]} x {pixels.shape[0]}",
+        )
 
 
 def see_ball(
@@ -265,6 +276,8 @@ def see_ball(
     max_skew: float,
     fps: float | None,
     frames: int | None,
+    background: tuple[str, str] | None,
+    colour: Array | None,
     progress: Progress,
 ) -> None:
     """Follow the ball to the end of the frames; what is found stands in ``seen`` as it comes.
@@ -272,14 +285,23 @@ def see_ball(
     ``ball`` is what is assumed of the flight, a key of ``BALLS``, ``radius`` its radius [m]. Frames
     whose times differ by up to ``max_skew`` [s] are taken as one instant; ``fps`` says the rate
     where files and cameras do not tell the time, ``frames`` the most to take from each camera.
-    ``progress`` is told how far it is.
+    ``background`` are films or images of the two without the ball, ``colour`` is the ball's: red,
+    green, blue, shape (3,). ``progress`` is told how far it is.
     """
-    looks = tuple(film_looks(spec, _LOOKS) for spec in (left, right))
-    watcher = Watcher(rig, radius=radius, max_skew=max_skew, looks=looks)
+    colours = tuple(None if colour is None else BallColour(colour) for _ in (left, right))
+    shown = background or (left, right)
+    looks = tuple(film_looks(x, _LOOKS, of) for x, of in zip(shown, colours, strict=True))
+    if background is not None:
+        for name, seen_there, camera in zip(background, looks, rig.cameras, strict=True):
+            _check_size(name, seen_there[0] if seen_there else _NOTHING, camera.lens)
     track = BallFilter(BALLS[ball])
     sizes = tuple((c.lens.width, c.lens.height) for c in rig.cameras)
     overlay = None if writer is None else Overlay(sizes, tuple(c.name for c in rig.cameras))
-    with open_cameras((left, right), fps=fps) as (a, b):
+    with open_cameras((left, right), fps=fps, colours=colours) as (a, b):
+        if background is None and (a.live or b.live):
+            looks = _first_looks((a, b), looks)
+        least = _FEWEST_LOOKS if background is None else 1
+        watcher = Watcher(rig, radius=radius, max_skew=max_skew, looks=looks, least=least)
         most = frames or (1000 if a.live or b.live else None)
         instants = pairs((a, b), seen.counts, max_skew=max_skew, most=most)
         try:
@@ -297,6 +319,18 @@ def see_ball(
                 progress("frames", n + 1, n + 2)
         finally:  # what is kept of an interrupted run is judged as well
             watcher.judge(seen)
+
+
+def _first_looks(
+    cameras: tuple[ImageSource, ImageSource], looks: tuple[list[Image], ...]
+) -> tuple[list[Image], ...]:
+    """Return looks of two cameras; of those that are live the images that come first."""
+    for _ in range(_LIVE_LOOKS):
+        for camera, images in zip(cameras, looks, strict=True):
+            frame = camera.read() if camera.live else None
+            if frame is not None:
+                images.append(frame.pixels)
+    return looks
 
 
 def complaints(seen: SeenSoFar, names: tuple[str, ...]) -> tuple[str, ...]:
