@@ -65,6 +65,18 @@ def test_every_file_that_is_named_is_there() -> None:
     assert sorted(found) == []
 
 
+def test_the_functions_that_the_map_of_the_code_names_stand_in_its_files() -> None:
+    """Rows of `docs/code.md` with files in one cell and functions in the next."""
+    files, functions = r"((?:`[\w/]+\.py`,? ?)+)", r"((?:`\w+`,? ?)+)"
+    named = re.compile(rf"^\|.*\| {files}\| {functions}\|$", re.MULTILINE)
+    rows = named.findall((ROOT / "docs" / "code.md").read_text())
+    assert len(rows) > 12
+    for places, names in rows:
+        text = "".join((PACKAGE / x).read_text() for x in re.findall(r"`([\w/.]+)`", places))
+        defined = {x.name for x in ast.walk(ast.parse(text)) if isinstance(x, ast.FunctionDef)}
+        assert set(re.findall(r"`(\w+)`", names)) <= defined, places
+
+
 def test_no_module_is_longer_than_it_should_be() -> None:
     """800 lines."""
     lengths = {
