@@ -10,6 +10,7 @@ import pytest
 from local_cell import LocalCell
 
 from mitt.core.catcher.catcher import Phase
+from mitt.core.catcher.meeting import Meeting
 from mitt.core.errors import FileError, InputError
 from mitt.core.signals import TICK, Command, Sighting
 from mitt.io.cell import cell_of
@@ -61,7 +62,7 @@ def test_a_part_is_met_and_put_down_though_it_was_lost(met: tuple[LocalCell, Pat
 
 def test_all_of_it_is_replayed_to_the_bit(met: tuple[LocalCell, Path]) -> None:
     recorded = Recorded(met[1])
-    assert recorded.about.meeting is not None
+    assert isinstance(recorded.about.made_of, Meeting)
     assert len(recorded.calls) >= 2  # a fresh catcher for each part
     assert replay(recorded).identical
 
@@ -141,9 +142,9 @@ def test_what_keeps_people_safe_acts_in_a_cell(target: str) -> None:
     )
     about = cell_about(prepared, cell_map(prepared))
     assert about.settings.adapt_q < inf
-    assert about.meeting is not None
-    assert about.meeting.settings.speed == 0.2
-    assert (about.meeting.settings.gentle > 0.0) == (target == "hand")
+    assert isinstance(about.made_of, Meeting)
+    assert about.made_of.settings.speed == 0.2
+    assert (about.made_of.settings.gentle > 0.0) == (target == "hand")
 
 
 @pytest.mark.parametrize(

@@ -30,8 +30,8 @@ from mitt.lab.trials.bat_station import (
     strike_share,
     throw_ranges,
 )
-from mitt.lab.trials.batting import BAT, BatRunner, BatTrial
-from mitt.lab.trials.prepared import OptionsRun
+from mitt.lab.trials.batting import BAT, BatTrial, bat_trials
+from mitt.lab.trials.prepared import OptionsRun, Trials
 from mitt.lab.trials.scored_task import ScoredTask
 from mitt.lab.trials.source import Source, source_of
 from mitt.lab.trials.task_run import FinishedRun
@@ -88,16 +88,16 @@ class BatRun(OptionsRun):
             "seed": of.seed,
         }
 
-    def begin(self, progress: Progress) -> BatRunner:
+    def begin(self, progress: Progress) -> Trials:
         """Learn the map, and return what runs the trials."""
         of = self.options
         progress("learning", 0, 1)
         learned = _station(of, self.station.scene, self.target, self.speed, self.recordings)
         progress("learning", 1, 1)
-        return BatRunner(
+        return bat_trials(
             learned,
             self.source,
-            pixels=of.vision == "pixels",
+            vision=of.vision,
             generator=of.generator,
             keeps=of.record != "none",
         )

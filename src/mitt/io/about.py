@@ -4,7 +4,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, final
+from typing import Any, Final, final
 
 import numpy as np
 from pydantic import Field
@@ -12,26 +12,24 @@ from pydantic import Field
 from mitt.core.arm.arm import Arm
 from mitt.core.arm.description import ArmModel
 from mitt.core.arm.limits import Limits
-from mitt.core.catcher.batting import Batting, BattingSettings
-from mitt.core.catcher.meeting import Meeting, MeetingSettings
+from mitt.core.catcher.batting import StrikeParts
+from mitt.core.catcher.generators import GeneratorParts, Recordable
+from mitt.core.catcher.meeting import MeetingParts
 from mitt.core.catcher.settings import CatcherSettings
 from mitt.core.errors import FileError, MittError
 from mitt.core.eyes.camera import Rig
 from mitt.core.eyes.eyes import EyesConfig
-from mitt.core.map.batting import BattingMap
-from mitt.core.map.demand import Tolerance
 from mitt.core.map.learn import Learned
 from mitt.core.map.map_design import MapDesign
 from mitt.core.map.mapping import DirectMap
-from mitt.core.map.meeting import MeetingMap
-from mitt.core.map.polynomial import CatchBasis
-from mitt.core.signals import Array
 from mitt.io.maps import map_content, map_from
 from mitt.io.schema import FileSection, from_plain, parsed, to_plain
 from mitt.io.writing import json_digest
 from mitt.version import __version__
 
 SCHEMA = "mitt.recording/1"
+PARTS: Final[dict[str, type[GeneratorParts]]] = {"meeting": MeetingParts, "batting": StrikeParts}
+"""What a generator is made of, by its name, where a recording holds it in parts."""
 #: What stands for an end of a region that has none [rad].
 _FAR = 1e300
 
@@ -53,8 +51,8 @@ class About:
         refines: Whether a direct map is refined in each tick.
         version: Of mitt.
         notes: What else a reader should know: texts by name.
-        meeting: How it meets parts, before it has met any; None where it does something else.
-        batting: How it strikes balls, before it has seen one; None where it does something else.
+        made_of: The generator itself, before any target, where its name and maps do not make it:
+            one of :data:`PARTS`; None for the others.
     """
 
     arm: Arm
@@ -67,8 +65,7 @@ class About:
     refines: bool = False
     version: str = __version__
     notes: Mapping[str, str] = field(default_factory=dict)
-    meeting: Meeting | None = None
-    batting: Batting | None = None
+    made_of: Recordable | None = None
 
     @property
     def shapes(self) -> tuple[tuple[int, int], ...]:
@@ -96,10 +93,8 @@ class About:
             "eyes": to_plain(self.eyes),
             "notes": dict(self.notes),
         }
-        if self.meeting is not None:
-            content["meeting"] = _meeting_content(self.meeting)
-        if self.batting is not None:
-            content["batting"] = _batting_content(self.batting)
+        if self.made_of is not None:
+            content[self.generator] = to_plain(self.made_of.parts)
         return json.dumps(content | {"digest": json_digest(content)}, allow_nan=False)
 
 
@@ -116,8 +111,6 @@ class _About(FileSection):
     generator: str = Field(max_length=200)
     refines: bool
     maps: list[dict[str, Any]] = Field(max_length=64)
-    meeting: dict[str, Any] | None = None
-    batting: dict[str, Any] | None = None
     settings: dict[str, Any]
     rig: dict[str, Any]
     eyes: dict[str, Any]
@@ -140,9 +133,12 @@ def about_of(text: str, *, place: str) -> About:
         raw = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise FileError(place, f"JSON of schema {SCHEMA}", str(error)[:80], do=do) from None
-    content = parsed(_About, raw, place=place, wanted=f"a recording of schema {SCHEMA}", do=do)
-    if not content.maps and content.meeting is None and content.batting is None:
-        raise FileError(place, "a map, or a way of meeting or batting", "none", do=do)
+    common = {k: x for k, x in raw.items() if k not in PARTS} if isinstance(raw, dict) else raw
+    content = parsed(_About, common, place=place, wanted=f"a recording of schema {SCHEMA}", do=do)
+    parts = raw.get(content.generator) if content.generator in PARTS else None
+    if not content.maps and parts is None:
+        wanted = f"a map, or a way of {' or '.join(PARTS)}"
+        raise FileError(place, wanted, "none", do=do)
     if json_digest({k: x for k, x in raw.items() if k != "digest"}) != content.digest:
         raise FileError(place, "a recording that matches its digest", "one that was altered", do=do)
     try:
@@ -159,11 +155,18 @@ def about_of(text: str, *, place: str) -> About:
             refines=content.refines,
             version=content.version,
             notes=content.notes,
-            meeting=None if content.meeting is None else _meeting_of(content.meeting, arm),
-            batting=None if content.batting is None else _batting_of(content.batting, arm),
+            made_of=None if parts is None else _made_of(content.generator, parts, arm),
         )
     except (MittError, ValueError, RecursionError, OverflowError) as error:
         raise FileError(place, "a catcher that can be made again", error) from None
+
+
+def _made_of(generator: str, parts: object, arm: Arm) -> Recordable:
+    """Return a generator of its parts."""
+    made = from_plain(PARTS[generator], parts, place=generator).made(arm)
+    if not isinstance(made, Recordable):
+        raise FileError(generator, "a generator in parts", "another")
+    return made
 
 
 def _arm_of(said: _Arm) -> Arm:
@@ -185,102 +188,6 @@ def _as_learned(f: DirectMap) -> Learned:
     """
     f = replace(f, region=np.clip(f.region, -_FAR, _FAR))
     return Learned(map=f, maps=(f,), steps=(), flights=0, left_out=0, status="recorded")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Met:
-    """What a way of meeting says of itself; as of :class:`MeetingMap` and :class:`Meeting`."""
-
-    free: tuple[int, ...]
-    frame: Array
-    basis: CatchBasis
-    alpha: Array
-    H: Array
-    coupling: Array | None
-    settings: MeetingSettings
-    tolerance: Tolerance
-
-
-def _meeting_content(meeting: Meeting) -> Any:  # noqa: ANN401 (any JSON value)
-    """Return what makes a way of meeting again, but for its arm."""
-    f = meeting.map
-    return to_plain(
-        _Met(
-            free=f.free,
-            frame=f.frame,
-            basis=f.basis,
-            alpha=f.alpha,
-            H=f.H,
-            coupling=f.coupling,
-            settings=meeting.settings,
-            tolerance=meeting.tolerance,
-        )
-    )
-
-
-def _meeting_of(raw: dict[str, Any], arm: Arm) -> Meeting:
-    """Return a way of meeting for an arm."""
-    of = from_plain(_Met, raw, place="meeting")
-    if not all(0 <= k < arm.n for k in of.free):
-        raise FileError("meeting.free", f"joints in 0..{arm.n - 1}", str(of.free))
-    f = MeetingMap(
-        arm=arm,
-        free=of.free,
-        frame=of.frame,
-        basis=of.basis,
-        alpha=of.alpha,
-        H=of.H,
-        coupling=of.coupling,
-    )
-    return Meeting(f, of.settings, of.tolerance)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Struck:
-    """What a way of batting says of itself; as of :class:`BattingMap` and :class:`Batting`."""
-
-    design: MapDesign
-    basis: CatchBasis
-    alpha: Array
-    H: Array
-    region: Array
-    q_rest: Array
-    held: tuple[int, ...]
-    settings: BattingSettings
-    tolerance: Tolerance
-
-
-def _batting_content(batting: Batting) -> Any:  # noqa: ANN401 (any JSON value)
-    """Return what makes a way of batting again, but for its arm."""
-    f = batting.map.map
-    return to_plain(
-        _Struck(
-            design=f.design,
-            basis=f.basis,
-            alpha=f.alpha,
-            H=f.H,
-            region=f.region,
-            q_rest=f.tangent.q_rest,
-            held=batting.map.held,
-            settings=batting.settings,
-            tolerance=batting.tolerance,
-        )
-    )
-
-
-def _batting_of(raw: dict[str, Any], arm: Arm) -> Batting:
-    """Return a way of batting for an arm."""
-    of = from_plain(_Struck, raw, place="batting")
-    f = DirectMap(
-        arm=arm,
-        design=of.design,
-        basis=of.basis,
-        alpha=of.alpha,
-        H=of.H,
-        region=of.region,
-        q_rest=of.q_rest,
-    )
-    return Batting(BattingMap(map=f, held=of.held), of.settings, of.tolerance)
 
 
 def _endless(f: DirectMap) -> DirectMap:

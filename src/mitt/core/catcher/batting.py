@@ -20,7 +20,9 @@ from mitt.core.errors import InputError
 from mitt.core.fields import Range, Settings, brief
 from mitt.core.map.batting import BattingMap, easiest
 from mitt.core.map.demand import Tolerance, shares_of
+from mitt.core.map.map_design import MapDesign
 from mitt.core.map.mapping import DirectMap
+from mitt.core.map.polynomial import CatchBasis
 from mitt.core.map.prediction import HORIZON, STRIDE, flown, spread
 from mitt.core.map.striking import Impact, PaddleStrike
 from mitt.core.signals import Array, BallState, JointReference
@@ -109,6 +111,35 @@ class _Memory(Memory[_Plan]):
 
 
 @final
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class StrikeParts:
+    """What makes a way of batting again; as of :class:`BattingMap` and :class:`Batting`."""
+
+    design: MapDesign
+    basis: CatchBasis
+    alpha: Array
+    H: Array
+    region: Array
+    q_rest: Array
+    held: tuple[int, ...]
+    settings: BattingSettings
+    tolerance: Tolerance
+
+    def made(self, arm: Arm) -> "Batting":
+        """Return the generator of an arm."""
+        f = DirectMap(
+            arm=arm,
+            design=self.design,
+            basis=self.basis,
+            alpha=self.alpha,
+            H=self.H,
+            region=self.region,
+            q_rest=self.q_rest,
+        )
+        return Batting(BattingMap(map=f, held=self.held), self.settings, self.tolerance)
+
+
+@final
 @dataclass(frozen=True, slots=True)
 class Batting(Generator):
     """The batting map as a generator.
@@ -139,6 +170,22 @@ class Batting(Generator):
     def arms(self) -> tuple[Arm, ...]:
         """The arm that the map was made for."""
         return (self.map.arm,)
+
+    @property
+    def parts(self) -> StrikeParts:
+        """What makes it again, before any ball."""
+        f = self.map.map
+        return StrikeParts(
+            design=f.design,
+            basis=f.basis,
+            alpha=f.alpha,
+            H=f.H,
+            region=f.region,
+            q_rest=f.tangent.q_rest,
+            held=self.map.held,
+            settings=self.settings,
+            tolerance=self.tolerance,
+        )
 
     @property
     def certificate(self) -> Verdict | None:

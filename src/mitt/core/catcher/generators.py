@@ -207,6 +207,24 @@ class Remembering(Generator, Protocol):
         ...
 
 
+class GeneratorParts(Protocol):
+    """Plain data that makes a generator again, for an arm."""
+
+    def made(self, arm: Arm) -> Generator:
+        """Return the generator, before any target."""
+        ...
+
+
+@runtime_checkable
+class Recordable(Remembering, Protocol):
+    """A generator that recordings hold in parts: its maps and its name do not make it again."""
+
+    @property
+    def parts(self) -> GeneratorParts:
+        """What makes it again, a dataclass."""
+        ...
+
+
 @runtime_checkable
 class Leaving(Generator, Protocol):
     """A generator that says how the arm goes away with what it has grasped.

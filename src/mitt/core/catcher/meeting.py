@@ -26,10 +26,12 @@ from numpy.lib.stride_tricks import sliding_window_view
 from mitt.core.arm.arm import Arm, tool_speeds
 from mitt.core.catcher.generators import Generator, Memory
 from mitt.core.control.envelope import bounds_of
+from mitt.core.errors import InputError
 from mitt.core.fields import Range, Settings, brief
 from mitt.core.kernels import kernel
 from mitt.core.map.demand import Tolerance, shares_of, uniform
 from mitt.core.map.meeting import MeetingMap
+from mitt.core.map.polynomial import CatchBasis
 from mitt.core.map.prediction import flown, spread
 from mitt.core.signals import TICK, Array, BallState, JointReference, MapStatus, reference_of
 from mitt.core.verdict.feasibility import Approach, Outcome, Verdict
@@ -293,6 +295,36 @@ class _Plan(NamedTuple):
 
 
 @final
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MeetingParts:
+    """What makes a way of meeting again; as of :class:`MeetingMap` and :class:`Meeting`."""
+
+    free: tuple[int, ...]
+    frame: Array
+    basis: CatchBasis
+    alpha: Array
+    H: Array
+    coupling: Array | None
+    settings: MeetingSettings
+    tolerance: Tolerance
+
+    def made(self, arm: Arm) -> "Meeting":
+        """Return the generator of an arm; InputError where it has no such joints."""
+        if not all(0 <= k < arm.n for k in self.free):
+            raise InputError("meeting.free", f"joints in 0..{arm.n - 1}", self.free)
+        f = MeetingMap(
+            arm=arm,
+            free=self.free,
+            frame=self.frame,
+            basis=self.basis,
+            alpha=self.alpha,
+            H=self.H,
+            coupling=self.coupling,
+        )
+        return Meeting(f, self.settings, self.tolerance)
+
+
+@final
 @dataclass(frozen=True, slots=True)
 class Meeting(Generator):
     """The meeting map as a generator.
@@ -326,6 +358,21 @@ class Meeting(Generator):
     def arms(self) -> tuple[Arm, ...]:
         """The arm that the map was made for."""
         return (self.map.arm,)
+
+    @property
+    def parts(self) -> MeetingParts:
+        """What makes it again, before any target."""
+        f = self.map
+        return MeetingParts(
+            free=f.free,
+            frame=f.frame,
+            basis=f.basis,
+            alpha=f.alpha,
+            H=f.H,
+            coupling=f.coupling,
+            settings=self.settings,
+            tolerance=self.tolerance,
+        )
 
     def sharpness(self, ball: BallState) -> float:
         """Return the 1-sigma of the target's position now: nothing rests on a forecast [m]."""

@@ -12,7 +12,7 @@ from mitt.lab.report.pictures import still
 from mitt.lab.report.replay_3d import BOX, replay_page
 from mitt.lab.report.run_page import Blocks, Column, spread_card
 from mitt.lab.report.style import BLUE, GREY, INK, ORANGE, Plot, dots, plot
-from mitt.lab.trials.batting import BatRunner
+from mitt.lab.trials.prepared import Shown
 from mitt.lab.trials.scored_task import Measure
 from mitt.lab.trials.task_run import FinishedRun
 
@@ -32,12 +32,10 @@ _COLUMNS: Final = (
 def bat_blocks(finished: FinishedRun, result: dict[str, Any]) -> Blocks:
     """Return what the page of a run of batting shows, with a replay of the first hit."""
     runner = finished.runner
-    if not isinstance(runner, BatRunner):
-        raise TypeError("a run of batting has a page of batting")
     hit = next((t.index for t in finished.trials if t.status == "hit"), None)
     replay = None
-    if hit is not None:
-        log = runner.log_of_hit(hit)
+    if hit is not None and isinstance(runner, Shown):
+        log = runner.log_of_success(hit)
         document = replay_page(runner.arm, runner.scene, log)
         replay = Replay("replay-3d", document, still(runner.arm, runner.scene, log, BOX))
     return blocks_of_hits(result, replay)

@@ -115,7 +115,7 @@ class ViserScene:
         self._ready, self._arm, self._meets = (
             about.arm.model.q_ready,
             about.arm,
-            about.meeting is not None,
+            about.generator == "meeting",
         )
         scene = recorded_scene(about)
         self._model = build_scene(scene, about.arm.model).model

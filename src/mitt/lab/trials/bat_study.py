@@ -31,7 +31,8 @@ from mitt.lab.trials.bat_station import (
     coming,
     throw_ranges,
 )
-from mitt.lab.trials.batting import BAT, BatRunner
+from mitt.lab.trials.batting import BAT, bat_trials
+from mitt.lab.trials.prepared import Trials
 from mitt.lab.trials.scored_task import Row, ScoredTask
 from mitt.lab.trials.source import source_of
 from mitt.lab.trials.study import REFERENCE, Chunk, Condition, Study, check_files
@@ -173,7 +174,7 @@ class BatStudy(BatChoice, Study):
         trial = [runner.trial(k) for k in range(chunk.start, index + 1)][-1]
         return runner.recording(trial)
 
-    def _runner(self, chunk: Chunk, *, keeps: bool = False) -> BatRunner:
+    def _runner(self, chunk: Chunk, *, keeps: bool = False) -> Trials:
         """Return a fresh runner for a chunk, which has learned nothing yet."""
         choice = self.model_dump_json(include=set(BatChoice.model_fields))
         of = chunk.condition
@@ -185,8 +186,8 @@ class BatStudy(BatChoice, Study):
             count=chunk.stop,
             ranges=throw_ranges(of.speed, at),
         )
-        name, pixels = chunk.player.name, self.vision == "pixels"
-        return BatRunner(at, source, pixels=pixels, generator=name, keeps=keeps)
+        name = chunk.player.name
+        return bat_trials(at, source, vision=self.vision, generator=name, keeps=keeps)
 
     def cells(self, rows: Sequence[Row]) -> list[tuple[BatCondition, Row]]:
         """Return the cells of the map with what the summary says of them."""

@@ -158,7 +158,7 @@ class BatRunner(TaskRunner[BatTrial]):
         """The world as the catcher is told of it."""
         return self._station.scene
 
-    def log_of_hit(self, index: int) -> TrialLog:
+    def log_of_success(self, index: int) -> TrialLog:
         """Return the log of the first trial that was hit, by its number.
 
         Where it was not run here, all up to it are, as each learns from those before.
@@ -234,7 +234,7 @@ class BatRunner(TaskRunner[BatTrial]):
             arm=s.arm,
             generator="batting",
             maps=(),
-            batting=s.generator(trial.restitution),
+            made_of=s.generator(trial.restitution),
             settings=s.catcher,
             rig=s.rig,
             eyes=eyes_settings(s.scene),
@@ -269,6 +269,22 @@ class BatRunner(TaskRunner[BatTrial]):
             restitution=self._believed,
             stopped_by=stopped,
         )
+
+
+def bat_trials(
+    station: BatStation, source: Source, *, vision: str, generator: str, keeps: bool
+) -> BatRunner:
+    """Return what runs trials of batting, as options and the files of studies say them.
+
+    Args:
+        station: The arm with its paddle.
+        source: What is thrown.
+        vision: What the catcher sees: ``pixels`` or ``points``.
+        generator: Name of what moves the arm.
+        keeps: Whether what the catcher takes is kept, for a recording.
+    """
+    pixels = vision == "pixels"
+    return BatRunner(station, source, pixels=pixels, generator=generator, keeps=keeps)
 
 
 def batted(world: World, target: Array | None) -> bool:

@@ -284,7 +284,7 @@ class MeetRunner(TaskRunner[MeetTrial]):
             arm=s.arm,
             generator="meeting",
             maps=(),
-            meeting=Meeting(s.map, s.settings),
+            made_of=Meeting(s.map, s.settings),
             settings=s.catcher,
             rig=fixed_rig(),
             eyes=EyesConfig(),

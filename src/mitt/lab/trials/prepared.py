@@ -3,11 +3,14 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 from mitt.clock import Progress, Stopwatch
+from mitt.core.arm.arm import Arm
 from mitt.io.recordings import Recording
+from mitt.lab.trials.log import TrialLog
 from mitt.lab.trials.scored_task import ScoredTask
+from mitt.lab.world.scene import Scene
 
 
 class Trials(Protocol):
@@ -38,6 +41,25 @@ class Trials(Protocol):
 
     def keep(self, folder: Path) -> None:
         """Write what a run keeps beside its trials, before the first."""
+        ...
+
+
+@runtime_checkable
+class Shown(Protocol):
+    """What has run trials of which one can be shown in three dimensions."""
+
+    @property
+    def arm(self) -> Arm:
+        """The arm."""
+        ...
+
+    @property
+    def scene(self) -> Scene:
+        """The world as the catcher is told of it."""
+        ...
+
+    def log_of_success(self, index: int) -> TrialLog:
+        """Return the log of the first trial that did what it was to do, by its number."""
         ...
 
 

@@ -20,7 +20,6 @@ from mitt.core.ball.filter import update
 from mitt.core.catcher.catcher import Catcher
 from mitt.core.catcher.family import Family
 from mitt.core.catcher.generators import Direct, Generator, refining
-from mitt.core.catcher.meeting import Meeting
 from mitt.core.catcher.settings import CatcherSettings
 from mitt.core.catcher.state import Result, copied, gathered, room_for
 from mitt.core.control.health import StoppedBy
@@ -95,10 +94,8 @@ def recorded_generator(about: About) -> Generator:
     Raises:
         InputError: It knew what no recording holds, or is not installed.
     """
-    if (meeting := about.meeting) is not None:
-        return Meeting(meeting.map, meeting.settings, meeting.tolerance)
-    if (batting := about.batting) is not None:
-        return replace(batting)
+    if about.made_of is not None:
+        return about.made_of.afresh()
     name, f = about.generator, about.maps[0]
     if about.refines:  # one map; also of when that was called direct
         return refining(f)

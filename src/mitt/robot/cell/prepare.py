@@ -216,7 +216,7 @@ def cell_about(prepared: PreparedCell, f: CellMap) -> About:
         arm=arm,
         generator="direct" if isinstance(g, Family) else "meeting",
         maps=tuple(x.map for x in g.maps) if isinstance(g, Family) else (),
-        meeting=g if isinstance(g, Meeting) else None,
+        made_of=g if isinstance(g, Meeting) else None,
         settings=settings,
         rig=prepared.rig,
         eyes=config,
