@@ -27,6 +27,7 @@ from mitt.robot.drivers import ur
 try:
     from mitt.robot.cell import dds
     from mitt.robot.cell.ros2 import Joints, Ros2Robot, ros2_options
+    from mitt.robot.cell.ros2_guard import check_guard
 except InputError:
     pytest.skip("no Cyclone DDS", allow_module_level=True)
 
@@ -101,6 +102,16 @@ def ur_said(*, rate: float = 500.0, **options: object) -> str:
     cell = robot_of(cell_with("x"), joints=joints, rate=rate, options=options)
     with patch.object(ur, "check_package"):
         return line_of(lambda: ur.check_ur(cell, ARM))
+
+
+def plain_cell(**options: object) -> Cell:
+    """Return a cell whose controller takes arrays."""
+    return cell_with("x", command="/x/arm/commands", **options)
+
+
+def guard_said(cell: Cell) -> str:
+    """Return what is wrong with a cell for mitt guard."""
+    return line_of(lambda: [check_guard(cell, ARM)])
 
 
 def source_of(cell: Cell, **given: Any) -> Cell:  # noqa: ANN401
@@ -253,6 +264,14 @@ REMEDIES: dict[str, tuple[Callable[[], str], Callable[[], str]]] = {
     "robot.rate": (
         lambda: ur_said(address="192.0.2.1", rate=1000.0),
         lambda: ur_said(address="192.0.2.1"),
+    ),
+    "robot.options.guard": (
+        lambda: guard_said(plain_cell()),
+        lambda: guard_said(plain_cell(guard="/x/guarded/commands")),
+    ),
+    "robot.options.command": (
+        lambda: guard_said(cell_with("x", guard="/x/guarded/commands")),
+        lambda: guard_said(plain_cell(guard="/x/guarded/commands")),
     ),
     "robot.options.unbraked": (
         lambda: line_of(lambda: RobotLink(Brakeless())),  # type: ignore[arg-type]

@@ -31,6 +31,10 @@ def files(tmp_path_factory: pytest.TempPathFactory, learned: Learned) -> Path:
     (folder / "MOTIONS.csv").write_text("\n".join(["flight,t_s,x_m,y_m,z_m", *rows]))
     write_rig(folder / "RIG.toml", calibrated(), version="0")
     (folder / "STUDY.toml").write_text(TEXT)
+    (folder / "CELL.toml").write_text(
+        'schema = "mitt.cell/1"\nname = "guarded"\n[arm]\nfile = "wam"\n[robot.options]\n'
+        'command = "/arm/commands"\nguard = "/guarded/commands"\nunbraked = true\n'
+    )
     head = "x_m,y_m,z_m,u_left_px,v_left_px,u_right_px,v_right_px"
     (folder / "HAND.csv").write_text("\n".join([head, *["0.7,0.1,0.3,60,60,64,60"] * 12]))
     for name in ("LEFT", "RIGHT"):

@@ -6,12 +6,12 @@ from contextlib import closing, contextmanager, nullcontext
 from typing import Any
 
 import mitt
-from mitt.cli.options import RunOptions, SimOptions
+from mitt.cli.options import GuardOptions, RunOptions, SimOptions
 from mitt.cli.screen import checked, live_table, print_json, show, tell_of_kernels
 from mitt.clock import hurried, pinned, timekeeping, uncollected
 from mitt.core.errors import InputError
 from mitt.interrupts import notice, status_of, tell
-from mitt.io.cell import read_cell
+from mitt.io.cell import arm_of, read_cell
 from mitt.io.writing import Leaves, check_folder, check_ours, claim_folder, file_name, locked
 from mitt.lab.trials.result import spread_words
 from mitt.robot.cell.drivers import check_driver, connect_robot
@@ -184,6 +184,39 @@ def sim_command(options: SimOptions) -> int:
         print_json(said)
     else:
         show(_in_words(said))
+    return status
+
+
+def guard_command(options: GuardOptions) -> int:
+    """Run ``mitt guard``; return its exit status."""
+    from mitt.robot.cell.ros2_guard import Guard, check_guard  # noqa: PLC0415 (the extra ros2)
+
+    cell = read_cell(options.cell)
+    arm = arm_of(cell)
+    guarded = check_guard(cell, arm)
+    if options.check:
+        return checked(f"{cell.name}: from {guarded} to {cell.robot.options['command']}")
+    guard, status = Guard(cell, arm, tell), 0
+    try:
+        with closing(guard), uncollected(), hurried() as granted:
+            tell(granted)
+            while True:
+                guard.step()
+    except KeyboardInterrupt as stop:
+        notice()
+        status = status_of(stop)
+    said = {
+        "schema": "mitt.guard/1",
+        "version": mitt.__version__,
+        "cell": cell.name,
+        "passed": guard.passed,
+        "refused": guard.refused,
+        "silences": guard.silences,
+    }
+    if options.json:
+        print_json(said)
+    else:
+        show(f"{cell.name}: {guard.passed} commands passed on, {guard.silences} silences")
     return status
 
 

@@ -379,6 +379,20 @@ class SimOptions(Options):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class GuardOptions(Options):
+    """Stand between mitt run and a controller without a timeout: zeros where no command comes.
+
+    Attributes:
+        cell: The CELL.toml file of mitt run, with robot.options.guard (docs/cell.md).
+    """
+
+    module: ClassVar = "cells"
+    examples: ClassVar = ("mitt guard CELL.toml",)
+
+    cell: CellName
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ArmsOptions(Options):
     """List the arms that have a name, and how well each catches."""
 
@@ -639,6 +653,7 @@ COMMANDS: dict[str, type[Options]] = {
     "design": DesignOptions,
     "run": RunOptions,
     "sim": SimOptions,
+    "guard": GuardOptions,
     "study": StudyOptions,
     "report": ReportOptions,
     "track": TrackOptions,

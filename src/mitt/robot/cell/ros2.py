@@ -8,6 +8,7 @@ Options of ``[robot.options]``, all topics with their leading /:
 |--------------|----------------------------------------------------------------------------------|
 | state        | JointState with the encoders, best effort; of several publishers too            |
 | command      | JointTrajectory; one that ends in ``/commands`` is a Float64MultiArray instead   |
+| guard        | topic that ``mitt guard`` passes on to ``command``, or zeroes when none comes    |
 | controller   | joints of that controller in its order, with commas; see ``Orders`` |
 | hand         | name of the hand's joint; "" where it is not commanded                           |
 | hand_command | topic for its angle, as of ``command``, with this one joint                      |
@@ -46,6 +47,7 @@ RESULTS = "/mitt/throw_result"
 _KNOWN = {
     "state": "/joint_states",
     "command": "/joint_trajectory",
+    "guard": "",
     "controller": "",
     "hand": "",
     "hand_command": "/hand_controller/commands",
@@ -99,6 +101,7 @@ def check_cell(cell: Cell, arm: Arm) -> Orders:
         cell.source.topic if _sees_ball(cell) else "",
         of["state"],
         of["command"],
+        of["guard"],
         of["brake"],
         of["diagnostics"] if of["status"] else "",
         of["hand_command"] if of["hand"] else "",
@@ -107,7 +110,17 @@ def check_cell(cell: Cell, arm: Arm) -> Orders:
         if name:
             dds.check_topic(name)
     check_brakes(bool(of["brake"]), unbraked=of["unbraked"])
-    return Orders(cell, arm, of)
+    orders = Orders(cell, arm, of)
+    if of["guard"] and not (orders.plain and cell.robot.takes != "position"):
+        raise InputError(
+            "robot.options.guard",
+            "a robot.options.command that ends in /commands, of torques or velocities",
+            f"{of['command']}, {cell.robot.takes}",
+            do="leave the guard out: what else a controller takes ends by itself",
+        )
+    if of["guard"] == of["command"]:
+        raise InputError("robot.options.guard", "another topic than command", of["guard"])
+    return orders
 
 
 def _sees_ball(cell: Cell) -> bool:
@@ -281,7 +294,8 @@ class Ros2Robot:
         self._results = node.subscribe(RESULTS, dds.String, "command")
         self._orders = orders
         self._told = _kind_of(self._orders.plain)
-        self._foreign = node.subscribe(of["command"], self._told, "sensor", others=True)
+        self._topic = of["guard"] or of["command"]
+        self._foreign = node.subscribe(self._topic, self._told, "sensor", others=True)
         self._command: dds.Publisher | None = None
         self._join_brakes_and_hand()
         # A velocity of zero moves no joint, an angle does.
@@ -394,7 +408,7 @@ class Ros2Robot:
         commands to brakes and hand count when they come: who may send one is not known before.
         """
         self._note_meddling(now)
-        topic, joint = self._of["command"], self._joints.twice(now)
+        topic, joint = self._topic, self._joints.twice(now)
         foreign = self._foreign.speakers() > 0 or bool(self._foreign.take())
         state = f"{joint} on {self._of['state']}" if joint else ""
         ball = self._cell.source.topic if self._ball is not None and self._ball.twice() else ""
@@ -440,7 +454,8 @@ class Ros2Robot:
         if passed < _ALONE:
             return "looking for others that command the arm"
         if not self._commands().listeners():
-            return f"nobody takes commands on {of['command']}"
+            start = f": start mitt guard, and what takes {of['command']}" if of["guard"] else ""
+            return f"nobody takes commands on {self._topic}{start}"
         if self._brake is not None and not self._brake.listeners():
             return (
                 f"nobody takes {of['brake']}: start what engages the brakes, or name its topic"
@@ -477,7 +492,7 @@ class Ros2Robot:
     def _commands(self) -> dds.Publisher:
         """Return what publishes commands: others see that this program commands the arm."""
         if self._command is None:
-            self._command = self._node.publish(self._of["command"], self._told, "command")
+            self._command = self._node.publish(self._topic, self._told, "command")
         return self._command
 
     def listened(self) -> bool:

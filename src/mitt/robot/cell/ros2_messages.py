@@ -335,6 +335,9 @@ class Orders:
             lines.append(
                 f"{topic}: such a controller keeps its last command for ever: what stops"
                 " the arm after robot.watchdog has to be elsewhere"
+                if not self._of["guard"]
+                else f"{topic}: start mitt guard with this cell beside: it sends zeros where no"
+                " command came for robot.watchdog"
             )
         else:
             lines.append(
