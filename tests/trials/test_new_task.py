@@ -6,7 +6,7 @@ what its trials count, its runner, its study and its run.
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -22,7 +22,7 @@ from mitt.clock import Progress, Stopwatch
 from mitt.io.recordings import Recording
 from mitt.lab.trials.prepared import OptionsRun
 from mitt.lab.trials.scored_task import NAME, PAGE, RESULT, Measure, ScoredTask
-from mitt.lab.trials.study import Chunk, Condition, Study
+from mitt.lab.trials.study import Chunk, Condition, RunnerStudy
 from mitt.lab.trials.study_file import (
     ConditionSettings,
     Names,
@@ -96,7 +96,7 @@ class TouchStudySettings(StudySettings):
     conditions: Annotated[tuple[ConditionSettings, ...], Field(strict=False)] = ()
 
 
-class TouchStudy(Study):
+class TouchStudy(RunnerStudy):
     """A study of touching that can run."""
 
     kind: ClassVar[ScoredTask] = TOUCH
@@ -108,14 +108,9 @@ class TouchStudy(Study):
         """What its page says of arm and hand."""
         return "wam, the back of its hand"
 
-    def played(self, chunk: Chunk) -> tuple[list[dict[str, Any]], Stopwatch]:
-        """Run the trials of a chunk."""
-        runner = TouchRunner(self.seed)
-        return [asdict(runner.trial(k)) for k in chunk.trials], runner.stopwatch
-
-    def recorded(self, chunk: Chunk, index: int) -> Recording:
-        """Refuse: nothing is simulated."""
-        raise NotImplementedError
+    def runner(self, chunk: Chunk, *, keeps: bool = False) -> TouchRunner:  # noqa: ARG002
+        """Return a fresh runner for a chunk."""
+        return TouchRunner(self.seed)
 
 
 def read_touch_study(path: Path) -> TouchStudy:

@@ -6,16 +6,14 @@ each chunk begins with what the catcher is told.
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict
 from functools import lru_cache
 from pathlib import Path
 from threading import get_ident
-from typing import Annotated, Any, ClassVar, Final, Literal
+from typing import Annotated, ClassVar, Final, Literal
 
 import numpy as np
 from pydantic import Field, field_validator
 
-from mitt.clock import Stopwatch
 from mitt.core.arm.tools import Paddle
 from mitt.core.errors import InputError
 from mitt.io.arm_file import Coordinate
@@ -35,7 +33,7 @@ from mitt.lab.trials.batting import BAT, bat_trials
 from mitt.lab.trials.prepared import Trials
 from mitt.lab.trials.scored_task import Row, ScoredTask
 from mitt.lab.trials.source import source_of
-from mitt.lab.trials.study import REFERENCE, Chunk, Condition, Study, check_files
+from mitt.lab.trials.study import REFERENCE, Chunk, Condition, RunnerStudy, check_files
 from mitt.lab.trials.study_file import (
     ConditionSettings,
     Count,
@@ -151,7 +149,7 @@ class BatStudySettings(BatChoice, StudySettings):
     map: MapSettings | None = None
 
 
-class BatStudy(BatChoice, Study):
+class BatStudy(BatChoice, RunnerStudy):
     """A study of batting that can run; cells of its map are among its conditions."""
 
     kind: ClassVar[ScoredTask] = BAT
@@ -163,18 +161,13 @@ class BatStudy(BatChoice, Study):
         """What its page says of arm, limits and vision, in words."""
         return f"{self.arm}, {self.limits or 'its own limits'}, {self.vision}"
 
-    def played(self, chunk: Chunk) -> tuple[list[dict[str, Any]], Stopwatch]:
-        """Run the trials of a chunk; return them by their fields, and the times of the ticks."""
-        runner = self._runner(chunk)
-        return [asdict(runner.trial(k)) for k in chunk.trials], runner.stopwatch
-
     def recorded(self, chunk: Chunk, index: int) -> Recording:
-        """Run the trials of a chunk up to one once more, and return its recording."""
-        runner = self._runner(chunk, keeps=True)
+        """Run the trials of a chunk up to one once more: each learns from those before."""
+        runner = self.runner(chunk, keeps=True)
         trial = [runner.trial(k) for k in range(chunk.start, index + 1)][-1]
         return runner.recording(trial)
 
-    def _runner(self, chunk: Chunk, *, keeps: bool = False) -> Trials:
+    def runner(self, chunk: Chunk, *, keeps: bool = False) -> Trials:
         """Return a fresh runner for a chunk, which has learned nothing yet."""
         choice = self.model_dump_json(include=set(BatChoice.model_fields))
         of = chunk.condition

@@ -4,26 +4,24 @@ A generator that plans is tried at each rate; one that follows a belt's encoder 
 a belt.
 """
 
-from dataclasses import asdict, replace
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from threading import get_ident
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
-from mitt.clock import Stopwatch
 from mitt.core.arm.tools import TOOLS, Jaw, Suction
 from mitt.io.arm_file import joint_names
 from mitt.io.reading import noted
-from mitt.io.recordings import Recording
 from mitt.io.schema import FileSettings
 from mitt.lab.rivals.meeting import LINES, MEETERS, PLANNERS
 from mitt.lab.trials.meeting import MEET, MeetRunner
 from mitt.lab.trials.scored_task import ScoredTask
 from mitt.lab.trials.station import Station, arm_with_tool, station
-from mitt.lab.trials.study import Chunk, Condition, Player, Study, check_files
+from mitt.lab.trials.study import Chunk, Condition, Player, RunnerStudy, check_files
 from mitt.lab.trials.study_file import (
     ConditionSettings,
     Names,
@@ -105,7 +103,7 @@ class MeetStudySettings(MeetChoice, StudySettings):
     conditions: Annotated[tuple[MeetConditionSettings, ...], Field(strict=False)] = ()
 
 
-class MeetStudy(MeetChoice, Study):
+class MeetStudy(MeetChoice, RunnerStudy):
     """A study of meetings that can run."""
 
     kind: ClassVar[ScoredTask] = MEET
@@ -127,17 +125,7 @@ class MeetStudy(MeetChoice, Study):
                 out.append(Player(name))
         return tuple(out)
 
-    def played(self, chunk: Chunk) -> tuple[list[dict[str, Any]], Stopwatch]:
-        """Run the trials of a chunk; return them by their fields, and the times of the ticks."""
-        runner = self._runner(chunk)
-        return [asdict(runner.trial(k)) for k in chunk.trials], runner.stopwatch
-
-    def recorded(self, chunk: Chunk, index: int) -> Recording:
-        """Run a trial of a chunk once more and return its recording."""
-        runner = self._runner(chunk)
-        return runner.recording(runner.trial(index))
-
-    def _runner(self, chunk: Chunk) -> MeetRunner:
+    def runner(self, chunk: Chunk, *, keeps: bool = False) -> MeetRunner:  # noqa: ARG002 (always)
         """Return a fresh runner for a chunk."""
         of = chunk.condition
         at = _station_of(

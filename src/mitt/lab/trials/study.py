@@ -7,7 +7,7 @@ The same targets or balls come for every generator: those of the seed. A task de
 import hashlib
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Final, NamedTuple, Protocol, final
 
@@ -20,6 +20,7 @@ from mitt.io.reading import changed_file
 from mitt.io.recordings import Recording
 from mitt.io.schema import FileSettings
 from mitt.io.writing import json_digest
+from mitt.lab.trials.prepared import Trials
 from mitt.lab.trials.scored_task import Row, ScoredTask
 from mitt.lab.world.flights import RecordedFlight
 from mitt.lab.world.scene import Scene
@@ -229,6 +230,29 @@ class Study(FileSettings):
                     for name, text in {task.success: task.counted, **words}.items()
                 ]
         return out
+
+
+class RunnerStudy(Study):
+    """A study whose trials are all that the runner of its task makes of them."""
+
+    @abstractmethod
+    def runner(self, chunk: Chunk, *, keeps: bool = False) -> Trials:
+        """Return a fresh runner for a chunk, so that none depends on one before it.
+
+        Args:
+            chunk: Its trials.
+            keeps: Whether it keeps what the catcher takes, for a recording.
+        """
+
+    def played(self, chunk: Chunk) -> tuple[list[dict[str, Any]], Stopwatch]:
+        """Run the trials of a chunk; return them by their fields, and the times of the ticks."""
+        runner = self.runner(chunk)
+        return [asdict(runner.trial(k)) for k in chunk.trials], runner.stopwatch
+
+    def recorded(self, chunk: Chunk, index: int) -> Recording:
+        """Run a trial of a chunk once more, which gives the same, and return its recording."""
+        runner = self.runner(chunk, keeps=True)
+        return runner.recording(runner.trial(index))
 
 
 def _without_places(said: dict[str, Any]) -> None:
