@@ -299,6 +299,23 @@ def stop_of(
     return float(share), s.stop.rates.copy()
 
 
+@pytest.mark.parametrize("speed", [5e-324, 1e-300, 1e-200, 1e-20])
+def test_the_slowest_speeds_there_are_have_a_stop(arm: Arm, speed: float) -> None:
+    """Their squares are 0: a stop is found all the same, and wishes at them are answered."""
+    found = SafetyFilter(arm, Surroundings())
+    motion = np.array([arm.q_ready, np.full(arm.n, speed), np.zeros(arm.n)])
+    still = np.array([arm.q_ready, np.zeros(arm.n), np.zeros(arm.n)])
+    for first in (EASIEST, HARDEST):
+        share, rates = stop_of(arm, found, motion, first)
+        assert share <= SHARE
+        assert np.all(rates > 0.0)
+    wishes = (np.full((3, arm.n), speed), motion, still)
+    for wish in wishes:
+        found.begin(arm.q_ready, np.full(arm.n, speed))
+        found.step(wish.copy())
+        assert np.all(np.isfinite(found.last))
+
+
 def shares(arm: Arm, motion: Array, rates: Array) -> Array:
     """Return the torque of a stop, as shares of the drives' bounds; Pinocchio.
 

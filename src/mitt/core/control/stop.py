@@ -70,6 +70,8 @@ _STRAIGHT = 0.02
 #: How far before and after a joint's rest a stop at constant rates is looked at, in times of its
 #: way there.
 _BESIDE = 1e-9
+#: Speed up to which a joint rests [rad/s]: the way there of a slower one is no time that counts.
+_AT_REST = 1e-12
 #: Most looks; a stop that takes more is not made.
 _LOOKS = 100
 
@@ -168,7 +170,7 @@ def share_of_stop(arm: Tables, loaded: Record, motion: Array, w: StopWork) -> fl
         fastest, rest = 0.0, np.inf
         for k in range(motion.shape[1]):
             speed = abs(motion[1, k]) - rates[k] * t
-            if speed > 0.0:
+            if speed > _AT_REST:
                 fastest, rest = max(fastest, speed), min(rest, abs(motion[1, k]) / rates[k])
         if fastest == 0.0:
             return float(largest)
