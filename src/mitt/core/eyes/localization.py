@@ -448,8 +448,9 @@ def _bring_together(eyes: EyesMemory) -> float:
 def _count_where_they_meet(eyes: EyesMemory, since: float) -> int:
     """Judge targets that are not as heavy as expected where their lines of sight meet.
 
-    After a bounce the ball is farther away than by its flight, or nearer, and its mass is that of
-    a ball there. That says something only where its contrast is well known.
+    After a bounce, or while its motion is not known yet, the ball is farther away than it should
+    be, or nearer, and its mass is that of a ball there. That says something only where its contrast
+    is known.
 
     Returns:
         How many cameras see the whole ball there; 0 if one does not, and ``points`` are as before.
