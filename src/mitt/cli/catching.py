@@ -23,7 +23,6 @@ from mitt.cli.screen import (
 from mitt.core.errors import InputError
 from mitt.core.map.learn import Learned
 from mitt.core.map.map_design import warnings_of
-from mitt.core.map.mapping import unlearned
 from mitt.core.map.neighbourhood import LEARNING_SEED, Neighbourhood
 from mitt.core.map.neighbourhood import learn as learn_map
 from mitt.io.arm_file import ArmSpec
@@ -93,9 +92,8 @@ def _prepared(options: CatchOptions) -> Prepared:
         raise InputError("--map", "no option that the map itself decides", " and ".join(given))
     learned = None if options.map is None else read_map(options.map, arm)
     design = chosen.design if learned is None else learned.map.design
-    f = unlearned(arm, design) if learned is None else learned.map
     source = source_of(
-        f.arm,
+        arm,
         seed=options.seed,
         count=options.throws,
         throws_file=options.throws_file,
