@@ -100,7 +100,7 @@ class Family:
     ) -> tuple[Verdict, "Family"]:
         """Return that verdict, and the choice that it rests on, with which :meth:`adapt` starts."""
         best = self._best(ball, q, np.zeros(self.map.map.arm.n) if dq is None else dq, pieces)
-        said, _ = self.maps[best].consider(ball, q, dq, pieces)
+        said, _ = self.maps[best].consider(ball, q, dq, pieces, f"map {best} ")
         return said, replace(self, chosen=best)
 
     def unsettled(self, ball: BallState, q: Array) -> bool:
@@ -176,7 +176,7 @@ class Family:
             waits = waits and not np.isfinite(verdict.share)
             said.append((k, verdict))
         if all(verdict.outcome is Outcome.UNREACHABLE for _, verdict in said):
-            own = [self._own(k, ball, q, pieces).outcome for k, _ in said]
+            own = [self._own(k, ball, q, dq, pieces).outcome for k, _ in said]
             said = [(k, replace(x, outcome=y)) for (k, x), y in zip(said, own, strict=True)]
             if self.chosen is not None and self._keeps(self.chosen, own[0]):
                 return self.chosen
@@ -188,11 +188,11 @@ class Family:
         f, name = self.maps[k].map, f"map {k} "
         return judge(f, ball, q, tolerance=_CHOICE, dq=dq, pieces=pieces, name=name)
 
-    def _own(self, k: int, ball: BallState, q: Array, pieces: Pieces) -> Verdict:
+    def _own(self, k: int, ball: BallState, q: Array, dq: Array, pieces: Pieces) -> Verdict:
         """Return the verdict of a map for an arm at rest, by its own shares."""
-        name = f"own {k}"
+        name = f"own {k}" if dq.any() else f"map {k}"  # of a way that is known where the arm rests
         consider = self.maps[k].consider
-        return pieces.whole(name, consider, ball, q, None, pieces, f"{name} ")[0]
+        return pieces.whole(f"own {k}", consider, ball, q, None, pieces, f"{name} ")[0]
 
 
 #: Verdicts with which a map that has waited for a ball keeps it.

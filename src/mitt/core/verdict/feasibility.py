@@ -164,12 +164,15 @@ def _judged(
     pieces: Pieces,
     name: str,
 ) -> Verdict:
-    """Return the verdict on a ball that goes on by its law of motion; see :func:`judge`."""
+    """Return the verdict on a ball that goes on by its law of motion; see :func:`judge`.
+
+    A way is worked out once, whatever tolerances it is held against, which takes little.
+    """
     seen, where, alpha = pieces.of(f"{name}start", _started, f, ball, start)
     if alpha is None:
         waits = pieces.of(f"{name}rise", _may_rise, f, ball, seen)
         way = pieces.of(f"{name}level", _level_way, f, ball, start) if waits else None
-        waits = way is not None and pieces.of(f"{name}wait", _keeps, f, *way, tolerance)
+        waits = way is not None and pieces.of(f"{name}wait {tolerance}", _keeps, f, *way, tolerance)
         return Verdict(
             outcome=Outcome.OPEN if waits else Outcome.UNREACHABLE,
             binding_limit=where or "domain",
@@ -177,7 +180,10 @@ def _judged(
             t_catch=ball.t + seen.after,
             sigma=np.inf,
         )
-    return pieces.of(f"{name}way", _weighed, f, alpha, ball, seen.after, tolerance)
+    approach = pieces.of(f"{name}way", _way, f, alpha, ball, seen.after)
+    return pieces.whole(
+        f"{name}asked {tolerance}", _asked, f, approach, ball, seen.after, tolerance
+    )
 
 
 def _started(
@@ -189,11 +195,19 @@ def _started(
     return seen, where, f.adapted(ball, *start) if where is None else None
 
 
-def _weighed(
-    f: DirectMap, alpha: Array, ball: BallState, after: float, tolerance: Tolerance
+def _way(f: DirectMap, alpha: Array, ball: BallState, after: float) -> Approach:
+    """Return the way to a foreseen catch of a map with other coefficients."""
+    path = flown(ball, np.linspace(0.0, after, _INSTANTS))
+    step = after / (_INSTANTS - 1)
+    return Approach(motion=f.motions(path, alpha), step=step, dr_o=path[-1, 1])
+
+
+def _asked(
+    f: DirectMap, way: Approach, ball: BallState, after: float, tolerance: Tolerance
 ) -> Verdict:
-    """Return the verdict of a map with other coefficients; see :func:`weigh_way`."""
-    return weigh_way(f.with_alpha(alpha), ball, after, tolerance)
+    """Return the verdict by what a way to a foreseen catch asks of the arm of a map."""
+    sigma = spread(ball, after)
+    return asked(f.arm, way, tolerance, t_catch=ball.t + after, sigma=sigma)
 
 
 def weigh_way(f: DirectMap, ball: BallState, after: float, tolerance: Tolerance) -> Verdict:
@@ -205,10 +219,7 @@ def weigh_way(f: DirectMap, ball: BallState, after: float, tolerance: Tolerance)
         after: Time to the catch [s].
         tolerance: Share of each limit at which the throw is refused.
     """
-    path = flown(ball, np.linspace(0.0, after, _INSTANTS))
-    approach = Approach(motion=f.motions(path), step=after / (_INSTANTS - 1), dr_o=path[-1, 1])
-    sigma = spread(ball, after)
-    return asked(f.arm, approach, tolerance, t_catch=ball.t + after, sigma=sigma)
+    return _asked(f, _way(f, f.alpha, ball, after), ball, after, tolerance)
 
 
 def asked(
@@ -318,8 +329,12 @@ def _level_way(
 
 
 def _keeps(f: DirectMap, path: Array, alpha: Array, tolerance: Tolerance) -> bool:
-    """Say whether the arm can follow a path, (K, 3, 3), within the limits that are given."""
-    return max(shares_of(f.arm, f.motions(path, alpha), tolerance).values()) <= 1.0
+    """Say whether the arm can follow a path, (K, 3, 3), within the limits that are given.
+
+    It is looked at where a way to a catch is, or at each instant where there are fewer.
+    """
+    at = np.unique(np.linspace(0, len(path) - 1, _INSTANTS).round().astype(int))
+    return max(shares_of(f.arm, f.motions(path[at], alpha), tolerance).values()) <= 1.0
 
 
 @kernel
