@@ -22,7 +22,7 @@ from mitt.robot.cameras.cameras import (
     open_cameras,
     optional,
     read_image,
-    skew_of_names,
+    skew_of_times,
 )
 from mitt.robot.cameras.two_cameras import PairCounts, pairs
 from mitt.robot.cameras.video_writer import VideoWriter
@@ -375,8 +375,34 @@ def test_images_named_by_their_times_are_one_instant_within_a_share_of_their_gap
         for x in names:
             (tmp_path / name / f"{x}.png").write_bytes(b"")
     left, right, count, twice = (str(tmp_path / x) for x in ("left", "right", "count", "twice"))
-    assert skew_of_names((left, right)) == pytest.approx(0.04)
-    assert skew_of_names((left, count)) is None
-    assert skew_of_names((left, twice)) is None
-    assert skew_of_names((left,)) is None
-    assert skew_of_names((left, "genicam:x.cti#0")) is None
+    assert skew_of_times((left, right)) == pytest.approx(0.04)
+    assert skew_of_times((left, count)) is None
+    assert skew_of_times((left, twice)) is None
+    assert skew_of_times((left,)) is None
+    assert skew_of_times((left, "genicam:x.cti#0")) is None
+
+
+def test_frames_of_two_videos_are_one_instant_by_the_times_of_their_containers(
+    tmp_path: Path,
+) -> None:
+    """A camera that lost a frame has none at that instant, and all others are of one instant."""
+    taken, lost = images(12), 5
+    for name in ("left", "right"):
+        with av.open(str(tmp_path / f"{name}.mkv"), "w") as container:
+            stream = container.add_stream("ffv1", 30)
+            stream.width, stream.height, stream.pix_fmt = *taken[0].shape[::-1], "gray"
+            for k, image in enumerate(taken):
+                if name == "left" or k != lost:
+                    frame = av.VideoFrame.from_ndarray(image, format="gray")
+                    frame.pts, frame.time_base = k, Fraction(1, 30)
+                    container.mux(stream.encode(frame))
+            container.mux(stream.encode())
+    specs = [str(tmp_path / f"{name}.mkv") for name in ("left", "right")]
+    skew = skew_of_times(specs)
+    assert skew is not None
+    assert skew == pytest.approx(0.4 / 30.0, rel=0.05)
+    with open_cameras(specs) as (left, right):
+        seen = list(pairs((left, right), PairCounts(), max_skew=skew, most=None))
+    assert [len(x) for x in seen] == [1 if k == lost else 2 for k in range(12)]
+    assert all(np.array_equal(x[0].pixels, x[-1].pixels) for x in seen)
+    assert skew_of_times((specs[0], str(tmp_path))) is None

@@ -44,7 +44,7 @@ from mitt.robot.cameras.cameras import (
     check_library,
     open_cameras,
     picture_of,
-    skew_of_names,
+    skew_of_times,
 )
 from mitt.robot.cameras.charuco import Board, BoardSpec
 from mitt.robot.cameras.filtering import (
@@ -455,7 +455,7 @@ def _from_boards(job: CalibrationRun, board: Board, report: Progress) -> Calibra
     """Return lenses and stereo pose from boards."""
     o = job.options
     given = [spec for spec in (o.left, o.right) if spec is not None]
-    skew = skew_of_names(given)
+    skew = skew_of_times(given)
     with open_cameras(given, fps=1.0 if skew is None else None) as sources:
         names = NAMES[: len(given)]
         views = look_for_board(board, sources, names, progress=report, max_skew=skew)

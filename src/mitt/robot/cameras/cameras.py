@@ -41,6 +41,8 @@ _CHANNELS = {"Mono8": 1, "RGB8": 3, "BGR8": 3, "RGBa8": 4, "BGRa8": 4}
 _TIMEOUT = 2.0
 #: Share of the gap between two images of a camera up to which those of two are one instant.
 _NEAR = 0.4
+#: Frames of a video whose gaps are looked at.
+_FIRST = 10
 #: Images of a folder that are looked at for the bits that they use.
 _LOOKS = 20
 
@@ -330,23 +332,36 @@ def stamp(path: Path) -> float:
     )
 
 
-def skew_of_names(specs: Sequence[str]) -> float | None:
-    """Return how far the times in the names of images may differ to be one instant [s].
+def skew_of_times(specs: Sequence[str]) -> float | None:
+    """Return how far the times of images of two cameras may differ to be one instant [s].
 
-    A share of the least gap between two images of one camera; None where a camera is no folder, or
-    a name says no time of its own.
+    A share of the least gap between two images of one camera, by the names of images, or by the
+    first frames of videos. None where a camera is live, one is a video and another none, or a
+    source says no time of its own.
 
     Args:
         specs: What the user called the cameras, two or more.
     """
-    if len(specs) < 2 or not all(Path(spec).is_dir() for spec in specs):
+    if len(specs) < 2:
         return None
     try:
-        times = [[stamp(path) for path in images_in(Path(spec))] for spec in specs]
+        if all(Path(spec).is_dir() for spec in specs):
+            times = [[stamp(path) for path in images_in(Path(spec))] for spec in specs]
+        elif all(Path(spec).is_file() for spec in specs):
+            times = [_first_times(Path(spec)) for spec in specs]
+        else:
+            return None
     except FileError:
         return None
     gaps = np.concatenate([np.diff(x) for x in times])
     return _NEAR * float(gaps.min()) if len(gaps) and gaps.min() > 0.0 else None
+
+
+def _first_times(path: Path) -> list[float]:
+    """Return the times of the first frames of a video [s]."""
+    with closing(Video(path, 0, fps=None)) as video:
+        frames = (video.read() for _ in range(_FIRST))
+        return [frame.t for frame in frames if frame is not None]
 
 
 @final
