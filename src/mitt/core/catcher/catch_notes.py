@@ -37,7 +37,7 @@ _ON_FORECAST = 0.05
 _OUTSIDE = 0.12
 _FLOWN = 3
 _SHORTLY = 0.25
-#: About how many sightings after the catch are asked: a loop waits for the answer.
+#: How many sightings after the catch are asked at most: a loop waits for the answer.
 _ASKED = 25
 #: Age of a sighting in its tick below which it is stamped on arrival [s].
 _AT_ONCE = 0.5 * TICK
@@ -162,7 +162,7 @@ class CatchNotes:
         if not any(gap(int(k), of.t_arm[k]) < _INSIDE for k in near):
             return False
         after = np.flatnonzero((since > 0.0) & (since < _SHORTLY))
-        for i in after[:: max(len(after) // _ASKED, 1)]:
+        for i in after[:: max(-(-len(after) // _ASKED), 1)]:
             k = min(int(np.searchsorted(of.t_arm, of.t_seen[i])), len(of.t_arm) - 1)
             if not np.isfinite(of.q[k]).all():
                 continue
