@@ -6,14 +6,16 @@
 A session is one catcher after the other, as ``mitt run`` takes them: loaded once, then default
 throws, of which each third is turned aside, is low, or is disturbed (a kick, a bounce, a flutter),
 so that verdicts of all kinds are given. After each throw the hand opens and the arm moves away;
-after some it is stopped, and recovers. Times are of this thread's processor, without garbage
+after some it is stopped, and recovers. ``ur5e-meet`` and ``wam-bat`` are trials of the other tasks.
+Times are of this thread's processor, without garbage
 collection, in milliseconds: the largest, how often it was taken, and in which calls.
 """
 
 import argparse
 import sys
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from time import thread_time_ns
 from typing import ParamSpec, TypeVar
@@ -22,6 +24,7 @@ import numpy as np
 
 from mitt.clock import uncollected
 from mitt.core.arm.arm import Arm
+from mitt.core.arm.tools import TOOLS
 from mitt.core.catcher.catcher import Catcher
 from mitt.core.catcher.generators import Generator
 from mitt.core.catcher.loading import load_decisions
@@ -30,10 +33,14 @@ from mitt.core.map.neighbourhood import learn
 from mitt.core.verdict.pieces import Pieces
 from mitt.interrupts import tell
 from mitt.io.arm_file import ArmSpec
+from mitt.lab.trials.bat_station import bat_station
+from mitt.lab.trials.batting import BatRunner
+from mitt.lab.trials.meeting import MeetRunner
 from mitt.lab.trials.registry import make_generator
 from mitt.lab.trials.runner import TrialRunner
 from mitt.lab.trials.slow_motion import slow_motion
 from mitt.lab.trials.source import Source, source_of, widened
+from mitt.lab.trials.station import station
 from mitt.lab.world.scene import Scene, scene_of
 from mitt.lab.world.throws import Throw
 
@@ -52,6 +59,8 @@ CASES = {
     "panda-single": ("franka-panda", None, "single"),
     "panda-direct": ("franka-panda", None, "direct"),
 }
+#: Trials of other tasks.
+TASKS = ("ur5e-meet", "wam-bat")
 #: What disturbs each third ball.
 FAULTS = (
     {"kind": "kick", "magnitude": 1.0},
@@ -169,23 +178,82 @@ def measured(name: str, throws: int, seed: int, least: float) -> None:
     warm = Session(arm, made, source, Times())  # its first throws load what is not loaded yet
     for k in range(3):
         warm.throw(k)
-    session, whole = Session(arm, made, source, times), Pieces.of
+    session = Session(arm, made, source, times)
+    with noted(pieces):
+        ends = _ends(name, session.throw, throws)
+    _show(f"{name}: {throws} throws, seed {seed}; ended {ends}", times, pieces, least)
 
-    def noted(
+
+def measured_task(name: str, trials: int, seed: int, least: float) -> None:
+    """Measure trials of another task and print them."""
+    times, pieces = Times(), Times()
+    runner = task_runner(name, trials, seed)
+    runner.trial(0)  # loads what is not loaded yet
+    calls = {call: getattr(Catcher, call) for call in ("step", "think")}
+
+    def timed_of(call: str) -> Callable[..., object]:
+        def timed(catcher: Catcher, *args: object) -> object:
+            before = catcher.phase.value
+            answer = times.of(call, calls[call], catcher, *args)
+            times.rename(call, f"{call} {before} -> {catcher.phase.value}")
+            return answer
+
+        return timed
+
+    for call in calls:
+        setattr(Catcher, call, timed_of(call))
+    try:
+        with noted(pieces):
+            ends = _ends(name, lambda k: str(runner.trial(k).status), trials)
+    finally:
+        for call, own in calls.items():
+            setattr(Catcher, call, own)
+    _show(f"{name}: {trials} trials, seed {seed}; ended {ends}", times, pieces, least)
+
+
+def task_runner(name: str, trials: int, seed: int) -> BatRunner | MeetRunner:
+    """Return what runs the trials of a task: a suction cup at a belt, or a paddle."""
+    if name == "wam-bat":
+        scene = scene_of({"base": "lab"}, place="scene")
+        at = bat_station("wam", scene=scene, target=np.array([3.0, 0.0, 0.3]), limits="wam-48v")
+        balls = source_of(at.arm, seed=seed, drag=at.scene.ball.drag, count=trials)
+        return BatRunner(at, balls, pixels=False)
+    sensing = {"latency": 30, "point_noise": 0.002, "frame_rate": 60.0}
+    scene = scene_of({"base": "lab", "sensing": sensing}, place="scene")
+    station_at = station("ur5e", TOOLS["suction"], "belt", scene, speed=np.inf)
+    return MeetRunner(station_at, seed=seed, speed=0.3)
+
+
+@contextmanager
+def noted(pieces: Times) -> Iterator[None]:
+    """Note how long each piece takes."""
+    whole = Pieces.of
+
+    def of(
         self: Pieces, called: str, work: Callable[_P, _T], /, *args: _P.args, **kwargs: _P.kwargs
     ) -> _T:
         return whole(self, called, _timed(pieces, called, work), *args, **kwargs)
 
-    Pieces.of = noted  # type: ignore[method-assign]
-    ends = defaultdict[str, int](int)
+    Pieces.of = of  # type: ignore[method-assign]
     try:
-        with uncollected():
-            for k in range(throws):
-                ends[session.throw(k)] += 1
-                tell(f"{name}: {k + 1} of {throws}")
+        yield
     finally:
         Pieces.of = whole  # type: ignore[method-assign]
-    print(f"{name}: {throws} throws, seed {seed}; ended {dict(ends)}")
+
+
+def _ends(name: str, play: Callable[[int], str], count: int) -> dict[str, int]:
+    """Play so many and return how often each ended how."""
+    ends = defaultdict[str, int](int)
+    with uncollected():
+        for k in range(count):
+            ends[play(k)] += 1
+            tell(f"{name}: {k + 1} of {count}")
+    return dict(ends)
+
+
+def _show(title: str, times: Times, pieces: Times, least: float) -> None:
+    """Print what was measured."""
+    print(title)
     print("  largest  median  times  call [ms]")
     times.show(least)
     print("  largest  median  times  piece [ms]")
@@ -195,7 +263,7 @@ def measured(name: str, throws: int, seed: int, least: float) -> None:
 
 def _timed(times: Times, name: str, work: Callable[_P, _T]) -> Callable[_P, _T]:
     """Return some work that notes how long it took; ``run 50`` as ``run``, of which it is one."""
-    kind = name.rstrip("0123456789 ")
+    kind = name.partition(" Tolerance")[0].rstrip("0123456789. ")
 
     def timed(*args: _P.args, **kwargs: _P.kwargs) -> _T:
         return times.of(kind, work, *args, **kwargs)
@@ -206,13 +274,15 @@ def _timed(times: Times, name: str, work: Callable[_P, _T]) -> Callable[_P, _T]:
 def main() -> None:
     """Measure the cases that are named."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("cases", nargs="*", default=list(CASES), help=", ".join(CASES))
+    known = [*CASES, *TASKS]
+    parser.add_argument("cases", nargs="*", default=known, help=", ".join(known))
     parser.add_argument("--throws", type=int, default=30)
     parser.add_argument("--seed", type=int, default=SEED)
     parser.add_argument("--least", type=float, default=0.1, help="shortest call that is shown [ms]")
     options = parser.parse_args()
     for name in options.cases:
-        measured(name, options.throws, options.seed, options.least)
+        measure = measured_task if name in TASKS else measured
+        measure(name, options.throws, options.seed, options.least)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """Meeting as a generator: what its verdict says before moving, and how it follows and leaves."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from functools import cache
 from math import inf
@@ -13,11 +14,14 @@ from support import thorough
 from mitt.core.arm.arm import Arm
 from mitt.core.arm.tools import Suction
 from mitt.core.catcher.catcher import Catcher, CatcherSettings, Phase
-from mitt.core.catcher.meeting import Glide, Meeting, MeetingSettings
+from mitt.core.catcher.glide import Glide
+from mitt.core.catcher.meeting import Meeting, MeetingSettings
+from mitt.core.catcher.planner import PIECES
 from mitt.core.map.demand import Tolerance
 from mitt.core.map.meeting import unlearned_meeting
 from mitt.core.signals import TICK, ArmState, Array, BallState, Senses, Sighting
 from mitt.core.verdict.feasibility import Outcome
+from mitt.core.verdict.pieces import Pieces, Unfinished
 from mitt.io.arm_file import load_arm
 from mitt.lab.trials.station import CARRIED
 
@@ -110,13 +114,13 @@ def test_a_part_that_cannot_be_met_is_refused_with_the_limit_that_binds(binding:
 
 def test_what_a_verdict_has_planned_is_not_planned_again(monkeypatch: pytest.MonkeyPatch) -> None:
     """A robot waits for commands while the catcher thinks; of a newer estimate it plans anew."""
-    judged, tried = Meeting._judged, list[float]()
+    way, tried = Meeting._way, list[float]()
 
     def counted(self: Meeting, ball: BallState, q: Array, T: float) -> Any:  # noqa: ANN401
         tried.append(T)
-        return judged(self, ball, q, T)
+        return way(self, ball, q, T)
 
-    monkeypatch.setattr(Meeting, "_judged", counted)
+    monkeypatch.setattr(Meeting, "_way", counted)
     g, ball = meeting(arm=with_limits(acceleration=20.0)), part()
     verdict = g.verdict(ball, Q)
     asked = len(tried)
@@ -168,6 +172,36 @@ def test_a_meeting_begins_in_time_in_any_loop(period: float) -> None:
         best = begins(period, first, drift, pause=0.0)
         assert 0.3 < best < inf
         assert begins(period, first, drift) < best + 0.01
+
+
+def test_a_verdict_is_worked_out_a_few_pieces_a_tick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No call of a loop works more out, and piece by piece it is the verdict that it is at once."""
+    worked, of, think = [0], Pieces.of, Catcher.think
+
+    def counted(pieces: Pieces, *args: Any, **kwargs: Any) -> Any:  # noqa: ANN401
+        before, answer = pieces.left, of(pieces, *args, **kwargs)
+        worked[-1] += before > pieces.left or before == inf
+        return answer
+
+    def thought(catcher: Catcher) -> None:
+        worked.append(0)
+        think(catcher)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Pieces, "of", counted)
+        patch.setattr(Catcher, "think", thought)
+        assert begins(TICK, 0.001, 0.0) < inf
+    assert max(worked) == PIECES
+    g, ball, pieces, times = meeting(arm=with_limits(acceleration=20.0)), part(), Pieces(0), 0
+    said = None
+    while said is None:
+        pieces.grant(1)
+        times += 1
+        with suppress(Unfinished):
+            said, begun = g.consider(ball, Q, None, pieces)
+    assert times > 4
+    assert said == meeting(arm=with_limits(acceleration=20.0)).verdict(ball, Q)
+    assert begun.adapt(ball, Q, np.zeros(6)).start + begun.after == said.t_catch
 
 
 def test_the_way_to_a_part_begins_before_the_part_is_in_reach() -> None:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from mitt.core.arm.arm import Arm
 from mitt.core.arm.tools import Suction
 from mitt.core.errors import ModelError
-from mitt.core.map.meeting import MeetingMap, unlearned_meeting
+from mitt.core.map.meeting import MeetingMap, interpolate_motion, unlearned_meeting
 from mitt.core.map.reach import reach_of
 from mitt.core.signals import Array
 from mitt.io.arm_file import load_arm
@@ -154,3 +154,24 @@ def test_joints_that_cannot_reach_are_refused() -> None:
     for free in ((0, 1, 2, 3), (0, 0, 1), (0, 1, 9)):
         with pytest.raises(ModelError):
             reach_of(arm, free)
+
+
+@settings(max_examples=25)
+@given(seed=st.integers(0, 2**31), T=st.floats(0.05, 3.0), count=st.integers(2, 400))
+def test_between_its_instants_a_motion_is_a_polynomial_of_fifth_order(
+    seed: int, T: float, count: int
+) -> None:
+    """One that is such a polynomial comes out as it is, with its rates, however often asked."""
+    rng = np.random.default_rng(seed)
+    coefficients = rng.standard_normal((6, 4))
+
+    def motion(instants: int) -> Array:
+        x, rows = np.linspace(0.0, 1.0, instants), []
+        for d in range(3):
+            of = np.polynomial.polynomial.polyder(coefficients, d)
+            rows.append(np.polynomial.polynomial.polyval(x, of).T / T**d)
+        return np.stack(rows, axis=1)
+
+    found, exact = interpolate_motion(motion(24), T, count), motion(count)
+    for d in range(3):
+        assert np.allclose(found[:, d], exact[:, d], atol=1e-9 * (1.0 + np.abs(exact[:, d]).max()))

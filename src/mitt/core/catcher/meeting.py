@@ -25,16 +25,17 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from mitt.core.arm.arm import Arm, tool_speeds
 from mitt.core.catcher.generators import Generator, Memory
+from mitt.core.catcher.glide import Glide
 from mitt.core.control.envelope import bounds_of
 from mitt.core.errors import InputError
 from mitt.core.fields import Range, Settings, brief
-from mitt.core.kernels import kernel
 from mitt.core.map.demand import Tolerance, shares_of, uniform
-from mitt.core.map.meeting import MeetingMap
+from mitt.core.map.meeting import MeetingMap, interpolate_motion
 from mitt.core.map.polynomial import CatchBasis
 from mitt.core.map.prediction import flown, spread
 from mitt.core.signals import TICK, Array, BallState, JointReference, MapStatus, reference_of
 from mitt.core.verdict.feasibility import Approach, Outcome, Verdict
+from mitt.core.verdict.pieces import Pieces
 
 #: Times that are tried, and instants at which a motion is held against its limits.
 _TIMES = 24
@@ -49,7 +50,7 @@ _LOOKS = 8
 _LED = 0.15
 #: Halvings of the times between the longest and the shortest.
 _HALVINGS = 3
-#: Least time from one verdict, of a millisecond or two, to the next with nothing to meet [s].
+#: Least time from one verdict to the next with nothing to meet [s].
 _PAUSE = 0.0075
 #: Times in which the tool lifts what it has grasped and comes to rest [s].
 _LEAVES = (0.2, 0.3, 0.4, 0.6, 0.9, 1.4, 2.0)
@@ -60,11 +61,6 @@ _HARD = replace(uniform(0.9), speed=1.0)
 _HOP = 0.25
 #: Least time from the start until the way down begins [s].
 _LEAST = 0.1
-#: Rates at which the followed target closes up to the estimate, along a belt and across it [1/s].
-_ALONG = 40.0
-_ACROSS = 8.0
-#: The first of them where the tool's speed is limited: what may not be fast need not be quick.
-_SLOWLY = 15.0
 #: Jump of an estimate that is to be closed within the arm's jerks [m].
 _JUMP = 0.01
 #: Tool and estimate are in step if no farther apart [m, m/s].
@@ -88,8 +84,6 @@ _USED = 0.97
 _OVER = 1.03
 _ROUGH = 1.1
 _LAG = 0.4
-#: Shares of the speed that are left along a belt and across it, where both are limited.
-_SPLIT = (0.95, 0.3)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -135,147 +129,6 @@ class MeetingSettings(Settings):
         return self.down if self.above > 0.0 else 0.0
 
 
-@kernel
-def _glide(
-    given: Array,
-    across: Array,
-    dt: float,
-    most: float,
-    slowly: float,
-    rate: float,
-    lead: Array,
-    motion: Array,
-) -> None:
-    """Let a followed motion go on for one tick towards what is given a time ``dt`` later [s].
-
-    Args:
-        given: The estimate then [m ...], shape (3, 3).
-        across: Projection on the directions in which nothing moves, shape (3, 3).
-        dt: That time [s].
-        most: Largest speed of the place that leads the motion [m/s].
-        slowly: Rate at which that place follows [1/s]; 0 where it is at once where it should be.
-        rate: Rate at which the motion closes up to it, but across a belt [1/s].
-        lead: That place [m], shape (3,), overwritten.
-        motion: The followed motion [m ...], shape (3, 3), overwritten.
-    """
-    moves, rests, step = np.zeros(3), np.zeros(3), np.zeros(3)
-    for i in range(3):
-        r = given[0, i] - dt * given[1, i]
-        moves[i] = r + (3.0 * given[1, i] + 3.0 * given[2, i] / rate) / rate
-        rests[i] = r
-    for i in range(3):
-        to = moves[i]
-        for j in range(3):
-            to += across[i, j] * (rests[j] - moves[j])
-        step[i] = (to if slowly == 0.0 else given[0, i]) - lead[i]
-    if slowly > 0.0:
-        step *= TICK * slowly
-    _limit(step, across, TICK * most)
-    for i in range(3):
-        lead[i] += step[i]
-        r, dr, ddr = lead[i] - motion[0, i], motion[1, i], motion[2, i]
-        moves[i] = rate * (-3.0 * ddr + rate * (-3.0 * dr + rate * r))
-        rests[i] = _ACROSS * (-3.0 * ddr + _ACROSS * (-3.0 * dr + _ACROSS * r))
-    for i in range(3):
-        jerk = moves[i]
-        for j in range(3):
-            jerk += across[i, j] * (rests[j] - moves[j])
-        motion[0, i] += TICK * (motion[1, i] + 0.5 * TICK * motion[2, i])
-        motion[1, i] += TICK * (motion[2, i] + 0.5 * TICK * jerk)
-        motion[2, i] += TICK * jerk
-
-
-@kernel
-def _limit(step: Array, across: Array, most: float) -> None:
-    """Shorten a step to ``most`` [m]; along a belt and across it, which lag unequally, each."""
-    if most == np.inf:
-        return
-    beside = np.zeros(3)
-    for i in range(3):  # a product of matrices in a kernel would need SciPy
-        for j in range(3):
-            beside[i] += across[i, j] * step[j]
-    on = step - beside
-    both = across[0, 0] + across[1, 1] + across[2, 2] > 0.5
-    most_on, most_beside = (_SPLIT[0] * most, _SPLIT[1] * most) if both else (most, most)
-    length, wide = np.sqrt(np.sum(on**2)), np.sqrt(np.sum(beside**2))
-    step[:] = on * (most_on / max(length, most_on, 1e-12))
-    step += beside * (most_beside / max(wide, most_beside, 1e-12))
-
-
-@final
-class Glide:
-    """The target as the tool follows it: an estimate jumps with each sighting, a tool cannot.
-
-    What an estimate has jumped by is closed as by a critically damped system of third order, so
-    that accelerations do not jump either; a motion that is estimated rightly is followed without a
-    lag. Across a belt a part rests, so that there a mean over a longer time tells where it is.
-
-    Attributes:
-        calm: When tool and estimate were out of step last [s].
-        closes: When the tool begins to close [s]; infinite until it does.
-        rows: What the map made of it last [rad ...], shape (6, n); None before the first.
-        ended: Why the target was given up; nothing as long as it is followed.
-    """
-
-    def __init__(self, speeds: Array | None = None, most: float = _ALONG) -> None:
-        """Begin nowhere.
-
-        Args:
-            speeds: Largest speed in each tick from the first on, of which the last stays [m/s],
-                shape (k,); none if left out.
-            most: Largest rate at which an estimate that has jumped is followed [1/s].
-        """
-        self._t, self._motion, self._lead = inf, np.zeros((3, 3)), np.zeros(3)
-        self._rate = min(most, _ALONG if speeds is None else _SLOWLY)
-        self._speeds, self._begun = np.array([inf]) if speeds is None else speeds, inf
-        self.calm = self.closes = inf
-        self.rows: Array | None = None
-        self.ended = ""
-
-    @property
-    def motion(self) -> Array:
-        """r_o, dr_o, ddr_o as followed at last, shape (3, 3)."""
-        return self._motion.copy()
-
-    def to(self, t: float, given: Array, across: Array, rate: float = 0.0) -> Array:
-        """Return r_o, dr_o, ddr_o of the followed target at a time, (3, 3).
-
-        Args:
-            t: Time [s].
-            given: The estimate then [m ...], shape (3, 3).
-            across: Projection on the directions in which nothing moves, shape (3, 3).
-            rate: At which it is followed slowly [1/s]; 0 where at once.
-        """
-        if not 0.0 <= t - self._t < 0.1:
-            self._begin(t, given)
-        while t - self._t > 0.5 * TICK:
-            k = min(max(round((self._t - self._begun) / TICK), 0), len(self._speeds) - 1)
-            fastest = 0.0 if self.ended else float(self._speeds[k])
-            _glide(given, across, t - self._t, fastest, rate, self._rate, self._lead, self._motion)
-            self._t += TICK
-        return self.motion
-
-    def onwards(self) -> Array | None:
-        """Return the rows of a tick later if velocities stay; None before the first."""
-        if self.rows is None:
-            return None
-        rows = self.rows.copy()
-        rows[[0, 3]] += TICK * rows[[1, 4]]
-        rows[[2, 5]] = 0.0
-        return rows
-
-    def _begin(self, t: float, given: Array) -> None:
-        """Begin where the target is, as fast as it is, but no faster than is allowed."""
-        self._t, self._begun, self.calm = t, min(self._begun, t), t
-        self._motion, most = given.copy(), float(self._speeds[0])
-        if (speed := float(np.linalg.norm(given[1]))) > most:
-            self._motion[1] *= most / speed
-        if most < inf:
-            self._motion[2] = 0.0
-        ahead = 3.0 * self._motion[1] + 3.0 * self._motion[2] / self._rate
-        self._lead[:] = self._motion[0] + ahead / self._rate
-
-
 def _rise(x: Array, T: float) -> Array:
     """Return a way from 0 to 1 whose speed and acceleration vanish at both ends, shape (K, 3).
 
@@ -288,10 +141,30 @@ def _rise(x: Array, T: float) -> Array:
 
 
 class _Plan(NamedTuple):
-    """A verdict, and the generator that begins to meet the target; None where none does."""
+    """A verdict, and the generator that is to begin by it; None where none does."""
 
     verdict: Verdict
     begun: "Meeting | None"
+
+
+class _Way(NamedTuple):
+    """How a target would be met after a time.
+
+    Attributes:
+        T: That time [s].
+        map: The map, adapted.
+        rows: What it makes of the target at some instants [rad ...], shape (K, 6, n).
+        path: Motion of the target then [m ...], shape (K, 3, 3).
+        down: Velocity of the way down [m/s], shape (K, 3).
+        step: Time from one to the next [s].
+    """
+
+    T: float
+    map: MeetingMap
+    rows: Array
+    path: Array
+    down: Array
+    step: float
 
 
 @final
@@ -334,7 +207,9 @@ class Meeting(Generator):
         settings: Where and how targets are met.
         tolerance: Share of each limit at which a target is refused.
         start: Time at which the arm started [s]; infinite before.
-        after: Time from there to the meeting [s].
+        after: Time from there to the meeting [s]; infinite before it is chosen.
+        left: What its way leaves of the tool's speed to the target in each tick from the start on
+            [m/s], shape (k,); None where the tool may be as fast as it likes.
         pull: How far from the target the tool's way begins, towards the work area [m], shape (3,):
             where the target is out of reach at the start. It dies away until the way down.
         glide: The target as it is followed.
@@ -348,6 +223,7 @@ class Meeting(Generator):
     )
     start: float = inf
     after: float = inf
+    left: Array | None = None
     pull: Array = field(default_factory=lambda: np.zeros(3))
     glide: Glide = field(default_factory=Glide)
     memory: Memory[_Plan] = field(default_factory=Memory, repr=False, compare=False)
@@ -386,22 +262,47 @@ class Meeting(Generator):
         """Return the time from one verdict to the next [s]."""
         return _PAUSE
 
-    def verdict(self, ball: BallState, q: Array) -> Verdict:
+    @property
+    def certificate(self) -> Verdict | None:
+        """Nothing is refined."""
+        return None
+
+    def verdict(self, ball: BallState, q: Array, dq: Array | None = None) -> Verdict:
         """Return the verdict: the shortest time within the work area and all limits.
 
         What is under way is refused where it was given up: the catcher's commands keep the limits.
         """
-        if self.start < inf:
-            if self.glide.ended:
-                return self._refused(ball, self.glide.ended)
-            return Verdict(
-                outcome=Outcome.FEASIBLE,
-                binding_limit="",
-                share=0.0,
-                t_catch=self.start + self.after,
-                sigma=spread(ball, 0.0),
-            )
-        return self._planned(ball, q).verdict
+        return self.consider(ball, q, dq, Pieces())[0]
+
+    def consider(
+        self,
+        ball: BallState,
+        q: Array,
+        dq: Array | None,  # noqa: ARG002 (of an arm at rest it is noise)
+        pieces: Pieces,
+    ) -> tuple[Verdict, "Meeting"]:
+        """Return that verdict, worked out in pieces, and the generator with what it chose."""
+        if self.start == inf:
+            plan = self._planned(ball, q, pieces)
+            return plan.verdict, plan.begun or self
+        if self.glide.ended:
+            return self._refused(ball, self.glide.ended), self
+        verdict = Verdict(
+            outcome=Outcome.FEASIBLE,
+            binding_limit="",
+            share=0.0,
+            t_catch=self.start + self.after,
+            sigma=spread(ball, 0.0),
+        )
+        return verdict, self
+
+    def astray(self, ball: BallState) -> bool:  # noqa: ARG002
+        """Know of nothing else that could meet it."""
+        return False
+
+    def wait(self, ball: BallState, q: Array, dq: Array) -> "Meeting":
+        """Adapt: no verdict of this generator is to wait."""
+        return self.adapt(ball, q, dq)
 
     def horizon(self) -> float:
         """Return the longest time to a meeting [s]."""
@@ -429,7 +330,8 @@ class Meeting(Generator):
         """Return the times within the work area from the meeting to the end of the window [s].
 
         Where there are none, the text says why: the target is not met in the ``area``, or leaves
-        it before the ``window`` is over. What is out of reach now may become slower on its way.
+        it before the ``window`` is over; or it is faster than the ``tool``. What is out of reach
+        now may become slower on its way.
         """
         s, least = self.settings, _LEAST + self.settings.descent
         times = np.geomspace(max(s.shortest, least), max(s.longest, least), _TIMES)
@@ -440,34 +342,37 @@ class Meeting(Generator):
             ends = flown(replace(ball, dr_o=_SLOWER * ball.dr_o), times)[:, 0]
             near = times * np.linalg.norm(ball.dr_o) < _COMES
             met = met & near & np.all((ends >= s.low) & (ends <= s.high), axis=1)
-        return times[met & kept], "window" if met.any() else "area"
+        times, why = times[met & kept], "window" if met.any() else "area"
+        if np.linalg.norm(ball.dr_o) > _USED * s.speed:
+            return times[:0], "tool" if len(times) else why
+        return times, why
 
-    def _planned(self, ball: BallState, q: Array) -> _Plan:
+    def _planned(self, ball: BallState, q: Array, pieces: Pieces) -> _Plan:
         """Return the verdict for an arm that rests in ``q``, and the generator that begins.
 
         The shortest time is tried at first, then the longest, then times in between: the longer it
         takes, the less is asked of the arm.
         """
         target = self._target(ball)
-        g = self._pulled(target)
-        times, why = g._times(target)
-        if np.linalg.norm(target.dr_o) > _USED * self.settings.speed:
-            times, why = times[:0], "tool" if len(times) else why
-        tried = [g._judged(target, q, T) for T in times[:1].tolist()]
+        g = pieces.whole("pulled", self._pulled, target)
+        times, why = pieces.whole("times", g._times, target)
+        tried = [g._tried(target, q, T, pieces) for T in times[:1].tolist()]
         if not tried:
             return self.memory.keep(ball, _Plan(self._refused(ball, why), None))
-        if tried[0].verdict.share > 1.0 and len(times) > 1:
-            tried.append(g._judged(target, q, float(times[-1])))
+        if tried[0][0].share > 1.0 and len(times) > 1:
+            tried.append(g._tried(target, q, float(times[-1]), pieces))
             low, high = 0, len(times) - 1
-            for _ in range(_HALVINGS if tried[-1].verdict.share <= 1.0 else 0):
+            for _ in range(_HALVINGS if tried[-1][0].share <= 1.0 else 0):
                 k = (low + high) // 2
-                tried.append(g._judged(target, q, float(times[k])))
-                low, high = (low, k) if tried[-1].verdict.share <= 1.0 else (k, high)
-        within = [x for x in tried if x.verdict.share <= 1.0]
-        if within:
-            return self.memory.keep(ball, min(within, key=lambda x: x.verdict.t_catch))
-        best = min(tried, key=lambda x: x.verdict.share)
-        return self.memory.keep(ball, best._replace(begun=None))
+                tried.append(g._tried(target, q, float(times[k]), pieces))
+                low, high = (low, k) if tried[-1][0].share <= 1.0 else (k, high)
+        within = [(said, way) for said, way in tried if way is not None and said.share <= 1.0]
+        if not within:
+            best = min((said for said, _ in tried), key=lambda said: said.share)
+            return self.memory.keep(ball, _Plan(best, None))
+        verdict, way = min(within, key=lambda x: x[0].t_catch)
+        left = pieces.of("left", g._left_speeds, target, way)
+        return self.memory.keep(ball, _Plan(verdict, replace(g, after=way.T, left=left)))
 
     def _target(self, ball: BallState) -> BallState:
         """Return an estimate of what moves only as far as it can."""
@@ -484,31 +389,43 @@ class Meeting(Generator):
             sigma=spread(ball, 0.0),
         )
 
-    def _judged(self, ball: BallState, q: Array, T: float) -> _Plan:
-        """Return the plan to meet a target after a time [s], by all limits up to the grasp."""
+    def _tried(
+        self, ball: BallState, q: Array, T: float, pieces: Pieces
+    ) -> tuple[Verdict, _Way | None]:
+        """Return the verdict on meeting a target after a time [s], and the way to it, if any."""
+        way = pieces.of(f"way {T!r}", self._way, ball, q, T)
+        if way is None:
+            return self._refused(ball, "domain"), None
+        return pieces.of(f"asked {T!r}", self._judged, way, ball), way
+
+    def _way(self, ball: BallState, q: Array, T: float) -> _Way | None:
+        """Return the way to meet a target after a time [s]; None outside the map's domain."""
         times = np.linspace(0.0, T + self.settings.window, _INSTANTS)
-        path, step = flown(ball, times), float(times[1])
+        path = flown(ball, times)
         targets = self._placed(path, T - times, T)
         f = self.map.adapt(targets[0], np.array([q, 0.0 * q, 0.0 * q]), self.approach(T))
         rows = None if f is None else f.motion_along(targets, *self._clock(times, T))
         if f is None or rows is None or not self._reaches_slower(f, ball, T):
-            return _Plan(self._refused(ball, "domain"), None)
-        motion = rows[:, :3].copy()
-        shares = self.shares(motion, step)
+            return None
+        return _Way(T, f, rows, path, targets[:, 1] - path[:, 1], float(times[1]))
+
+    def _judged(self, way: _Way, ball: BallState) -> Verdict:
+        """Return the verdict on a way, by all limits up to the grasp."""
+        motion = way.rows[:, :3].copy()
+        shares = self.shares(motion, way.step)
         if np.isfinite(self.settings.speed):
-            way, lever = self._way_speeds(rows, targets[:, 1] - path[:, 1])
-            asked = way + lever * np.linalg.norm(path[:, 1], axis=1)
+            bent, lever = self._way_speeds(way.rows, way.down)
+            asked = bent + lever * np.linalg.norm(way.path[:, 1], axis=1)
             shares["tool"] = float(asked.max()) / (_USED * self.settings.speed)
         binding = max(shares, key=lambda name: shares[name])
-        verdict = Verdict(
+        return Verdict(
             outcome=Outcome.FEASIBLE if shares[binding] <= 1.0 else Outcome.UNSETTLED,
             binding_limit=binding,
             share=shares[binding],
-            t_catch=ball.t + T,
+            t_catch=ball.t + way.T,
             sigma=spread(ball, 0.0),
-            approach=Approach(motion=motion, step=step, dr_o=path[-1, 1]),
+            approach=Approach(motion=motion, step=way.step, dr_o=way.path[-1, 1]),
         )
-        return _Plan(verdict, replace(self, map=f, start=ball.t, after=T))
 
     def _reaches_slower(self, f: MeetingMap, ball: BallState, T: float) -> bool:
         """Say whether a way that begins within reach stays there if its target slows down."""
@@ -560,22 +477,22 @@ class Meeting(Generator):
         """Return the tool's speeds at K instants [m/s], shape (K,), of q, dq, shapes (K, n)."""
         return tool_speeds(self.map.arm, np.stack([q, dq, np.zeros_like(q)], axis=1))
 
-    def _left_speeds(self, ball: BallState) -> Array | None:
-        """Return what the way leaves of the tool's speed to the target in each tick [m/s], (k,).
+    def _left_speeds(self, ball: BallState, way: _Way) -> Array | None:
+        """Return what a way leaves of the tool's speed to the target in each tick [m/s], (k,).
 
         None where the tool may be as fast as it likes.
         """
         if not np.isfinite(self.settings.speed):
             return None
-        T = self.after
+        T = way.T
         times = np.linspace(0.0, T + self.settings.window, 4 * _INSTANTS)
         path = flown(ball, times)
         targets = self._placed(path, T - times, T)
-        rows = self.map.motion_along(targets, *self._clock(times, T))
+        rows = way.map.motion_along(targets, *self._clock(times, T))
         if rows is None:
             return np.zeros(1)
-        way, lever = self._way_speeds(rows, targets[:, 1] - path[:, 1])
-        left = np.maximum(_USED * self.settings.speed - way, 0.0) / lever
+        bent, lever = self._way_speeds(rows, targets[:, 1] - path[:, 1])
+        left = np.maximum(_USED * self.settings.speed - bent, 0.0) / lever
         ticks = np.interp(np.arange(0.0, times[-1], TICK), times, left)
         later = np.append(ticks, np.full(round(_LAG / TICK) - 1, inf))
         least: Array = sliding_window_view(later, round(_LAG / TICK)).min(axis=1)
@@ -616,14 +533,16 @@ class Meeting(Generator):
         """
         if self.start < inf:
             return self
-        begun = (self.memory.of(ball) or self._planned(ball, q)).begun
+        begun: Meeting | None = self
+        if self.after == inf:
+            begun = (self.memory.of(ball) or self._planned(ball, q, Pieces())).begun
         if begun is None:
             return self
-        glide = Glide(begun._left_speeds(self._target(ball)), self._rate)
+        glide = Glide(begun.left, self._rate)
         followed = begun.placed(glide.to(ball.t, self.known(ball), self._across), begun.after)
         still = np.array([q, 0.0 * q, 0.0 * q])
         f = self.map.adapt(followed, still, self.approach(begun.after))
-        return self if f is None else replace(begun, map=f, glide=glide)
+        return self if f is None else replace(begun, map=f, glide=glide, start=ball.t)
 
     @property
     def _rate(self) -> float:
@@ -718,16 +637,16 @@ class Meeting(Generator):
         tried = [(self, s.above, T) for T in _LEAVES]
         tried += [(hard, lift, T) for lift in (_HOP * s.above, 0.0) for T in _STOPS]
         for g, lift, T in tried if s.above > 0.0 else []:
-            found = self._left_in(T, lift, motion, _INSTANTS)
+            found = self._left_in(T, lift, motion)
             if found is None or self._too_fast(found, 1.0):
                 continue
             if max(g.shares(found, T / (_INSTANTS - 1)).values()) <= 1.0:
-                return self._left_in(T, lift, motion, round(T / TICK) + 1)
+                return interpolate_motion(found, T, round(T / TICK) + 1)
         return None
 
-    def _left_in(self, T: float, lift: float, motion: Array, count: int) -> Array | None:
-        """Return such a motion in a time [s] at some instants, (count, 3, n)."""
-        arm, x = self.map.arm, np.linspace(0.0, 1.0, count)
+    def _left_in(self, T: float, lift: float, motion: Array) -> Array | None:
+        """Return such a motion in a time [s] at even instants, shape (K, 3, n)."""
+        arm, x = self.map.arm, np.linspace(0.0, 1.0, _INSTANTS)
         r, v = arm.position(motion[0]), arm.jacobian(motion[0]) @ motion[1]
         on = [T * (x - x**3 + 0.5 * x**4), 1.0 - x * x * (3.0 - 2.0 * x), -6.0 * x * (1.0 - x) / T]
         path = np.stack(on, axis=1)[:, :, None] * v

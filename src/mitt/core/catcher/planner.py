@@ -515,7 +515,10 @@ class Planner:
         """
         g, (q, dq), moves = self.generator, start.copy(), self.phase != WATCH
         if fits(g, Piecewise):
-            return g.consider(ball, q, dq if moves else None, pieces)
+            said, chosen = g.consider(ball, q, dq if moves else None, pieces)
+            if fits(g, Leaving):
+                said = pieces.of("clear", _kept_clear, self._state.safety, said)
+            return said, chosen
         if moves and fits(g, Underway):
             return pieces.of("said", g.verdict, ball, q, dq), g
         return pieces.of("said", self._of_rest, ball, q), g

@@ -45,6 +45,19 @@ _GRID = 81
 _WEIGHTS = {True: np.array([0.0, 0.0, 1.0, 0.003]), False: np.array([0.0, 30.0, 1.0, 0.0])}
 #: Share of the trace of a metric that is added to its diagonal.
 _RIDGE = 1e-9
+#: Coefficients of 1, x, ... x^5 by place, speed, acceleration at x = 0 and at x = 1.
+_QUINTIC = np.linalg.inv(
+    np.array(
+        [
+            [1.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+            [0.0, 1.0, 0.0, 0.0, 0.0, 0.0],
+            [0.0, 0.0, 2.0, 0.0, 0.0, 0.0],
+            [1.0, 1.0, 1.0, 1.0, 1.0, 1.0],
+            [0.0, 1.0, 2.0, 3.0, 4.0, 5.0],
+            [0.0, 0.0, 2.0, 6.0, 12.0, 20.0],
+        ]
+    )
+)
 
 
 class MeetingArrays(NamedTuple):
@@ -238,6 +251,31 @@ class MeetingMap:
         kept = ("reach", "arrays", "H_inverse")  # nothing of it rests on alpha
         other.__dict__.update({name: getattr(self, name) for name in kept})
         return other
+
+
+def interpolate_motion(motion: Array, T: float, count: int) -> Array:
+    """Return a motion through one at even instants, by polynomials of fifth order in between.
+
+    Args:
+        motion: q, dq, ddq at K instants [rad ...], shape (K, 3, n).
+        T: Time from the first to the last [s].
+        count: Even instants that are asked for, from the first to the last.
+
+    Returns:
+        q, dq, ddq at those, shape (count, 3, n).
+    """
+    step, at = T / (len(motion) - 1), np.linspace(0.0, len(motion) - 1.0, count)
+    k = np.minimum(at.astype(int), len(motion) - 2)
+    scaled = motion * np.array([1.0, step, step**2])[:, None]
+    powers = np.vander(at - k, 6, increasing=True)
+    rates = np.zeros((3, *powers.shape))
+    rates[0] = powers
+    for d in (1, 2):
+        rates[d, :, 1:] = np.arange(1, 6) * rates[d - 1, :, :-1]
+    ends = np.concatenate([scaled[k], scaled[k + 1]], axis=1)
+    out: Array = np.einsum("dte,ten->tdn", rates @ _QUINTIC, ends)
+    out /= np.array([1.0, step, step**2])[:, None]
+    return out
 
 
 def unlearned_meeting(

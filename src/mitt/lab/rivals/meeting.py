@@ -35,6 +35,7 @@ from mitt.core.fields import brief
 from mitt.core.map.prediction import flown
 from mitt.core.signals import Array, BallState, JointReference, MapStatus
 from mitt.core.verdict.feasibility import Verdict
+from mitt.core.verdict.pieces import Pieces
 from mitt.lab.rivals.intercept import Intercept
 from mitt.lab.rivals.mpc import MpcPlanner
 from mitt.lab.rivals.planned import Plan, Planner, RuckigPlanner, plan_quintic
@@ -107,9 +108,29 @@ class MeetingRival(Generator):
         """Return what the meeting map says."""
         return self.meeting.horizon()
 
-    def verdict(self, ball: BallState, q: Array) -> Verdict:
+    @property
+    def certificate(self) -> Verdict | None:
+        """Nothing is refined."""
+        return None
+
+    def verdict(self, ball: BallState, q: Array, dq: Array | None = None) -> Verdict:
         """Return what the meeting map says."""
-        return self.meeting.verdict(ball, q)
+        return self.meeting.verdict(ball, q, dq)
+
+    def consider(
+        self, ball: BallState, q: Array, dq: Array | None, pieces: Pieces
+    ) -> tuple[Verdict, "MeetingRival"]:
+        """Return what the meeting map says, in the same pieces, and the rival with its choice."""
+        said, meeting = self.meeting.consider(ball, q, dq, pieces)
+        return said, replace(self, meeting=meeting)
+
+    def astray(self, ball: BallState) -> bool:  # noqa: ARG002
+        """Know of nothing else that could meet it."""
+        return False
+
+    def wait(self, ball: BallState, q: Array, dq: Array) -> "MeetingRival":
+        """Adapt: no verdict is to wait."""
+        return self.adapt(ball, q, dq)
 
     def adapt(self, ball: BallState, q: Array, dq: Array) -> "MeetingRival":
         """Choose the time of the meeting, and set out from where the arm is.
