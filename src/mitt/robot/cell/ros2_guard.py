@@ -11,6 +11,7 @@ It takes commands only while the controller is there and nobody else commands it
 """
 
 from collections.abc import Callable
+from time import sleep
 from typing import final
 
 import numpy as np
@@ -83,9 +84,13 @@ class Guard:
             self._look_due = now + _LOOK
             self._look()
         quiet = self._heard + self._patience - now if self._moves else _WAIT
-        self._node.wait(min(max(quiet, 0.0005), _ZEROS if self._silent else _WAIT))
-        for raw in [] if self._into is None else self._into.take():
-            self._pass(raw)
+        wait = min(max(quiet, 0.0005), _ZEROS if self._silent else _WAIT)
+        if self._into is None:  # nothing is there to wait for
+            sleep(wait)
+        else:
+            self._node.wait(wait)
+            for raw in self._into.take():
+                self._pass(raw)
         now = monotonic()
         if self._moves and now - self._heard > self._patience:
             self._fall_silent(now)
