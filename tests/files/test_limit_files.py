@@ -93,7 +93,7 @@ def test_a_panda_is_no_kuka() -> None:
         ("[1.0, 2.0]", "1.0", "wanted a list, got 1.0"),
         ("[limits]", "limits = 3\n[more]", "wanted a table, got 3"),
         ('joints = ["a", "b"]', "", "key 'limits.joints': wanted a value, got none"),
-        ("speed", "velocity", "one of joints, lower, upper, speed"),
+        ("speed", "velocity", "one of joints, force, lower, upper, speed"),
         ("[1.0, 2.0]", "[1.0]", "shape"),
         ("[1.0, 2.0]", "[1.0, -2.0]", "above 0"),
         ("[1.0, 2.0]", "[1.0, inf]", "finite"),

@@ -11,12 +11,11 @@ It takes commands only while the controller is there and nobody else commands it
 """
 
 from collections.abc import Callable
-from time import sleep
 from typing import final
 
 import numpy as np
 
-from mitt.clock import monotonic
+from mitt.clock import monotonic, pause
 from mitt.core.arm.arm import Arm
 from mitt.core.errors import InputError, MittError
 from mitt.io.cell import Cell
@@ -86,7 +85,7 @@ class Guard:
         quiet = self._heard + self._patience - now if self._moves else _WAIT
         wait = min(max(quiet, 0.0005), _ZEROS if self._silent else _WAIT)
         if self._into is None:  # nothing is there to wait for
-            sleep(wait)
+            pause(wait)
         else:
             self._node.wait(wait)
             for raw in self._into.take():
