@@ -1,7 +1,7 @@
 """``mitt run`` and ``mitt sim``: catch with the robot of a cell; be that cell in simulation."""
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing, contextmanager, nullcontext
 from typing import Any
 
@@ -167,12 +167,8 @@ def sim_command(options: SimOptions) -> int:
         tell(timekeeping(CORE))
         return 0
     tell_of_kernels()
-    status, served = 0, serve(prepared, scene, feed, tell)
-    try:
-        served.run()
-    except KeyboardInterrupt as stop:
-        notice()
-        status = status_of(stop)
+    served = serve(prepared, scene, feed, tell)
+    status = _until_stopped(served.run)
     said = {
         "schema": "mitt.sim/1",
         "version": mitt.__version__,
@@ -196,15 +192,15 @@ def guard_command(options: GuardOptions) -> int:
     guarded = check_guard(cell, arm)
     if options.check:
         return checked(f"{cell.name}: from {guarded} to {cell.robot.options['command']}")
-    guard, status = Guard(cell, arm, tell), 0
-    try:
+    guard = Guard(cell, arm, tell)
+
+    def pass_on() -> None:
         with closing(guard), uncollected(), hurried() as granted:
             tell(granted)
             while True:
                 guard.step()
-    except KeyboardInterrupt as stop:
-        notice()
-        status = status_of(stop)
+
+    status = _until_stopped(pass_on)
     said = {
         "schema": "mitt.guard/1",
         "version": mitt.__version__,
@@ -218,6 +214,16 @@ def guard_command(options: GuardOptions) -> int:
     else:
         show(f"{cell.name}: {guard.passed} commands passed on, {guard.silences} silences")
     return status
+
+
+def _until_stopped(run: Callable[[], object]) -> int:
+    """Run to the end, or until a signal; return the exit status."""
+    try:
+        run()
+    except KeyboardInterrupt as stop:
+        notice()
+        return status_of(stop)
+    return 0
 
 
 def _in_words(said: dict[str, Any]) -> str:

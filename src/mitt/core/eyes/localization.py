@@ -132,7 +132,7 @@ class _Limits(NamedTuple):
     # where so few take that long; and ticks, or frames where these are longer, after which the
     # search begins anew. In 8 ms a thrown ball goes 40 mm, and 5 m away its place is known to a few
     # millimetres.
-    frames: float = 8.0
+    watched: float = 8.0
     seen: int = 5
     few: int = 3
     patience: float = 24.0
@@ -592,12 +592,12 @@ def _choose(
                 pair = i, partners[i]
                 rig.count, taken = extend_track(rig.tracks, rig.count, rig.searched, r, pair, near)
                 partners[i] = -1 if taken else partners[i]
-    if rig.searched < LIMITS.frames:
+    if rig.searched < LIMITS.watched:
         return False
-    enough = LIMITS.few if rig.gap * LIMITS.few >= LIMITS.frames else LIMITS.seen
+    enough = LIMITS.few if rig.gap * LIMITS.few >= LIMITS.watched else LIMITS.seen
     chosen = fastest_track(rig.tracks, rig.count, rig.rounds >= LIMITS.rounds, enough)
     if chosen < 0 or rig.tracks[chosen].last < rig.searched:
-        if rig.searched >= max(LIMITS.patience, LIMITS.frames * rig.gap):
+        if rig.searched >= max(LIMITS.patience, LIMITS.watched * rig.gap):
             rig.searched = 0.0
             rig.rounds += 1
         return False
