@@ -448,24 +448,27 @@ def test_an_arm_that_was_left_behind_stops_where_it_is(
 ) -> None:
     """A stop far from the command brakes at once: the way to the command would be one more motion.
 
-    With alpha = 0 the command jumps away from the arm: 10 rad/s of joint 4, and on from there.
+    With alpha = 0 the command goes away from the arm: 10 rad/s of joint 4. It brakes as
+    hard as its drives can there, by the stops that were chosen on the way.
     """
-    generator, settings = Unoptimised(taught.map), CatcherSettings(max_tracking_error=0.3)
+    generator, settings = Unoptimised(taught.map), CatcherSettings(max_tracking_error=0.2)
     runner, far = TrialRunner(arm, generator, Scene(), pixels=False), 0
     for throw in throws[:6]:
         catcher = Catcher(arm, generator, Eyes(fixed_rig()), settings=settings)
         runner.world.reset(throw, 5)
+        chosen = []
         for _ in range(TICKS):
             runner.world.apply(catcher.step(runner.world.sense()))
             catcher.think()
+            if catcher.phase is Phase.STOPPED:  # with the next tick the stop begins
+                chosen.append(catcher.state.safety.stop.rates.copy())
         by, truth = catcher.stopped_by, runner.world.trace()
         if by is None or by.reason is not Reason.TRACKING:
             continue
         far += 1
         after = truth.t >= by.t
         way = np.ptp(truth.q[after], axis=0)
-        rate = catcher.state.safety.bounds["deceleration"]
-        assert np.all(way <= 1.6 * by.dq**2 / (2.0 * rate) + 0.05), way
+        assert np.all(way <= 1.2 * by.dq**2 / (2.0 * np.min(chosen[1:], axis=0)) + 0.02), way
         assert np.all(np.abs(truth.dq[after]).max(axis=0) <= np.abs(by.dq) + 0.7)
         assert np.abs(truth.dq[-1]).max() < 1e-2
     assert far >= 3

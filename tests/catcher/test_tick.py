@@ -19,6 +19,7 @@ from mitt.core.catcher.catcher import CatcherSettings, Phase
 from mitt.core.catcher.generators import Direct, Generator, Unoptimised
 from mitt.core.catcher.tick import BESIDE, TOUCHED, tick
 from mitt.core.control.closing import LONGEST_INSIDE, close, fingers_of
+from mitt.core.control.easing import ease, easing_time
 from mitt.core.control.encoders import (
     Encoders,
     Reading,
@@ -53,6 +54,8 @@ from mitt.lab.world.throws import Throw, default_throw
 
 #: Agreement of the compiled tick with its stages.
 SAME = 1e-11
+#: That of accelerations and torques: what is eased in 10 ms multiplies the rounding of an angle.
+SAME_DDQ = 1e-8
 #: Longest trial [s].
 LONGEST = 1.2
 
@@ -194,10 +197,11 @@ class Staged:
             if lags and not before:
                 q, dq, ddq = self.tracker.safety_filter.last
                 self.wanted = np.array([q + TICK * (dq + 0.5 * TICK * ddq), dq + TICK * ddq, ddq])
-            elif reference.status is MapStatus.INSIDE:
-                self.wanted = np.array([reference.q_d, reference.dq_d, reference.ddq_d])
             else:
-                self.wanted[1:] = 0.0
+                asked = np.array([self.wanted[0], np.zeros(self.arm.n), np.zeros(self.arm.n)])
+                if reference.status is MapStatus.INSIDE:
+                    asked = np.array([reference.q_d, reference.dq_d, reference.ddq_d])
+                ease(self.wanted, asked, senses.t - self.t_last, easing_time(time))
         elif phase is Phase.BRAKE:
             self.wanted = self._braking().at(senses.t)
         self.beside = time < BESIDE
@@ -295,7 +299,8 @@ def differ(
     """Refuse a tick that is not that of the stages."""
     for name in ("q", "dq", "ddq", "tau", "hand", "t"):
         ours, theirs = (np.asarray(getattr(x, name)) for x in (sent, command))
-        assert np.all(np.abs(ours - theirs) <= SAME * np.maximum(np.abs(theirs), 1.0)), name
+        same = SAME_DDQ if name in {"ddq", "tau"} else SAME
+        assert np.all(np.abs(ours - theirs) <= same * np.maximum(np.abs(theirs), 1.0)), name
     assert (made is None) == (reference is None)
     if made is not None and reference is not None and reference.status is MapStatus.INSIDE:
         for name in ("q_d", "dq_d", "ddq_d", "q_o", "dq_o", "time_to_catch"):

@@ -40,6 +40,7 @@ from mitt.core.catcher.settings import (
 )
 from mitt.core.catcher.state import CatcherState, Result, flight_begun
 from mitt.core.control.closing import LONGEST_INSIDE, close, has_closed, may_begin
+from mitt.core.control.easing import ease, easing_time
 from mitt.core.control.encoders import (
     BRIDGED,
     BRIDGED_TIME,
@@ -373,10 +374,8 @@ def act(brake: Array, state: CatcherState, result: Result) -> int:
         if lags and not s.lags:  # what is followed starts again from where the arm is: no jump
             copy(state.last, desired)
             _carry(desired, min(s.passed, BRIDGED_TIME) - s.ahead * TICK)
-        elif out.inside:
-            copy(result.reference[:3], desired)
         else:
-            desired[1:] = 0.0
+            _ask(state, result)
     elif phase == BRAKE:
         _brake_at(brake, t - s.t_brake, desired)
     s.lags = lags
@@ -410,6 +409,18 @@ def act(brake: Array, state: CatcherState, result: Result) -> int:
     if phase == REFUSED:
         return DECIDE if _is_another(state, result) else 0
     return _afterwards(state, result) if phase == FOLLOW else 0
+
+
+@kernel
+def _ask(state: CatcherState, result: Result) -> None:
+    """Lead what is desired towards what the generator asks for; where it is nothing, to rest."""
+    s, out, asked = state.scalars[0], result.scalars[0], result.command[:3]
+    if out.inside:
+        copy(result.reference[:3], asked)
+    else:
+        copy(state.desired, asked)
+        asked[1:] = 0.0
+    ease(state.desired, asked, min(s.passed, BRIDGED_TIME), easing_time(out.time_to_catch))
 
 
 @kernel
