@@ -19,7 +19,9 @@ from mitt.core.signals import TICK, ArmState, Array, Senses, Sighting
 from mitt.lab.trials.runner import TrialRunner
 from mitt.lab.trials.slow_motion import slow_motion
 from mitt.lab.trials.source import Source
+from mitt.lab.world.engine import BALL_ANY
 from mitt.lab.world.throws import Throw
+from mitt.lab.world.truth import Trace
 
 #: Longest throw, and how long it is gone on with once it is over [s].
 LONGEST = 1.8
@@ -64,6 +66,17 @@ class Rested:
 def kind_of(k: int) -> str:
     """Return what happens in a throw."""
     return ("none", "stop", "none", "freezes", "move")[k % 5]
+
+
+def first_blow(truth: Trace, done: list[bool]) -> int:
+    """Return the first tick in which a ball strikes an arm that rests, else how many there are.
+
+    An arm that holds the ball, or was struck before, is struck no more.
+    """
+    touched = np.flatnonzero(truth.seen[: len(done)] & BALL_ANY)
+    if len(touched) and any(done[: touched[0]]):
+        return int(touched[0])
+    return len(done)
 
 
 def paused(arm: Arm, start: Array) -> Array:
@@ -155,7 +168,9 @@ def true(runner: TrialRunner, source: Source, count: int, seed: int) -> Rested:
                 break
         found.throws += 1
         q, begin = runner.world.trace().q, 0
+        until_struck = first_blow(runner.world.trace(), done)
         for end, name in [*parts, (len(done), kind)]:
+            end = min(end, until_struck)
             found.judge(f"true {k} {name}", done[begin:end], list(q[begin:end]))
             begin = end
     return found
