@@ -19,7 +19,7 @@ from mitt.core.errors import InputError
 from mitt.core.map.learn import Learned
 from mitt.core.signals import Command
 from mitt.io.maps import save_map
-from mitt.lab.trials.batting import Hit
+from mitt.lab.trials.landing import Hit
 from mitt.lab.world.scene import Scene, Sensing
 from mitt.version import __version__
 
@@ -128,7 +128,7 @@ def test_the_map_as_a_policy_of_torques_catches(map_file: Path) -> None:
 
 @pytest.mark.parametrize("action", ["torque", "residual"])
 @pytest.mark.parametrize(
-    ("task", "status", "least"), [("mitt/Meet-v0", "met", 8.0), ("mitt/Bat-v0", "hit", 4.0)]
+    ("task", "status", "least"), [("mitt/Meet-v0", "met", 8.0), ("mitt/Bat-v0", "returned", 4.0)]
 )
 def test_tasks_keep_the_rules_of_gymnasium(
     task: str, status: str, least: float, action: str
@@ -160,16 +160,19 @@ def test_tasks_keep_the_rules_of_gymnasium(
     assert max(rewards) < 0.0
 
 
-def test_only_a_hit_has_a_miss_and_its_reward(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_a_ball_that_lands_has_an_error_and_its_reward(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """A catcher that stops has none, whatever its ball does; nor has a world that broke down."""
     env = mitt.gym.BatEnv(ticks=1)
     still = np.zeros(env.action_space.shape or (), np.float32)
-    hit = Hit(off_middle=0.0, returned=True, speed=3.0, miss=0.1, passes=None)
+    hit = Hit(off_middle=0.0, speed=3.0, lands=(0.1, 0.0))
     monkeypatch.setattr(mitt.gym, "hit_of", lambda *_: hit)
     monkeypatch.setattr(mitt.gym, "batted", lambda *_: True)
     env.reset(seed=0)
     _, reward, _, _, info = env.step(still)
-    assert (info["status"], info["miss_m"], info["return_speed_m_s"]) == ("hit", 0.1, 3.0)
+    assert (info["status"], info["landing_m"], info["return_speed_m_s"]) == ("returned", 0.1, 3.0)
+    assert info["is_success"]
     rests = Command(0.0, np.zeros((4, env.arm.n)), 0.0)
     stopped = SimpleNamespace(
         phase=Phase.STOPPED,
@@ -181,7 +184,8 @@ def test_only_a_hit_has_a_miss_and_its_reward(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(mitt.gym.BatEnv, "residual", property(lambda _: True))
     monkeypatch.setattr(env, "_catcher", stopped)
     _, less, _, _, info = env.step(still)
-    assert (info["status"], "miss_m" in info) == ("stopped", False)
+    assert (info["status"], "landing_m" in info) == ("stopped", False)
+    assert not info["is_success"]
     assert less < 0.0 < reward
     monkeypatch.undo()
     env.world.apply(Command(0.0, np.full((4, env.arm.n), np.nan), 0.0))

@@ -21,7 +21,7 @@ source = source_of(station.arm, seed=0, count=20, drag=scene.ball.drag)
 runner = BatRunner(station, source, pixels=False)
 parts = []
 for trial in runner.run():
-    if trial.t_hit_s is not None and trial.status == "hit":
+    if trial.t_hit_s is not None and trial.status == "returned":
         t = trial.t_hit_s
         parts.append(Part(runner.world.trace(), t - BEFORE, t + AFTER, t + AFTER))
     if len(parts) == HITS:

@@ -56,7 +56,7 @@ from mitt.io.maps import read_map
 from mitt.lab.report.painter import Faces, painted
 from mitt.lab.report.pictures import body_faces, placed_faces
 from mitt.lab.trials.bat_station import TARGET, BatStation, bat_station
-from mitt.lab.trials.batting import batted, hit_of
+from mitt.lab.trials.landing import batted, hit_of
 from mitt.lab.trials.runner import LONGEST, TrialRunner
 from mitt.lab.trials.score import (
     HELD_AFTER,
@@ -95,8 +95,8 @@ _EFFORT = 0.05
 #: which a part has not been taken [s].
 _SLIP = 0.5
 _LATE = 10.0
-#: Miss at which the reward of a hit is half of its largest [m]; for how long the path of a ball is
-#: known, and the time between two of its places [s].
+#: Landing error at which the reward is half of its largest [m]; for how long the path of a ball
+#: is known, and the time between two of its places [s].
 _HALF = 0.25
 _FLIES = 2.0
 _STRIDE = 0.01
@@ -702,16 +702,22 @@ class BatEnv(Environment):
         """Return what became of the ball."""
         hit = hit_of(self.arm, self.world, self._at.target)
         if self.world.diverged:
-            return {"status": "aborted"}
+            return {"status": "aborted", "is_success": False}
         if self.residual and self._catcher.phase is Phase.STOPPED:
-            return {"status": "stopped"}
-        if hit is None or not hit.returned:
-            return {"status": "missed"}
-        return {"status": "hit", "miss_m": hit.miss, "return_speed_m_s": hit.speed}
+            return {"status": "stopped", "is_success": False}
+        if hit is None:
+            return {"status": "missed", "is_success": False}
+        landing = {} if hit.landing is None else {"landing_m": hit.landing}
+        return {
+            "status": "returned" if hit.returned else "wide",
+            "is_success": hit.returned,
+            **landing,
+            "return_speed_m_s": hit.speed,
+        }
 
     def _success(self, info: dict[str, Any]) -> float:
-        """Return the more the nearer a hit passes the target, 1 at the target."""
-        return 1.0 / (1.0 + info["miss_m"] / _HALF) if "miss_m" in info else 0.0
+        """Return the more the nearer to the target a ball lands, 1 at the target."""
+        return 1.0 / (1.0 + info["landing_m"] / _HALF) if "landing_m" in info else 0.0
 
 
 def map_policy(env: gymnasium.Env[Any, Any]) -> Callable[[Observation], Numbers]:

@@ -57,9 +57,10 @@ Trials = Sequence[dict[str, Any]]
 
 
 def _hit(miss: float, **more: Any) -> dict[str, Any]:  # noqa: ANN401 (a field of a trial)
-    """Return a trial of batting that missed the target by so much [m]."""
+    """Return a ball that landed so far from the target [m]."""
     return {
-        "status": "hit",
+        "status": "returned" if miss <= 0.25 else "wide",
+        "landing_m": miss,
         "miss_m": miss,
         "off_middle_mm": 4.0,
         "peak_contact_force_n": 30.0,
@@ -146,7 +147,7 @@ def test_a_table_counts_trials_and_gives_medians_of_those_that_have_a_figure(
     assert first[:6] == ["usual", "direct", "", "torque", "4", "3"]
     assert first[6:8] == ["75.0", "30.1\u201395.4"]
     assert first[8:12] == ["2.0 (2.8)", "4.0 (4.0)", "20 (20)", "30 (30)"]
-    assert first[12:] == ["0", "0", "1", "0", "0", "1"]
+    assert first[12:] == ["0", "0", "0", "1", "0", "0", "1"]
     assert second[:8] == ["usual", "ik", "", "", "4", "0", "0.0", "0.0\u201349.0"]
     assert second[8:12] == [*["\u2013"] * 2, "2 (2)", "\u2013"]
     assert "small: 2 generators, 15 conditions, 8 trials" in page
@@ -167,8 +168,8 @@ def test_a_map_shows_of_each_cell_what_became_of_its_balls(
         (-1, 0.0, 6.0): ([_hit(0.03), _hit(0.05)] * 4, "4.0", ""),
         (0, -0.5, 5.0): ([_hit(0.12)] * 6 + [LOST] * 2, "12", "25 lost"),
         (1, 0.5, 6.0): (
-            [_hit(0.4)] * 2 + [_refused("torque")] * 4 + [LOST] * 2,
-            "40",
+            [_hit(0.2)] * 2 + [_refused("torque")] * 4 + [LOST] * 2,
+            "20",
             "50 ref., 25 lost",
         ),
         (2, -0.5, 5.0): ([_refused("speed")] * 8, "\u2013", "100 ref."),
@@ -180,11 +181,11 @@ def test_a_map_shows_of_each_cell_what_became_of_its_balls(
         if (key := (*c.moved, c.speed[0])) in known:
             trials[c.name, "direct"] = known[key][0]
     page = study_page.study_page(_result(study, trials, tmp_path))
-    assert "Median miss [cm] by target and ball speed" in page
+    assert "Median landing error [cm] by target and ball speed" in page
     counted = {row[0]: row[4:6] for row in _table(page)}
     for c in cells:
         of = trials.get((c.name, "direct"), ())
-        assert counted[c.name] == [str(len(of)), str(sum(x["status"] == "hit" for x in of))]
+        assert counted[c.name] == [str(len(of)), str(sum(x["status"] == "returned" for x in of))]
     figure = next(x for x in drawn if "Target" in x.axes[0].get_title("left"))
     panels = figure.axes
     assert [axes.get_title("left") for axes in panels] == [f"Target {x}" for x in AXES]

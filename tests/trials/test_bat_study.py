@@ -45,7 +45,7 @@ def test_a_study_writes_its_table_summary_and_page(tmp_path: Path) -> None:
     assert [row["generator"] for row in table] == ["direct", "ik"]
     summary = json.loads(folder.summary.read_text())
     assert [row["trials"] for row in summary["rows"]] == [1, 1]
-    assert summary["answer"][0].startswith("usual, balls hit: the map (")
+    assert summary["answer"][0].startswith("usual, balls returned: the map (")
     assert run_study(study, folder, engine, progress=quiet).rows == summary["rows"]
     assert len(engine.done) == len(table)
     write_study_page(read_result(folder), replays=1, progress=quiet)
@@ -65,11 +65,11 @@ def test_a_map_moves_the_target_along_each_axis_for_each_speed(tmp_path: Path) -
             "generator": "direct",
             "condition": c.name,
             "trials": 2,
-            "hit": k % 2,
-            "hit_rate": k % 2,
+            "returned": k % 2,
+            "return_rate": k % 2,
             "unreachable": 2 - k % 2,
             "refused_by": "domain",
-            "miss_cm": measured if k % 2 else None,
+            "landing_cm": measured if k % 2 else None,
         }
         for k, c in enumerate(cells)
     ]

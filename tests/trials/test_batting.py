@@ -13,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mitt.cli.main import main
+from mitt.clock import Stopwatch
 from mitt.core.ball.flight import advance
 from mitt.core.catcher.batting import Batting
 from mitt.core.catcher.catcher import Catcher
@@ -25,20 +26,20 @@ from mitt.io.arm_file import load_arm
 from mitt.io.recordings import Recorded, write_recording
 from mitt.lab.trials.bat_station import BatStation, bat_station
 from mitt.lab.trials.batting import (
+    BAT,
     DOUBT,
     BatRunner,
-    nearest,
-    paddle_of,
-    passing,
+    BatTrial,
     returned_velocity,
     true_scene,
 )
+from mitt.lab.trials.landing import CLOSE, NEAR, landing, nearest, paddle_of
 from mitt.lab.trials.replayed import changed, replay
+from mitt.lab.trials.result import run_summary
 from mitt.lab.trials.source import source_of
 from mitt.lab.world.scene import named_scene
 
 TARGET = np.array([3.0, 0.0, 0.3])
-LEFT = np.array([0.0, 0.2, 0.0])
 seeds = st.integers(0, 2**31)
 
 
@@ -59,7 +60,7 @@ def runner(count: int, *, shield: bool = False) -> BatRunner:
 
 @given(seed=seeds)
 def test_a_path_is_as_near_as_its_nearest_point(seed: int) -> None:
-    """By straight pieces; where it passes the target's plane is at least as far."""
+    """By straight pieces."""
     rng = np.random.default_rng(seed)
     start, way = np.array([0.5, 0.0, 0.5]), np.array([5.0, *rng.uniform(-1.0, 1.0, 2)])
     path = start + np.linspace(0.0, 1.0, 200)[:, None] * way
@@ -67,20 +68,59 @@ def test_a_path_is_as_near_as_its_nearest_point(seed: int) -> None:
     off = TARGET - start
     exact = float(np.linalg.norm(off - (off @ unit) * unit))
     assert nearest(path, TARGET) == pytest.approx(exact, abs=1e-9)
-    passes = passing(path, TARGET)
-    assert passes is not None
-    assert np.hypot(*passes) >= exact - 1e-9
 
 
-def test_a_ball_that_lands_before_the_target_does_not_pass_it() -> None:
-    """And one that passes it to the left has a positive first number."""
-    path = np.linspace([0.5, 0.0, 0.5], [2.0, 0.0, -1.0], 50)
-    assert passing(path, TARGET) is None
-    passes = passing(np.linspace([0.5, 0.2, 0.4], [4.0, 0.2, 0.4], 50), TARGET + LEFT)
-    assert passes == pytest.approx((0.0, 0.1))
-    left = passing(np.linspace([0.5, 0.0, 0.3], [4.0, 0.7, 0.3], 50), TARGET)
-    assert left is not None
-    assert left[0] == pytest.approx(0.5)
+@given(seed=seeds)
+def test_a_ball_lands_where_its_flight_comes_down_to_the_targets_height(seed: int) -> None:
+    """Within the way of a millisecond, wherever it goes; along its way and to the left of that."""
+    rng = np.random.default_rng(seed)
+    ball, path = np.array([[0.6, 0.0, 0.7], rng.uniform([2, -1, -1], [6, 1, 4])]), []
+    while ball[0, 2] > TARGET[2] - 0.2:
+        path.append(ball[0].copy())
+        advance(ball[0], ball[1], 0.04, 1e-3)
+    found = landing(np.array(path), TARGET)
+    above = [r for r in path if r[2] > TARGET[2]]
+    assert found is not None
+    assert np.hypot(*found) == pytest.approx(np.linalg.norm((above[-1] - TARGET)[:2]), abs=0.008)
+    assert found[0] == pytest.approx(above[-1][0] - TARGET[0], abs=0.008)
+    assert found[1] == pytest.approx(above[-1][1] - TARGET[1], abs=0.003)
+
+
+def test_a_ball_that_does_not_come_down_at_the_targets_height_has_not_landed() -> None:
+    """One that touches something above it, or flies below it all the time; rising is no landing."""
+    down = np.linspace([0.5, 0.0, 0.5], [3.0, 0.0, 0.2], 50)
+    assert landing(down, TARGET) is not None
+    assert landing(down[:20], TARGET) is None
+    assert landing(down - [0.0, 0.0, 0.3], TARGET) is None
+    assert landing(down[::-1], TARGET) is None
+
+
+def _scored(**of: Any) -> BatTrial:  # noqa: ANN401 (fields of a trial)
+    """Return a trial with some fields."""
+    known: dict[str, Any] = dict.fromkeys(BatTrial.__dataclass_fields__)
+    return BatTrial(**(known | {"limit_violations": 0} | of))
+
+
+@given(errors=st.lists(st.none() | st.floats(0.0, 5.0), min_size=1, max_size=40))
+def test_all_balls_count_in_the_score(errors: list[float | None]) -> None:
+    """Those that were refused or missed are in every share and percentile, as far as can be."""
+    trials = [
+        _scored(
+            status="unreachable" if x is None else ("returned" if x <= NEAR else "wide"),
+            landing_m=x,
+        )
+        for x in errors
+    ]
+    said = run_summary(BAT, trials, Stopwatch())
+    assert said["throws"] == len(errors)
+    assert said["within_10_cm"] == sum(x is not None and x <= CLOSE for x in errors)
+    assert said["return_rate"] * len(errors) == pytest.approx(
+        sum(x is not None and x <= NEAR for x in errors)
+    )
+    ranked = sorted(np.inf if x is None else x for x in errors)
+    for percent, name in ((0.5, "median_landing_m"), (0.9, "p90_landing_m")):
+        value = ranked[int(np.ceil(percent * len(ranked) - 1e-9)) - 1]
+        assert said[name] == (None if np.isinf(value) else value)
 
 
 @given(seed=seeds)
@@ -130,13 +170,15 @@ def test_balls_are_hit_to_the_target_and_tell_of_the_restitution() -> None:
     of = runner(3)
     told, true = of.known.mean, true_scene(station().scene, of.known.mean, 1).contact.restitution
     trials = list(of.run())
-    hits = [t for t in trials if t.status == "hit"]
+    hits = [t for t in trials if t.status == "returned"]
     assert len(hits) >= 2
     for t in hits:
         assert t.limit_violations == 0
+        assert t.landing_m is not None
         assert t.miss_m is not None
         assert t.off_middle_mm is not None
         assert t.miss_m < 0.15
+        assert t.miss_m <= t.landing_m <= 0.25
         assert t.off_middle_mm < 10.0
     assert true is not None
     assert of.known.mean == pytest.approx(true, rel=0.02)
@@ -193,8 +235,8 @@ def test_a_refusal_names_the_limit_that_forbade_it() -> None:
 def test_a_shield_stops_balls() -> None:
     """They touch the face first, within every limit; there is no target to be missed."""
     trials = list(runner(2, shield=True).run())
-    assert all(t.status == "hit" and t.limit_violations == 0 for t in trials)
-    assert all(t.miss_m is None for t in trials)
+    assert all(t.status == "returned" and t.limit_violations == 0 for t in trials)
+    assert all(t.miss_m is None and t.landing_m is None for t in trials)
 
 
 def test_the_command_writes_what_the_contract_says(
@@ -208,7 +250,7 @@ def test_the_command_writes_what_the_contract_says(
     assert said == json.loads((out / "result.json").read_text())
     assert said["schema"] == "mitt.bat/1"
     assert said["summary"]["throws"] == len(said["trials"]) == 2
-    assert "Where the balls pass the target" in (out / "report.html").read_text()
+    assert "Where the balls land" in (out / "report.html").read_text()
     rival = ["--record", "all", "--generator", "ik"]
     for wrong in (
         rival,
@@ -249,7 +291,7 @@ def test_a_strike_is_worked_out_a_few_pieces_a_tick(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(Pieces, "of", counted)
     monkeypatch.setattr(Catcher, "think", thought)
     monkeypatch.setattr(Batting, "consider", considered)
-    assert runner(1).trial(0).status == "hit"
+    assert runner(1).trial(0).status == "returned"
     assert 0 < max(worked) <= PIECES
     assert any(by_pieces.outcome is Outcome.FEASIBLE for by_pieces, _ in judged)
     for by_pieces, at_once in judged:

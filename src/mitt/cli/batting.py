@@ -202,21 +202,32 @@ def _row(t: BatTrial) -> tuple[str, ...]:
         t.status,
         str(t.limit_violations),
         table_number(t.t_hit_s, 2),
-        table_number(None if t.miss_m is None else 100.0 * t.miss_m, 1),
+        table_number(None if t.landing_m is None else 100.0 * t.landing_m, 1),
         table_number(t.return_speed_m_s, 1),
         table_number(t.peak_contact_force_n, 0),
-        "" if t.status == "hit" else t.binding_limit or "",
+        "" if t.status == BAT.success else t.binding_limit or "",
     )
 
 
 def _lines(finished: FinishedRun, said: dict[str, Any]) -> list[str]:
     """Return what the trials of a run come to, a line each."""
-    done = "stopped" if finished.run.head["shield"] else "hit"
-    out = [f"{done} {rate_words(said, 'hit', 'throws')}"]
-    if said["median_miss_m"] is not None:
+    if finished.run.head["shield"]:
+        return [
+            f"stopped {rate_words(said, BAT.success, 'throws')}",
+            *beyond_words(finished.trials),
+        ]
+    of = {**said, "ci95": said["within_10_cm_ci95"] or said["ci95"]}
+    out = [
+        f"within 10 cm of the target {rate_words(of, 'within_10_cm', 'throws')}",
+        f"within 25 cm of the target {rate_words(said, BAT.success, 'throws')}",
+    ]
+    if said["median_landing_m"] is not None:
+        far = said["p90_landing_m"]
+        within = (
+            "more than 10 % did not land" if far is None else f"90 % within {100.0 * far:.1f} cm"
+        )
         out.append(
-            f"miss: {100.0 * said['median_miss_m']:.1f} cm in the median, "
-            f"90 % within {100.0 * said['p90_miss_m']:.1f} cm"
+            f"landing error: {100.0 * said['median_landing_m']:.1f} cm in the median, {within}"
         )
     return [*out, *beyond_words(finished.trials)]
 
@@ -225,7 +236,7 @@ bat_command: Final = RunCommand(
     task=BAT,
     prepare=prepare_bats,
     title=_title,
-    columns=("trial", "status", "beyond [ms]", "t [s]", "miss [cm]", "back [m/s]", "[N]", "why"),
+    columns=("trial", "status", "beyond [ms]", "t [s]", "off [cm]", "back [m/s]", "[N]", "why"),
     row=_row,
     lines=_lines,
 )

@@ -196,10 +196,10 @@ _FAR = 100.0
 
 
 def miss_map(cells: Sequence[tuple[BatCondition, Row]]) -> Plot:
-    """Draw the median miss by where the target is, a panel an axis, and by the balls' speed.
+    """Draw the median landing error by where the target is, and by the balls' speed.
 
-    In each cell the miss [cm], and below it, of 100 balls, how many were refused and how many were
-    not hit otherwise, where there were any.
+    A panel an axis; in each cell the error [cm], and below it, of 100 balls, how many were refused
+    and how many were not returned otherwise, where there were any.
     """
 
     def draw(figure: Figure) -> None:
@@ -222,13 +222,13 @@ def _draw_misses(axes: Axes, cells: Sequence[tuple[BatCondition, Row]]) -> None:
         if c.moved is None or c.speed is None or not row["trials"]:
             continue
         x, y = offsets.index(c.moved[1]), speeds.index(c.speed)
-        miss = None if row["miss_cm"] is None else row["miss_cm"]["median"]
+        miss = None if row["landing_cm"] is None else row["landing_cm"]["median"]
         value = 1.0 if miss is None else float(np.clip(scale(miss), 0.0, 1.0))
         colour = BAND if miss is None else shade(value)
         axes.add_patch(Rectangle((x - 0.5, y - 0.5), 1.0, 1.0, facecolor=colour, edgecolor="white"))
         ink = "white" if miss is not None and value > 0.45 else INK
         refused = round(100.0 * row["unreachable"] / row["trials"])
-        lost = round(100.0 * (row["trials"] - row["hit"] - row["unreachable"]) / row["trials"])
+        lost = round(100.0 * (row["trials"] - row["returned"] - row["unreachable"]) / row["trials"])
         text = shown_number(miss, 1 if miss is not None and miss < 10.0 else 0)
         axes.text(x, y + 0.14, text, ha="center", va="center", color=ink, fontsize=10.5)
         said = ", ".join(f"{n} {what}" for n, what in ((refused, "ref."), (lost, "lost")) if n)

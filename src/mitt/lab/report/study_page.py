@@ -176,14 +176,14 @@ def _meet_pictures(result: StudyResult) -> list[OwnPicture]:
 
 
 def _bat_pictures(result: StudyResult) -> list[OwnPicture]:
-    """Return the map of the miss, where the study has one."""
+    """Return the map of the landing error, where the study has one."""
     cells = result.study.cells(result.rows)
     if not cells:
         return []
-    title = "Median miss [cm] by target and ball speed"
+    title = "Median landing error [cm] by target and ball speed"
     words = (
-        "Below it, of 100 balls: refused before the arm moved (ref.), and not hit otherwise "
-        "(lost). Grey: none was hit."
+        "Below it, of 100 balls: refused before the arm moved (ref.), and not returned otherwise "
+        "(lost), as they missed the paddle or landed more than 25 cm off. Grey: none landed."
     )
     return [OwnPicture("picture", title, words, miss_map(cells))]
 

@@ -1,8 +1,8 @@
 """Studies of batting: what their files may say, and how their trials are run.
 
-Besides generators side by side a file may ask for a map of the miss by target and ball speed.
-Trials of a chunk follow one another, and what a hit tells of the restitution is known in the next;
-each chunk begins with what the catcher is told.
+Besides generators side by side a file may ask for a map of the landing error by target and ball
+speed. Trials of a chunk follow one another, and what a hit tells of the restitution is known in the
+next; each chunk begins with what the catcher is told.
 """
 
 from collections.abc import Sequence
@@ -49,7 +49,7 @@ from mitt.lab.trials.study_file import (
 AXES: Final = ("away", "to the left", "up")
 """Directions in which the target is moved: x, y, z."""
 
-#: Share of hits from which a cell of the map counts as good.
+#: Share of balls returned from which a cell of the map counts as good.
 _GOOD: Final = 0.9
 
 BallSpeed = Annotated[float, Field(ge=1.0, le=20.0)]
@@ -96,7 +96,7 @@ class BatCondition(Condition):
 
 
 class MapSettings(FileSettings):
-    """A map of the miss: the target moved along each axis, balls of each speed.
+    """A map of the landing error: the target moved along each axis, balls of each speed.
 
     Attributes:
         offsets: How far the target is moved [m]; 0 is there anyway.
@@ -139,7 +139,7 @@ class BatStudySettings(BatChoice, StudySettings):
         generators: Names of the generators.
         chunk: Trials that follow one another.
         conditions: Conditions one by one.
-        map: A map of the miss besides; none if left out.
+        map: A map of the landing error besides; none if left out.
     """
 
     task: Literal["bat"]
@@ -192,20 +192,20 @@ class BatStudy(BatChoice, RunnerStudy):
         return super().answer(rows) + self.answer_of_map(rows)
 
     def answer_of_map(self, rows: Sequence[Row]) -> list[str]:
-        """Return where balls are hit, how near, and what refuses the others."""
+        """Return where balls are returned, how near they land, and what refuses the others."""
         cells = [(c, row) for c, row in self.cells(rows) if row["trials"]]
         if not cells:
             return []
-        good = [row for _, row in cells if row["hit_rate"] >= _GOOD and row["miss_cm"]]
+        good = [row for _, row in cells if row["return_rate"] >= _GOOD and row["landing_cm"]]
         out = [
             f"Map: in {len(good)} of {len(cells)} cells at least "
-            f"{100.0 * _GOOD:.0f} % of the balls are hit"
+            f"{100.0 * _GOOD:.0f} % of the balls are returned"
         ]
         if good:
-            misses = sorted(row["miss_cm"]["median"] for row in good)
+            errors = sorted(row["landing_cm"]["median"] for row in good)
             out[0] += (
-                f"; there the median miss is {misses[0]:.1f} to {misses[-1]:.1f} cm, in "
-                f"half of them at most {misses[(len(misses) - 1) // 2]:.1f} cm"
+                f"; there the median landing error is {errors[0]:.1f} to {errors[-1]:.1f} cm, in "
+                f"half of them at most {errors[(len(errors) - 1) // 2]:.1f} cm"
             )
         out[0] += "."
         refused = [row for _, row in cells if row["unreachable"]]

@@ -1,29 +1,28 @@
 """Trials of batting: a ball is thrown, the paddle sends it to a target, or stops it as a shield.
 
-All that is scored is taken from the true states of the world: what the ball touches first and
-where, how it leaves, how near it comes to the target before it touches anything else. What the
-catcher learns from a hit is taken from what it sees and reads: the ball's flight after the hit,
-and the joints' encoders. So it gets to know the restitution of this ball on this paddle, which no
-data sheet says to the per cent, from hit to hit; trials of a run follow one another in that order.
+All that is scored is taken from the true states of the world (:mod:`mitt.lab.trials.landing`).
+What the catcher learns from a hit is taken from what it sees and reads: the ball's flight after the
+hit, and the joints' encoders. So it gets to know the restitution of this ball on this paddle, which
+no data sheet says to the per cent, from hit to hit; trials of a run follow one another in that
+order.
 """
 
 from collections.abc import Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass
-from math import inf
+from math import inf, isfinite
 from typing import Any, Final, final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mitt.core.arm.arm import Arm
-from mitt.core.arm.tools import Paddle
 from mitt.core.ball.flight import advance
 from mitt.core.catcher.catcher import Catcher
 from mitt.core.catcher.generators import Generator
 from mitt.core.catcher.settings import Phase
 from mitt.core.catcher.state import Result
-from mitt.core.errors import InputError, ModelError
+from mitt.core.errors import InputError
 from mitt.core.eyes.eyes import Eyes
 from mitt.core.map.striking import PaddleStrike, Restitution, mass_behind
 from mitt.core.signals import GRAVITY, TICK, Array, Senses, Sighting
@@ -32,31 +31,27 @@ from mitt.io.recordings import Recording
 from mitt.lab.rivals.batting import ORACLE, make_batter
 from mitt.lab.trials.bat_station import BatStation
 from mitt.lab.trials.catcher_settings import eyes_settings
+from mitt.lab.trials.landing import CLOSE, Hit, batted, hit_of, paddle_of
 from mitt.lab.trials.log import TrialLog, recording_of
 from mitt.lab.trials.runner import cameras_of
 from mitt.lab.trials.score import measure, reason_of, stop_as_json
 from mitt.lab.trials.scored_task import Measure, ScoredTask
 from mitt.lab.trials.source import Source
+from mitt.lab.trials.statistics import wilson
 from mitt.lab.trials.task_runner import TaskRunner
 from mitt.lab.world.build import restitution_on
-from mitt.lab.world.engine import BALL_ANY, BALL_ARM, BALL_FLOOR, BALL_HAND
 from mitt.lab.world.flights import BallPath
 from mitt.lab.world.scene import Scene
 from mitt.lab.world.simulation import World
 from mitt.lab.world.throws import Throw
-from mitt.lab.world.truth import Trace
 
-STATUSES: Final = ("hit", "missed", "unreachable", "stopped", "aborted")
+STATUSES: Final = ("returned", "wide", "missed", "unreachable", "stopped", "aborted")
+_SCORED: Final = ("returned", "wide")
 
 #: By how much the restitution of a run differs from the one that the catcher is told, at most and
 #: as share; and what the catcher assumes of that, 1 sigma.
 DOUBT = 0.03
 _SIGMA = 0.03
-#: A trial without contact ends after this time [s], and one with it so long after it.
-_LONGEST = 2.5
-_AFTER = 2.0
-#: How far beyond the target's distance a ball is followed [m].
-_BEYOND = 0.3
 #: For how long after a hit the ball is looked at [s], from when on [s], and the least number of
 #: sightings that tell its velocity.
 _LOOK = 0.12
@@ -74,14 +69,17 @@ class BatTrial:
 
     Attributes:
         index: Its number.
-        status: ``hit``: the ball touches the paddle's face first, and leaves it towards the
-            target's half-space; of a shield, the first is enough. ``missed``: it does not.
-            ``unreachable``: the arm did not start; ``stopped``, ``aborted``.
+        status: ``returned``: the ball touches the paddle's face first, and lands within 25 cm of
+            the target; of a shield, the first is enough. ``wide``: it touches the face first, and
+            lands elsewhere. ``missed``: it does not. ``unreachable``: the arm did not start;
+            ``stopped``, ``aborted``.
         t_hit_s: When the ball was first touched [s].
-        miss_m: Least distance of its centre from the target on its way after the hit, before it
-            touches anything else.
-        passes_m: Where it passes the upright plane through the target, across its way and up from
-            the target; None where it does not.
+        landing_m: Distance from the target of where its centre comes down to the target's height
+            after it has touched the face first, before it touches anything else; None where it
+            does not come down there.
+        lands_m: The same place, beyond the target along the level way from where it was hit, and
+            to the left of the target.
+        miss_m: Least distance of its centre from the target on that way.
         return_speed_m_s: Its speed after the hit.
         off_middle_mm: How far from the middle of the face it was hit.
         peak_contact_force_n: Largest single contact force on the ball.
@@ -95,8 +93,9 @@ class BatTrial:
     index: int
     status: str
     t_hit_s: float | None
+    landing_m: float | None
+    lands_m: tuple[float, float] | None
     miss_m: float | None
-    passes_m: tuple[float, float] | None
     return_speed_m_s: float | None
     off_middle_mm: float | None
     peak_contact_force_n: float | None
@@ -159,7 +158,7 @@ class BatRunner(TaskRunner[BatTrial]):
         return self._station.scene
 
     def log_of_success(self, index: int) -> TrialLog:
-        """Return the log of the first trial that was hit, by its number.
+        """Return the log of the first ball that was returned, by the number of its trial.
 
         Where it was not run here, all up to it are, as each learns from those before.
         """
@@ -249,17 +248,18 @@ class BatRunner(TaskRunner[BatTrial]):
         stopped = stop_as_json(catcher.stopped_by)
         why = reason_of(stopped) or ("unseen" if verdict is None else verdict.binding_limit)
         status = _status(world, catcher, hit)
-        score = hit if status == "hit" else None
+        score = hit if status in _SCORED else None
         self._next = index + 1
-        if score is not None and self._hit_log is None:
+        if status == BAT.success and self._hit_log is None:
             self._hit_log = self.log()
         until = len(ticks.scalars) if contact is None else int(contact.t / TICK)
         return BatTrial(
             index=index,
             status=status,
             t_hit_s=None if contact is None else contact.t,
+            landing_m=None if score is None else score.landing,
+            lands_m=None if score is None else score.lands,
             miss_m=None if score is None else score.miss,
-            passes_m=None if score is None else score.passes,
             return_speed_m_s=None if score is None else score.speed,
             off_middle_mm=None if hit is None else 1e3 * hit.off_middle,
             peak_contact_force_n=None if contact is None else world.peak_force,
@@ -287,36 +287,6 @@ def bat_trials(
     return BatRunner(station, source, pixels=pixels, generator=generator, keeps=keeps)
 
 
-def batted(world: World, target: Array | None) -> bool:
-    """Say whether nothing more can happen to the score of a trial.
-
-    Args:
-        world: Its world.
-        target: Where the ball is sent [m], shape (3,); None for a shield.
-    """
-    truth, contact = world.truth(), world.first_contact
-    if world.diverged or truth.ball_on_floor or (contact is None and truth.t >= _LONGEST):
-        return True
-    if contact is None:
-        return False
-    if target is None:
-        return truth.t >= contact.t + 0.3
-    way = target - contact.r_o
-    gone = float((truth.r_o - contact.r_o) @ way) / float(way @ way)
-    return gone > 1.0 + _BEYOND / float(np.linalg.norm(way)) or truth.t > contact.t + _AFTER
-
-
-def paddle_of(arm: Arm) -> Paddle:
-    """Return the paddle of an arm.
-
-    Raises:
-        ModelError: It has none.
-    """
-    if not isinstance(arm.model.hand, Paddle):
-        raise ModelError(f"arm {arm.model.name}", "a paddle", "none")
-    return arm.model.hand
-
-
 def true_scene(scene: Scene, told: float, seed: int) -> Scene:
     """Return a scene whose ball bounces off the paddle a little otherwise than the catcher is told.
 
@@ -332,93 +302,6 @@ def true_scene(scene: Scene, told: float, seed: int) -> Scene:
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Hit:
-    """What became of a ball that touched the paddle's face first.
-
-    Attributes:
-        off_middle: Distance of the contact from the middle of the face [m].
-        returned: Whether it left towards the target's half-space; true of a shield.
-        speed: Of the ball after it [m/s].
-        miss: As of :class:`BatTrial`, and ``passes``.
-        passes: See ``miss``.
-    """
-
-    off_middle: float
-    returned: bool
-    speed: float
-    miss: float | None
-    passes: tuple[float, float] | None
-
-
-def hit_of(arm: Arm, world: World, target: Array | None) -> Hit | None:
-    """Return what became of a ball that touched the paddle's face first; None where it did not."""
-    truth, contact, paddle = world.trace(), world.first_contact, paddle_of(arm)
-    if contact is None:
-        return None
-    first = min(int(np.ceil(contact.t / TICK - 1e-6)), len(truth.t) - 1)
-    if np.any(truth.seen[: first + 1] & (BALL_ARM | BALL_FLOOR)):
-        return None
-    normal = arm.orientation(truth.q[first])[:, 2]
-    away = contact.r_o - contact.position
-    deep = float(away @ normal)
-    off = float(np.linalg.norm(away - deep * normal))
-    if deep + world.radius < 0.0 or off > paddle.radius:
-        return None
-    apart = np.flatnonzero(truth.seen[first:] & BALL_HAND == 0)
-    if len(apart) == 0:
-        return None
-    left = first + int(apart[0])
-    speed = float(np.linalg.norm(truth.dr_o[left]))
-    if target is None:
-        return Hit(off_middle=off, returned=True, speed=speed, miss=None, passes=None)
-    to = target - truth.r_o[left]
-    path = _free_path(truth, left)
-    return Hit(
-        off_middle=off,
-        returned=float(truth.dr_o[left] @ to) > 0.0,
-        speed=speed,
-        miss=nearest(path, target),
-        passes=passing(path, target),
-    )
-
-
-def _free_path(truth: Trace, left: int) -> Array:
-    """Return where a ball is from a tick on until it touches anything, shape (k, 3) [m]."""
-    touches = np.flatnonzero(truth.seen[left + 1 :] & BALL_ANY)
-    end = len(truth.t) if len(touches) == 0 else left + 1 + int(touches[0])
-    return truth.r_o[left:end]
-
-
-def nearest(path: Array, target: Array) -> float:
-    """Return the least distance of a path of straight pieces, (k, 3), from a point, (3,) [m]."""
-    start, way = path[:-1], np.diff(path, axis=0)
-    if len(way) == 0:
-        return float(np.linalg.norm(path[0] - target))
-    squared = np.maximum(np.sum(way**2, axis=1), 1e-18)
-    share = np.clip(np.sum((target - start) * way, axis=1) / squared, 0.0, 1.0)
-    return float(np.linalg.norm(start + share[:, None] * way - target, axis=1).min())
-
-
-def passing(path: Array, target: Array) -> tuple[float, float] | None:
-    """Return where a path passes the upright plane through a target: across and up from it [m].
-
-    The plane is across the way from the path's start to the target; to the left of that way is
-    positive. None where the path ends before it.
-    """
-    along = np.array([*(target - path[0])[:2], 0.0])
-    along /= max(float(np.linalg.norm(along)), 1e-9)
-    across = np.array([-along[1], along[0], 0.0])
-    ahead = (path - target) @ along
-    beyond = np.flatnonzero(ahead >= 0.0)
-    if len(beyond) == 0 or beyond[0] == 0:
-        return None
-    k = int(beyond[0])
-    share = ahead[k - 1] / (ahead[k - 1] - ahead[k])
-    off = path[k - 1] + share * (path[k] - path[k - 1]) - target
-    return float(off @ across), float(off[2])
-
-
 def _status(world: World, catcher: Catcher, hit: Hit | None) -> str:
     """Return how a trial has ended."""
     if world.diverged:
@@ -427,7 +310,9 @@ def _status(world: World, catcher: Catcher, hit: Hit | None) -> str:
         return "stopped"
     if not np.isfinite(catcher.t_0):
         return "unreachable"
-    return "hit" if hit is not None and hit.returned else "missed"
+    if hit is None:
+        return "missed"
+    return "returned" if hit.returned else "wide"
 
 
 def _sighted(senses: Senses, watcher: Eyes) -> list[Sighting]:
@@ -536,23 +421,34 @@ def returned_velocity(seen: list[Sighting], apart: float, drag: float) -> Array 
     return np.asarray(start[1])
 
 
-def _share(values: list[float], percent: float) -> float | None:
-    """Return a percentile; None of nothing."""
-    return float(np.percentile(values, percent)) if values else None
-
-
 def _more(trials: Sequence[BatTrial]) -> dict[str, Any]:
-    """Return what the summary of a run says beside counts and rate."""
-    misses = [t.miss_m for t in trials if t.miss_m is not None]
-    later = [t.miss_m for t in trials[20:] if t.miss_m is not None]
+    """Return what the summary of a run says beside counts and rate.
+
+    Landing errors are those of all balls: one that does not land is infinitely far from the
+    target, which a result writes as None. A shield has none.
+    """
+    aimed = not any(t.status == BAT.success and t.landing_m is None for t in trials)
+    errors = [inf if t.landing_m is None else t.landing_m for t in trials]
+    near = sum(error <= CLOSE for error in errors)
     speeds = [t.return_speed_m_s for t in trials if t.return_speed_m_s is not None]
     return {
-        "median_miss_m": _share(misses, 50.0),
-        "p90_miss_m": _share(misses, 90.0),
-        "median_miss_after_20_m": _share(later, 50.0),
-        "median_return_speed_m_s": _share(speeds, 50.0),
+        "within_10_cm": near if aimed else None,
+        "within_10_cm_rate": near / max(len(trials), 1) if aimed else None,
+        "within_10_cm_ci95": list(wilson(near, len(trials))) if aimed else None,
+        "median_landing_m": _percentile(errors, 50.0),
+        "p90_landing_m": _percentile(errors, 90.0),
+        "median_landing_after_20_m": _percentile(errors[20:], 50.0),
+        "median_return_speed_m_s": _percentile(speeds, 50.0),
         "limit_violations": sum(t.limit_violations for t in trials),
     }
+
+
+def _percentile(values: Sequence[float], percent: float) -> float | None:
+    """Return the least value that so many of all do not exceed; None where that is infinite."""
+    if not values:
+        return None
+    value = float(np.percentile(values, percent, method="inverted_cdf"))
+    return value if isfinite(value) else None
 
 
 BAT: Final = ScoredTask(
@@ -563,10 +459,10 @@ BAT: Final = ScoredTask(
     doing="batting",
     in_result="throws",
     statuses=STATUSES,
-    rate="hit_rate",
-    counted="balls hit",
+    rate="return_rate",
+    counted="balls returned",
     measures={
-        "miss_cm": Measure("miss at the target [cm]", "miss_m", 1, factor=100.0),
+        "landing_cm": Measure("landing error [cm]", "landing_m", 1, factor=100.0),
         "off_middle_mm": Measure("off the paddle's middle [mm]", "off_middle_mm", 1),
         "acceleration": Measure("peak acceleration [rad/s^2]", "peak_acceleration", 0),
         "force_n": Measure("force on the ball [N]", "peak_contact_force_n", 0),
