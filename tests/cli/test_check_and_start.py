@@ -52,6 +52,7 @@ GOOD: dict[str, tuple[list[str], str]] = {
     "bench": (["bench"], "mitt.cli.measuring.measure_all"),
     "report": (["report", "OUT"], "mitt.cli.measuring.progress"),
     "arms": (["arms"], "mitt.cli.listing.show"),
+    "completion": (["completion", "bash"], "mitt.cli.completion.script_for"),
 }
 #: Options of a robot that nobody connects to.
 ADDRESS = '[robot.options]\naddress = "192.0.2.1"'

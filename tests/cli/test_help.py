@@ -13,8 +13,8 @@ from mitt.cli.main import main
 from mitt.cli.options import COMMANDS
 
 ROOT = Path(__file__).parents[2]
-#: Columns of a terminal.
-COLUMNS = 80
+#: Columns of terminals: narrow, of old, wide.
+COLUMNS = (60, 80, 120)
 
 
 def said(capsys: pytest.CaptureFixture[str], *words: str) -> str:
@@ -26,16 +26,19 @@ def said(capsys: pytest.CaptureFixture[str], *words: str) -> str:
 
 
 @pytest.mark.parametrize("name", [*COMMANDS, ""])
-def test_help_fits_a_terminal_and_has_an_example(
-    capsys: pytest.CaptureFixture[str], name: str
+def test_help_fits_the_terminal_and_has_an_example(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
-    """Usage first, then what it is for and an example, then every option."""
-    text = said(capsys, *name.split(), "--help")
-    lines = text.splitlines()
-    assert max(map(len, lines)) < COLUMNS
-    assert lines[0].startswith(f"usage: mitt {name}".rstrip())
-    assert f"  mitt {name or 'catch'}" in lines[lines.index("examples:") + 1]
-    assert said(capsys, *name.split(), "-h") == text
+    """Usage first, then what it is for and an example, then every option; all of the width."""
+    for columns in COLUMNS:
+        monkeypatch.setenv("COLUMNS", str(columns))
+        text = said(capsys, *name.split(), "--help")
+        lines = text.splitlines()
+        assert max(map(len, lines)) < columns
+        assert max(map(len, lines)) > columns - 20 or name not in ("", "catch", "calibrate")
+        assert lines[0].startswith(f"usage: mitt {name}".rstrip())
+        assert f"  mitt {name or 'catch'}" in lines[lines.index("examples:") + 1]
+        assert said(capsys, *name.split(), "-h") == text
 
 
 def flat(text: str) -> str:
@@ -43,9 +46,13 @@ def flat(text: str) -> str:
     return re.sub(r"\s+", "", text)
 
 
+@pytest.mark.parametrize("columns", COLUMNS)
 @pytest.mark.parametrize("name", COMMANDS)
-def test_help_says_all_of_every_option(capsys: pytest.CaptureFixture[str], name: str) -> None:
-    """Nothing is cut, at whatever length."""
+def test_help_says_all_of_every_option(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, name: str, columns: int
+) -> None:
+    """Nothing is cut, at whatever length and width; examples are what a shell reads."""
+    monkeypatch.setenv("COLUMNS", str(columns))
     text = said(capsys, name, "--help")
     options = {x.name for x in options_of(COMMANDS[name]) if not x.place}
     assert len(options_of(COMMANDS[name])) == len(fields(COMMANDS[name]))
@@ -55,6 +62,10 @@ def test_help_says_all_of_every_option(capsys: pytest.CaptureFixture[str], name:
         assert flat(option.text.rstrip(".")) in flat(text), option.called
     assert all(flat(part) in flat(text) for part in paragraphs(COMMANDS[name]))
     assert not any(line.endswith(" ...") for line in text.splitlines())
+    examples = text.partition("examples:\n")[2].partition("\n\n")[0].replace("\\\n", "")
+    assert [shlex.split(x) for x in examples.splitlines()] == [
+        shlex.split(x) for x in COMMANDS[name].examples
+    ]
 
 
 def test_the_overview_says_all_of_what_each_command_is_for(

@@ -3,6 +3,7 @@
 import contextlib
 import html
 import io
+import re
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -21,6 +22,7 @@ from mitt.cli.screen import checked, progress, show, table, tell_of_kernels, war
 from mitt.core import kernels
 from mitt.core.errors import printable
 from mitt.interrupts import tell
+from mitt.io.shipped_arms import shipped_arms
 from mitt.lab.report.style import GENERATORS, legend_above, plot
 from mitt.lab.trials.score import CATCH, STATUSES, Trial
 from mitt.lab.trials.study_folder import Folder
@@ -68,6 +70,23 @@ def test_the_table_of_throws_fits_80_columns() -> None:
     assert shortfalls(counts, [trial]) == ["2 dropped"]
     beyond = [trial, replace(trial, limit_violations=3)]
     assert shortfalls(counts, beyond) == ["2 dropped", "1 beyond a limit"]
+
+
+@pytest.mark.parametrize("columns", [60, 80, 120])
+def test_nothing_of_a_table_is_cut_off(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], columns: int
+) -> None:
+    """In a narrow terminal cells break into lines, as of ``mitt arms``."""
+    monkeypatch.setenv("COLUMNS", str(columns))
+    monkeypatch.setenv("TTY_COMPATIBLE", "1")  # for rich: a terminal
+    assert main(["arms"]) == 0
+    rows = re.sub(r"\x1b\[[0-9;]*m", "", capsys.readouterr().out).partition("caught: of")[0]
+    assert all(len(x) <= columns for x in rows.splitlines())
+    for arm in shipped_arms():
+        of = arm.figures
+        assert of is not None
+        for word in (*arm.title.split(), arm.limits, f"{of.force_n:.0f}"):
+            assert word in rows
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ wrong is told as everything else is: what was wanted, what was given, what to do
 """
 
 import re
+import shutil
 from collections.abc import Sequence
 from dataclasses import MISSING, dataclass, fields
 from importlib import import_module
@@ -18,9 +19,10 @@ from mitt.core.errors import FileError, InputError, MittError, UnknownNameError,
 from mitt.interrupts import safe_path
 from mitt.numerals import real_of, whole_of
 
-#: Columns of a screen, and of what an option is called.
+#: Columns of a text where there is no terminal, and in how few and how many it is still read well.
 _WIDE = 80
-_CALLED = 22
+_NARROWEST = 40
+_WIDEST = 120
 
 
 def dispatch(words: list[str]) -> int:
@@ -228,6 +230,11 @@ def _by_place(name: str, placed: Sequence[str], places: Sequence[Option]) -> dic
 def overview() -> str:
     """Return what ``mitt --help`` says: all commands, a line each."""
     rows = [(name, paragraphs(options)[0]) for name, options in COMMANDS.items()]
+    more = {
+        "mitt COMMAND --help": "the options of a command, and examples",
+        "mitt --version": "the version",
+    }
+    wide = _columns()
     return "\n".join(
         [
             "usage: mitt COMMAND [options]",
@@ -235,24 +242,23 @@ def overview() -> str:
             "Lets a robot arm catch what is thrown at it.",
             "",
             "examples:",
-            "  mitt catch",
-            f"  {COMMANDS['catch'].examples[0]}",
+            *_examples(("mitt catch", COMMANDS["catch"].examples[0]), wide),
             "",
             "commands:",
-            *_table(rows),
+            *_table(rows, wide),
             "",
-            "mitt COMMAND --help    the options of a command, and examples",
-            "mitt --version         the version",
+            "more:",
+            *_table([*more.items()], wide),
         ]
     )
 
 
 def screen(name: str) -> str:
     """Return what ``mitt COMMAND --help`` says of a command: all of it."""
-    command, options = COMMANDS[name], options_of(COMMANDS[name])
+    command, options, wide = COMMANDS[name], options_of(COMMANDS[name]), _columns()
     rows = [(x.called, text_of(x)) for x in options]
     first = " ".join(x.name for x in options if x.place)
-    about = "\n\n".join("\n".join(wrap(part, _WIDE - 1)) for part in paragraphs(command))
+    about = "\n\n".join("\n".join(wrap(part, wide - 1)) for part in paragraphs(command))
     return "\n".join(
         [
             f"usage: mitt {name} {first} [options]".replace("  ", " "),
@@ -260,12 +266,17 @@ def screen(name: str) -> str:
             about,
             "",
             "examples:",
-            *(f"  {line}" for line in command.examples),
+            *_examples(command.examples, wide),
             "",
             "options:",
-            *_table(rows),
+            *_table(rows, wide),
         ]
     )
+
+
+def _columns() -> int:
+    """Return how many columns a text may take: those of the terminal, within reason."""
+    return min(max(shutil.get_terminal_size((_WIDE, 0)).columns, _NARROWEST), _WIDEST)
 
 
 def text_of(option: Option) -> str:
@@ -294,21 +305,49 @@ def _attributes(command: type[Any]) -> dict[str, str]:
     return said
 
 
-def _table(rows: list[tuple[str, str]]) -> list[str]:
+def _examples(lines: Sequence[str], wide: int) -> list[str]:
+    """Return commands, those that are too long in lines that a shell takes as one."""
+    out = list[str]()
+    for line in lines:
+        parts = wrap(
+            line,
+            wide - 3,  # for the backslash
+            initial_indent="  ",
+            subsequent_indent="      ",
+            break_long_words=False,
+            break_on_hyphens=False,
+        )
+        out += [f"{part} \\" for part in parts[:-1]] + parts[-1:]
+    return out
+
+
+def _table(rows: list[tuple[str, str]], wide: int) -> list[str]:
     """Return names and texts in columns, each text whole; a long name has a line of its own."""
-    column = min(max(len(name) for name, _ in rows), _CALLED)
+    column = min(max(len(name) for name, _ in rows), wide // 4)
     left, lines = " " * (column + 4), list[str]()
     for name, text in rows:
         head = f"  {name.ljust(column)}  "
         if len(name) > column:
-            lines.append(head.rstrip())
+            lines += _broken(name, wide)
             head = left
         told = wrap(
             text.removesuffix("."),
-            _WIDE - 1,
+            wide - 1,
             initial_indent=head,
             subsequent_indent=left,
             break_on_hyphens=False,
         )
         lines += told or [head.rstrip()]
     return lines
+
+
+def _broken(name: str, wide: int) -> list[str]:
+    """Return a long name in lines, which break behind commas too."""
+    parts = wrap(
+        name.replace(",", ", "),
+        wide - 1,
+        initial_indent="  ",
+        subsequent_indent="    ",
+        break_on_hyphens=False,
+    )
+    return [part.replace(", ", ",") for part in parts]

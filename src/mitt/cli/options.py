@@ -18,12 +18,14 @@ class Arg:
         name: What it is called, where that is not the name of its field.
         place: Whether it is said by its place.
         range: Least and largest number that it takes; any where None.
+        known: What has a name and may be its value, as of :mod:`mitt.cli.completion`.
     """
 
     value: str
     name: str = ""
     place: bool = False
     range: tuple[float, float] | None = None
+    known: str = ""
 
 
 Csv = Annotated[Path | None, Arg("CSV")]
@@ -34,16 +36,16 @@ _OF_SEEDS = Arg("S", range=(0, 2**63 - 1))
 Seed = Annotated[int, _OF_SEEDS]
 Count = Annotated[int | None, Arg("N", range=(1, 2**31 - 1))]
 Trials = Annotated[int | None, Arg("N", range=(1, 100_000))]
-Scene = Annotated[str | None, Arg("NAME|TOML")]
+Scene = Annotated[str | None, Arg("NAME|TOML", known="scenes")]
 Folder = Annotated[Path | None, Arg("DIR")]
 MapFile = Annotated[Path | None, Arg("MAP.json")]
-ArmName = Annotated[str, Arg("NAME|FILE")]
-Limits = Annotated[str | None, Arg("NAME|TOML")]
+ArmName = Annotated[str, Arg("NAME|FILE", known="arms")]
+Limits = Annotated[str | None, Arg("NAME|TOML", known="limits")]
 Tip = Annotated[str | None, Arg("FRAME")]
 Joints = Annotated[str | None, Arg("A,B,C")]
 Ratio = Annotated[float | None, Arg("RATIO")]
 Seconds = Annotated[float | None, Arg("S")]
-CellName = Annotated[str, Arg("CELL", place=True)]
+CellName = Annotated[str, Arg("CELL", place=True, known="cells")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -150,7 +152,7 @@ class CatchOptions(ArmOptions):
 
     throws: Trials = None
     seed: Seed = 0
-    generator: Annotated[str, Arg("NAME")] = "direct"
+    generator: Annotated[str, Arg("NAME", known="generators")] = "direct"
     map: MapFile = None
     adapt: Literal["projection", "refine"] = "projection"
     vision: Literal["pixels", "points"] = "pixels"
@@ -252,7 +254,7 @@ class BatOptions(TaskOptions):
     throws: Trials = None
     speed: Annotated[str | None, Arg("MIN,MAX")] = None
     vision: Literal["pixels", "points"] = "pixels"
-    flights: Annotated[str | None, Arg("CSV|NAME")] = None
+    flights: Annotated[str | None, Arg("CSV|NAME", known="flights")] = None
     generator: Literal["direct", "quintic", "ruckig", "mpc", "ik", "clairvoyant"] = "direct"
 
 
@@ -310,7 +312,7 @@ class DesignOptions(Options):
         "mitt design ur5e --effort refine --out better.toml",
     )
 
-    arm: Annotated[str, Arg("ARM", place=True)]
+    arm: Annotated[str, Arg("ARM", place=True, known="arms")]
     out: Annotated[Path, Arg("DESIGN.toml")]
     tip: Tip = None
     mount: Literal["plate", "catch"] | None = None
@@ -420,7 +422,7 @@ class StudyOptions(Options):
         "mitt study STUDY.toml --out MINE --workers 4",
     )
 
-    study: Annotated[Path, Arg("STUDY.toml", place=True)]
+    study: Annotated[Path, Arg("STUDY.toml", place=True, known="studies")]
     out: Annotated[Path, Arg("DIR")]
     engine: Annotated[str, Arg("local|dask://HOST:PORT")] = "local"
     workers: Workers = None
@@ -466,7 +468,7 @@ class ReplayOptions(Options):
     recordings: Annotated[tuple[Path, ...], Arg("REC.mcap", place=True)]
     map: MapFile = None
     settings: Annotated[Path | None, Arg("TOML")] = None
-    generator: Annotated[str | None, Arg("NAME")] = None
+    generator: Annotated[str | None, Arg("NAME", known="generators")] = None
     out: Folder = None
     overwrite: bool = False
 
@@ -644,6 +646,24 @@ class CalibrateOptions(Options):
     overwrite: bool = False
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CompletionOptions(Options):
+    """Write what lets a shell complete commands, options and names.
+
+    It is kept in a file where the shell looks: ~/.local/share/bash-completion/completions/mitt,
+    ~/.config/fish/completions/mitt.fish, or a file _mitt in a folder of zsh's fpath. Names of other
+    packages stand in it as they were when it was written.
+
+    Attributes:
+        shell: The shell: bash, zsh or fish.
+    """
+
+    module: ClassVar = "completion"
+    examples: ClassVar = ("mitt completion bash", "mitt completion zsh")
+
+    shell: Annotated[Literal["bash", "zsh", "fish"], Arg("SHELL", place=True)]
+
+
 COMMANDS: dict[str, type[Options]] = {
     "catch": CatchOptions,
     "arms": ArmsOptions,
@@ -662,5 +682,6 @@ COMMANDS: dict[str, type[Options]] = {
     "replay": ReplayOptions,
     "view": ViewOptions,
     "bench": BenchOptions,
+    "completion": CompletionOptions,
 }
 """Options of each command, in the order of the help."""

@@ -73,6 +73,9 @@ class _Limited(Protocol):
 
 _Trial = TypeVar("_Trial", bound=_Ended)
 
+#: Columns of a terminal between those of a table.
+_GAP = 2
+
 
 def say(text: str) -> None:
     """Say one line on stderr, whatever names are in it."""
@@ -288,8 +291,25 @@ def show(*parts: str | Table, style: str | None = None) -> None:
     console = _console()
     console = console if console.is_terminal else _console(width=110)
     for part in parts:
+        if isinstance(part, Table):
+            _fit(part, console)
         plain = printable(part) if isinstance(part, str) else part
         console.print(plain, soft_wrap=isinstance(part, str), style=style)
+
+
+def _fit(rows: Table, console: Console) -> None:
+    """Let cells break into lines where a table would be too wide: nothing is cut off.
+
+    A column that may not break is as wide as its longest line, another as its longest word.
+    """
+    need = _GAP * (len(rows.columns) - 1)
+    for column in rows.columns:
+        cells = [Text(str(x)) for x in (column.header, *column.cells)]
+        sizes = [x.__rich_measure__(console, console.options) for x in cells]
+        need += max(x.maximum if column.no_wrap else x.minimum for x in sizes)
+    if need > console.width:
+        for column in rows.columns:
+            column.no_wrap = False
 
 
 def _console(*, stderr: bool = False, width: int | None = None) -> Console:
@@ -311,7 +331,7 @@ def table(
 ) -> Table:
     """Return an empty table; all columns but those in ``left`` are aligned to the right.
 
-    With ``no_wrap`` only the last column may break into lines.
+    With ``no_wrap`` only the last column may break into lines, where a terminal has the room.
     """
     out = _Table(
         title=printable(title),

@@ -206,9 +206,8 @@ def _from_file(
         raise UnknownNameError(
             "limits",
             limits,
-            ("model",),
-            do=f"{', '.join(LIMIT_SETS)} are of the WAM; leave them out for the arm's own, or name"
-            " those of another arm that ships (mitt arms), or a TOML file",
+            ("model", *shipped("limits"), "a .toml file"),
+            do=f"{', '.join(LIMIT_SETS)} are of the WAM; leave them out for the arm's own",
         )
     stated = read_described(path)
     tip, axis = (None, "z") if tip is None else _frame_and_axis(stated, tip)
