@@ -389,6 +389,33 @@ def test_what_is_blocked_while_a_tool_closes_is_let_go() -> None:
     assert command.hand == 0.0
 
 
+@pytest.mark.parametrize(
+    ("speed", "belt", "why"),
+    [(0.2, True, ""), (1.2, True, "hidden"), (0.2, False, "hidden"), (0.0, True, "")],
+)
+def test_what_is_hidden_is_held_by_its_belt(speed: float, belt: bool, why: str) -> None:
+    """For as long as the belt's speed tells where it is; a free thing as long as its filter does.
+
+    It stays across the belt where it was seen, whatever the filter's noise makes of it.
+    """
+    across, along = np.array([0.01, 0.0, 0.0]), (0.0, 1.0, 0.0) if belt else None
+    seen = replace(part(speed=speed, ahead=0.3 * speed + 0.01), covariance=1e-6 * np.eye(6))
+    g = replace(meeting(along=along), start=0.0, after=1.0)
+    g = replace(g, map=g.map.adapt(g.known(seen), np.array([Q, 0 * Q, 0 * Q]), 1.0) or g.map)
+    g.follow(seen)
+    for tick in range(1, 450):
+        t = tick * TICK
+        place = seen.r_o + t * (seen.dr_o + across)
+        now = replace(seen, t=t, r_o=place, dr_o=seen.dr_o + across)
+        now = replace(now, t_seen=0.0, covariance=(1e-6 + (0.8 * t * t) ** 2) * np.eye(6))
+        g.follow(now)
+        if g.glide.ended:
+            break
+    assert g.glide.ended == why
+    if belt:
+        assert g.known(now)[0] == pytest.approx(seen.r_o + now.t * seen.dr_o, abs=1e-12)
+
+
 #: How a part is lost, by why: it runs off, falls out of a hand, leaves its belt, is elsewhere.
 LOST: dict[str, tuple[str, tuple[float, float, float] | None, Array, float]] = {
     "away": ("area", None, np.array([0.0, 0.5, 0.0]), 0.0),

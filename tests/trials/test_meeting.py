@@ -135,4 +135,14 @@ def test_what_goes_wrong_ends_at_rest(fault: dict[str, Any]) -> None:
     assert trial.limit_violations == 0
     assert trial.status == "met" or trial.binding_limit
     if fault["fault"] == "dropout":
-        assert trial.status == "stopped"
+        assert trial.stopped_by is None
+
+
+def test_a_part_that_the_tool_hides_is_taken() -> None:
+    """By a camera above the belt, which does not see it in the last half second."""
+    seen = {**SCENE["sensing"], "viewpoint": "above"}  # type: ignore[dict-item]
+    scene = scene_of({**SCENE, "sensing": seen}, place="scene")
+    trial = MeetRunner(
+        station("ur5e", TOOLS["suction"], "belt", scene), seed=5801, speed=0.3
+    ).trial(0)
+    assert (trial.status, trial.placed, trial.limit_violations) == ("met", True, 0)

@@ -97,6 +97,8 @@ class Glide:
         closes: When the tool begins to close [s]; infinite until it does.
         rows: What the map made of it last [rad ...], shape (6, n); None before the first.
         ended: Why the target was given up; nothing as long as it is followed.
+        seen: Time of its newest sighting [s], and the 1-sigma of its place along its belt when that
+            came [m].
     """
 
     def __init__(self, speeds: Array | None = None, most: float = _ALONG) -> None:
@@ -113,6 +115,7 @@ class Glide:
         self.calm = self.closes = inf
         self.rows: Array | None = None
         self.ended = ""
+        self.seen, self.sigma = -inf, inf
 
     @property
     def motion(self) -> Array:

@@ -75,6 +75,11 @@ _STRAYS = 0.25
 _FALLS = 0.6
 #: How far it may be from there before the way down of a slow tool begins [m].
 _AHEAD = 0.25
+#: Speed of a belt that rests, for how fast it may start unseen [m/s], and acceleration of a hand
+#: [m/s^2]; the multiple of its 1-sigma as seen from which a place counts as hidden.
+_CREEPS = 0.1
+_PUSHED = 1.5
+_HIDDEN = 3.0
 #: How far outside the work area, and how fast outwards, a target is given up [m, m/s].
 _OUTSIDE = 0.03
 _OUTWARDS = 0.1
@@ -104,6 +109,10 @@ class MeetingSettings(Settings):
         along: Direction of the belt that carries targets, a unit vector; None without one.
         gentle: Rate at which the tool closes up to the target from the meeting on [1/s], where tool
             and what holds the target push each other; 0 where it does as before.
+        varies: 1-sigma of a belt's speed some time on, as share of its speed now: by it a part is
+            known that is hidden.
+        unsure: 1-sigma of the target's place from which it is given up [m]; along its belt, where
+            it is on one.
     """
 
     low: tuple[float, float, float] = (-2.0, -2.0, -2.0)
@@ -117,6 +126,8 @@ class MeetingSettings(Settings):
     speed: Annotated[float, Range(1e-3, inf)] = inf
     along: tuple[float, float, float] | None = None
     gentle: Annotated[float, Range(0.0, 40.0)] = 0.0
+    varies: Annotated[float, Range(0.0, 1.0)] = 0.17
+    unsure: Annotated[float, Range(1e-3, inf)] = 0.05
 
     @property
     def window(self) -> float:
@@ -315,9 +326,14 @@ class Meeting(Generator):
         return np.zeros((3, 3)) if along is None else np.eye(3) - np.outer(along, along)
 
     def known(self, ball: BallState) -> Array:
-        """Return r_o, dr_o, ddr_o of an estimate, as far as it can move, shape (3, 3)."""
-        moves = np.eye(3) - self._across
-        return np.array([ball.r_o, moves @ ball.dr_o, moves @ ball.ddr_o])
+        """Return r_o, dr_o, ddr_o of an estimate, as far as it can move, shape (3, 3).
+
+        Across its belt a part is where it was seen last: it has not moved since.
+        """
+        across = self._across
+        beside = across @ ball.dr_o
+        r_o = ball.r_o - (ball.t - ball.t_seen) * beside if ball.tracked else ball.r_o
+        return np.array([r_o, ball.dr_o - beside, ball.ddr_o - across @ ball.ddr_o])
 
     def _pulled(self, target: BallState) -> "Meeting":
         """Return the generator whose way to a target begins within reach."""
@@ -598,9 +614,12 @@ class Meeting(Generator):
 
         ``taken``: it leaves its belt sideways, falls, or is far from where it is followed; that is
         ``tool`` where the tool's speed is limited, which it may have run away from. ``area``: it
-        leaves the work area, or turns round before it has come there.
+        leaves the work area, or turns round before it has come there. ``hidden``: it was hidden for
+        so long that its place is not known well enough.
         """
         s, v = self.settings, ball.dr_o
+        if self._sigma(ball) > s.unsure:
+            return "hidden"
         spare = 3.0 * float(np.sqrt(np.max(np.diag(ball.covariance)[3:])))
         across = float(np.linalg.norm(self._across @ v))
         if across > _STRAYS + spare or float(self.map.frame[:, 2] @ v) > _FALLS + spare:
@@ -612,6 +631,23 @@ class Meeting(Generator):
         far = float(np.linalg.norm(out))
         leaves = float(out @ v) > (_OUTWARDS if due else _OUTWARDS + spare) * far
         return "area" if far > _OUTSIDE and leaves else ""
+
+    def _sigma(self, ball: BallState) -> float:
+        """Return the 1-sigma of a target's place [m], along its belt where it is on one.
+
+        What is carried by a belt is held by it while it is hidden: its place is as uncertain as the
+        belt's speed makes it. What is free is pushed. The motion models of the filter know of no
+        belt, and of one sighting that does not fit they may expect anything.
+        """
+        s, glide, hidden = self.settings, self.glide, ball.t - ball.t_seen
+        moves = np.eye(3) if s.along is None else np.outer(s.along, s.along)
+        sigma = float(np.sqrt(np.max(np.linalg.eigvalsh(moves @ ball.covariance[:3, :3] @ moves))))
+        if ball.t_seen > glide.seen:
+            glide.seen, glide.sigma = ball.t_seen, sigma
+        grown = 0.5 * _PUSHED * hidden * hidden
+        if s.along is not None:
+            grown = s.varies * max(abs(float(np.dot(s.along, ball.dr_o))), _CREEPS) * hidden
+        return min(sigma, float(np.hypot(glide.sigma, grown)))
 
     def _led_out(self, target: Array, since: float, start: Array | None) -> bool:
         """Say whether a way that began within reach will soon lead out of it: its part is late.
@@ -660,7 +696,8 @@ class Meeting(Generator):
         """Return the time until a tool has closed [s]; infinite where it does not.
 
         It begins to close once it has been in step with the target for ``settle``; sooner, but in
-        step, where the target would leave the work area. What is not in step by then is given up.
+        step, where the target would leave the work area, or is hidden: to wait makes nothing surer
+        then. What is not in step by then is given up.
 
         Args:
             ball: The target.
@@ -672,7 +709,8 @@ class Meeting(Generator):
         if glide.closes > t:
             if not self._in_step(ball, motion):
                 glide.calm = t
-            begin = max(met, glide.calm + _FIRM) + s.settle
+            hidden = self._sigma(ball) > _HIDDEN * glide.sigma
+            begin = max(met, glide.calm + _FIRM) + (0.0 if hidden else s.settle)
             soon, now = self._leaves() if t >= met else (False, False)
             if soon and glide.calm < t:
                 begin = min(begin, t)

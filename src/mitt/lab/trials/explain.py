@@ -49,6 +49,7 @@ LIMITS = {
     "tool": "the tool would have to be faster than it may",
     "area": "the part is not in the work area when it would be met",
     "window": "the part leaves the work area before the tool would have closed",
+    "hidden": "the part was hidden until its place was not known well enough",
     "taken": "the part fell, left its belt or was taken away",
 }
 

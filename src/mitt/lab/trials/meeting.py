@@ -94,9 +94,9 @@ class MeetTrial:
         limit_violations: As of :class:`mitt.lab.trials.score.Trial`.
         binding_limit: The limit that the verdict found most used, or what ended the trial;
             ``area``: the part left the work area, or does not come into it; ``window``: it leaves
-            it before the tool would have closed; ``taken``: it was taken away or fell; ``tool``: it
-            runs faster than the tool may follow; ``blocked``: the arm's limits, the arm itself or
-            the floor kept it from following.
+            it before the tool would have closed; ``taken``: it was taken away or fell; ``hidden``:
+            it was hidden for too long; ``tool``: it runs faster than the tool may follow;
+            ``blocked``: the arm's limits, the arm itself or the floor kept it from following.
         placed: Whether the part lies on its tray, the tool open and the arm back where it waits;
             None where nothing was met, or there is no tray.
         tool_speed_m_s: Largest speed of the tool.

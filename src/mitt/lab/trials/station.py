@@ -188,7 +188,8 @@ class Station:
 
         What the filter assumes of its target, half of the part's width as its radius, and the gap
         at which the arm gives up what it is kept from instead of catching up with it: wider where
-        the tool has a largest speed. Of the belt it keeps clear: nothing presses on it.
+        the tool has a largest speed. Of the belt it keeps clear: nothing presses on it. What is
+        hidden does not stop the arm: the map gives it up in time.
 
         Args:
             settings: For a ball.
@@ -204,6 +205,7 @@ class Station:
             settings,
             flight=CARRIED,
             sigma_ready=0.05,
+            tolerance=np.inf,
             ball_radius=0.5 * across,
             adapt_dq=np.inf,
             adapt_q=behind,

@@ -95,6 +95,9 @@ class Sensing(FileSettings):
 
     Attributes:
         point_noise: Noise of points, 1 sigma an axis [m].
+        viewpoint: From where points are seen: ``around``, whatever stands between; ``above`` belt
+            or hand, 1 m; ``upstream``, 0.7 m before it, 0.5 m of the belt alone; or a place [m].
+            What arm, tool or giver cover is not seen from there.
         latency: Ticks until a frame, once it is exposed and read out, or a point is delivered.
         frame_rate: Frames or points a second [Hz], from a random phase on, each exposed in a tick.
         encoder_step: Resolution of the joint encoders [rad]; 0 is exact, ``arm`` that of the
@@ -127,6 +130,10 @@ class Sensing(FileSettings):
     """
 
     point_noise: Annotated[float, Field(ge=0.0, le=10.0)] = 0.001
+    viewpoint: (
+        Literal["around", "above", "upstream"]
+        | Annotated[tuple[float, float, float], Field(strict=False)]
+    ) = "around"
     latency: Annotated[int, Field(ge=0, le=200)] = 1
     frame_rate: Annotated[float, Field(ge=1.0, le=1000.0)] = 1000.0
     encoder_step: NotNegative | Literal["arm"] = 0.0

@@ -13,6 +13,7 @@ from mitt.core.signals import TICK, ArmState, Array, Frame, Senses, Sighting
 from mitt.lab.world.capsules import Body, lay_capsules
 from mitt.lab.world.imaging import Imager
 from mitt.lab.world.scene import Scene, Sensing
+from mitt.lab.world.sight import Viewpoint, is_seen
 
 Exposed = tuple[tuple[Frame, ...], tuple[Sighting, ...]]
 _NOTHING: Exposed = ((), ())
@@ -92,6 +93,7 @@ class Sensors:
         rng: np.random.Generator,
         body: Body,
         steps: Array,
+        sight: Viewpoint | None = None,
     ) -> None:
         """Set up the sensors.
 
@@ -100,10 +102,11 @@ class Sensors:
             radius: Radius of the ball [m].
             cameras: Sets up the cameras; the ball is seen as points if None.
             rng: Source of all noise.
-            body: Arm and hand in the images.
+            body: Arm and hand, in the images or before what is seen as a point.
             steps: As of :func:`encoder_steps`.
+            sight: From where points are seen; from everywhere if left out.
         """
-        self._body = body
+        self._body, self._sight = body, sight
         self._sensing, self._radius = sensing, radius
         self._cameras = None if cameras is None else cameras(rng)
         self._rng = rng
@@ -161,7 +164,7 @@ class Sensors:
         if not (look and self.exposes(t)):
             self._line.append(_NOTHING)
         elif self._cameras is None:
-            self._line.append(((), (self._point(t, r_o),)))
+            self._line.append(((), self._points(t, r_o)))
         else:
             lay_capsules(self._body, self._body.capsules)
             frames = self._cameras.render(
@@ -173,7 +176,11 @@ class Sensors:
         q, dq = self._encoders.q.copy(), self._encoders.dq.copy()
         return Senses(t=t, arm=ArmState(t=t, q=q, dq=dq), frames=arrived[0], points=arrived[1])
 
-    def _point(self, t: float, r_o: Array) -> Sighting:
-        """Return a noisy position."""
+    def _points(self, t: float, r_o: Array) -> tuple[Sighting, ...]:
+        """Return a noisy position; none of what is hidden."""
         seen = r_o + self.noise(1)[0]
-        return Sighting(t=t, found=True, r_o=seen, covariance=self._covariance)
+        if self._sight is not None:
+            lay_capsules(self._body, self._body.capsules)
+            if not is_seen(self._sight, r_o, self._body.capsules):
+                return ()
+        return (Sighting(t=t, found=True, r_o=seen, covariance=self._covariance),)

@@ -26,6 +26,7 @@ from mitt.lab.world.motion import move_motors, note_state, note_stop, over
 from mitt.lab.world.prescribed import FREE, Prescribed, states_of
 from mitt.lab.world.scene import Scene
 from mitt.lab.world.sensors import CameraMaker, Sensors, encoder_steps
+from mitt.lab.world.sight import viewpoint_of
 from mitt.lab.world.targets import InHand, Ride
 from mitt.lab.world.throws import Throw, fly
 from mitt.lab.world.truth import Instant, Trace, TraceBuffer, Truth, truth_of
@@ -216,8 +217,15 @@ class World:
         self._faults = faults = self._drawn_faults(ball, seed)
         payload = 0.0 if faults is None else faults.payload
         drawn = self._draw.draw(self.data, plant, ball=own, payload=payload)
+        behind = -ball.orientation[:, 2] if isinstance(ball, InHand) else None
         sensors = Sensors(
-            self._scene.sensing, drawn.radius, self._cameras, noise, self._body, self._steps
+            self._scene.sensing,
+            drawn.radius,
+            self._cameras,
+            noise,
+            self._body,
+            self._steps,
+            viewpoint_of(self._scene, drawn.radius, behind),
         )
         self._sensors: Sensor = sensors
         self._imager = sensors.imager
@@ -266,10 +274,11 @@ class World:
         """The world as compiled code plays on it; None where only :meth:`sense` will do.
 
         That is where sensors or commands are at fault, a person holds what is met, cameras turn or
-        are not a pair, and where not every tick has its frame.
+        are not a pair, points can be hidden, and where not every tick has its frame.
         """
         sensors, turns = self._sensors, self._scene.sensing.cameras == "active"
         special = self._ride is not None or self._delay > 0 or self._pulls
+        special = special or (self._imager is None and self._scene.sensing.viewpoint != "around")
         disturbed = self._faults is not None and not self._faults.on_ball_alone
         if disturbed or self._giver is not None or turns or self._joint_servo or special:
             return None
