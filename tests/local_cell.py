@@ -6,6 +6,7 @@ from pathlib import Path
 from mitt.core.signals import ArmState, Command, Sighting
 from mitt.io.cell import read_cell
 from mitt.robot.cell.drivers import LocalRobot, local_robot
+from mitt.robot.cell.excitation import NotedRobot, excitation
 from mitt.robot.cell.live import LiveLoop, Mode
 from mitt.robot.cell.prepare import (
     PreparedCell,
@@ -85,6 +86,7 @@ class LocalCell:
     Attributes:
         simulated: The cell.
         robot: Its robot, with faults.
+        noted: That robot, with notes of what passes to and from it while it is measured.
         loop: The live loop.
         recorder: What records its catches, if anything does.
     """
@@ -97,20 +99,28 @@ class LocalCell:
         record: Path | None = None,
         name: str = "wam-sim",
         prepared: PreparedCell | None = None,
+        plant: PreparedCell | None = None,
+        measured: bool = False,
         driver: Callable[[LocalRobot, PreparedCell], Robot] = lambda local, _: local,
     ) -> None:
-        """Set both up; nothing moves yet."""
+        """Set both up; nothing moves yet.
+
+        The loop takes the cell to be as ``prepared`` says; it is as ``plant`` does, where given. An
+        arm that is ``measured`` swings about its ready pose first.
+        """
         self.prepared = prepared = prepared or prepare(read_cell(name))
         cell, arm = prepared.cell, prepared.arm
-        local = local_robot(prepared, seed=seed, count=throws, started=1.7e9)
+        local = local_robot(plant or prepared, seed=seed, count=throws, started=1.7e9)
         self.simulated, port = local.simulated, local.port
         self.robot = FaultyRobot(driver(local, prepared))
         f = cell_map(prepared)
         first, again = catchers(prepared, f)
         self.recorder = None if record is None else Recorder(record, cell_about(prepared, f))
         frames = port if cell.source.kind == "images" else None
+        self.noted = NotedRobot(self.robot, cell.robot.takes)
+        robot = self.noted if measured else self.robot
         self.loop = LiveLoop(
-            RobotLink(self.robot, setpoints=setpoints_of(prepared)),
+            RobotLink(robot, setpoints=setpoints_of(prepared)),
             arm,
             first,
             again,
@@ -122,6 +132,7 @@ class LocalCell:
             clock=lambda: self.simulated.t,
             period=period_of(cell),
             placing=prepared.placing,
+            measures=excitation if measured else None,
         )
 
     def until(self, over: Callable[[], bool], *, ticks: int = 12_000) -> None:

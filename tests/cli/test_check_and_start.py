@@ -36,6 +36,7 @@ GOOD: dict[str, tuple[list[str], str]] = {
     "design": (["design", "wam", "--out", "NEW.toml"], "mitt.cli.designing.search_design"),
     "run": (["run", "wam-sim"], "mitt.robot.cell.dds.DomainParticipant"),
     "sim": (["sim", "wam-sim"], "mitt.robot.cell.dds.DomainParticipant"),
+    "measure": (["measure", "wam-sim"], "mitt.robot.cell.dds.DomainParticipant"),
     "guard": (["guard", "CELL.toml"], "mitt.robot.cell.dds.DomainParticipant"),
     "study": (["study", "STUDY.toml", "--out", "OUT"], "mitt.lab.trials.study_run.run_study"),
     "track": (["track", "POINTS.csv", "--out", "NEW.csv"], "mitt.cli.seeing.follow_all"),

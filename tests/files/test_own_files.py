@@ -81,6 +81,7 @@ WRITERS = {
     "robot/cameras/video_writer.py": "cli: check_new_files",
     "cli/measuring.py": "a run of ours that has no result",
     "io/arm_file.py": "cli: check_new_files",
+    "io/measured_cell.py": "cli: check_new_files",
     "io/maps.py": "cli: check_new_files or claim_folder; the cache of maps",
     "io/recordings.py": "claim_folder",
     "io/rig.py": "cli: check_new_files",

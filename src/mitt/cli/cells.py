@@ -1,25 +1,30 @@
-"""``mitt run`` and ``mitt sim``: catch with the robot of a cell; be that cell in simulation."""
+"""``mitt run``, ``mitt sim``, ``mitt measure``: a cell catches, is simulated, is measured."""
 
 import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing, contextmanager, nullcontext
+from pathlib import Path
 from typing import Any
 
 import mitt
-from mitt.cli.options import GuardOptions, RunOptions, SimOptions
-from mitt.cli.screen import checked, live_table, print_json, show, tell_of_kernels
+from mitt.cli.options import GuardOptions, MeasureOptions, RunOptions, SimOptions
+from mitt.cli.screen import check_new_files, checked, live_table, print_json, show, tell_of_kernels
 from mitt.clock import hurried, pinned, timekeeping, uncollected
 from mitt.core.errors import InputError
 from mitt.interrupts import notice, status_of, tell
-from mitt.io.cell import arm_of, read_cell
+from mitt.io.cell import Cell, arm_of, cell_text, read_cell, without_load
+from mitt.io.measured_cell import measured_text, write_measured
 from mitt.io.writing import Leaves, check_folder, check_ours, claim_folder, file_name, locked
 from mitt.lab.trials.result import spread_words
 from mitt.robot.cell.drivers import check_driver, connect_robot
+from mitt.robot.cell.excitation import NotedRobot, excitation
+from mitt.robot.cell.identification import Figure, Identified, identify
 from mitt.robot.cell.prepare import (
     CellMap,
     PreparedCell,
     cell_about,
     feed_of,
+    period_of,
     prepare,
     scene_of_cell,
 )
@@ -181,6 +186,62 @@ def sim_command(options: SimOptions) -> int:
     else:
         show(_in_words(said))
     return status
+
+
+def measure_command(options: MeasureOptions) -> int:
+    """Run ``mitt measure``; return its exit status: 1 where the motion was not made to its end."""
+    cell = read_cell(options.cell)
+    prepared = prepare(cell)
+    path, text = cell_text(options.cell)
+    out = options.out
+    check_new_files(options, {"--out": out})
+    if out is not None:
+        _check_measurable(cell, path, out, text)
+    controllers = check_driver(cell, prepared.arm)
+    if options.check:
+        checked(_about(prepared))
+        for wanted in controllers:
+            tell(wanted)
+        return 0
+    tell_of_kernels()
+    f = made_ready(prepared, tell)
+    in_time = nullcontext("no real time") if cell.robot.driver == "sim" else hurried()
+    with uncollected():
+        connection = connect_robot(prepared)
+        noted = NotedRobot(connection.robot, cell.robot.takes)
+        with closing(noted):
+            loop = loop_of(prepared, f, connection._replace(robot=noted), measures=excitation)
+            session = Session(loop, noted, Person(yes=options.yes), tell, throws=0)
+            with in_time as granted, pinned(_CORE):
+                tell(f"{_about(prepared)}; {granted}")
+                session.run()
+    if loop.measured is None:
+        tell("the arm was not measured: the motion was not made to its end")
+        return 128 + session.signal if session.signal else 1
+    log = noted.log(*loop.measured)
+    found = identify(arm_of(without_load(cell)), cell.robot.takes, log, period=period_of(cell))
+    said = {"schema": "mitt.measure/1", "version": mitt.__version__, "cell": cell.name}
+    if options.json:
+        print_json({**said, **found.figures, "out": None if out is None else str(out)})
+    else:
+        show(*found.words)
+    if out is not None:
+        about = f"{cell.name}, by mitt {mitt.__version__}"
+        write_measured(out, measured_text(text, found.values, place=str(path)), about=about)
+        read_cell(out)  # says what no cell may have, as a delay of 30 ms
+        tell(f"written: {out}")
+    return 0
+
+
+def _check_measurable(cell: Cell, path: Path, out: Path, text: str) -> None:
+    """Refuse a file that could not say what is measured, before the arm moves."""
+    named = (cell.arm.file, cell.arm.limits, cell.map, cell.source.rig)
+    files = any(x is not None and Path(x).suffix for x in named)
+    if files and path.parent.absolute() != out.parent.absolute():
+        do = "the cell names other files as seen from there"
+        raise InputError("--out", f"a file in the folder {path.parent}", str(out), do=do)
+    some = Figure(1.0, 0.0)
+    measured_text(text, Identified(delay=some, servo=some).values, place=str(path))
 
 
 def guard_command(options: GuardOptions) -> int:

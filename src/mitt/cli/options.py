@@ -381,6 +381,30 @@ class SimOptions(Options):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class MeasureOptions(Options):
+    """Measure how the robot of a cell follows, by a motion of 8 s about its ready pose.
+
+    The delay of the link, the bandwidth of a joint control and, where torques are sent, the mass at
+    the tool plate, each with its standard deviation. The arm moves only once Enter was pressed or
+    --yes was said (docs/cell.md).
+
+    Attributes:
+        cell: A cell as of mitt run.
+        yes: The arm may move at once: somebody watches it.
+        out: File for a copy of the cell with these figures in it, in the folder of the cell's file.
+        overwrite: Replace an earlier file of mitt measure.
+    """
+
+    module: ClassVar = "cells"
+    examples: ClassVar = ("mitt measure wam-sim --yes --out CELL-measured.toml",)
+
+    cell: CellName
+    yes: bool = False
+    out: Annotated[Path | None, Arg("NEW.toml")] = None
+    overwrite: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class GuardOptions(Options):
     """Stand between mitt run and a controller without a timeout: zeros where no command comes.
 
@@ -673,6 +697,7 @@ COMMANDS: dict[str, type[Options]] = {
     "design": DesignOptions,
     "run": RunOptions,
     "sim": SimOptions,
+    "measure": MeasureOptions,
     "guard": GuardOptions,
     "study": StudyOptions,
     "report": ReportOptions,

@@ -4,6 +4,7 @@ from math import pi
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from mitt.core import checks
@@ -17,7 +18,7 @@ from mitt.core.eyes.camera import Rig, fixed_rig
 from mitt.core.eyes.lens import Lens, is_bent
 from mitt.core.signals import TICK
 from mitt.io.arm_file import ArmFile, Name, arm_with_hand
-from mitt.io.reading import read_toml, shipped, shipped_path
+from mitt.io.reading import MAX_TOML_BYTES, read_text, read_toml, shipped, shipped_path
 from mitt.io.rig import read_rig
 from mitt.io.schema import FileSection, Finite, parsed
 
@@ -32,6 +33,7 @@ _TICKS = (1, 2, 4)
 _FileName = Annotated[str, Field(pattern=r"^\w[\w .+-]{0,59}$")]
 _Point = tuple[Finite, Finite, Finite]
 _Positive = Annotated[float, Field(gt=0.0, le=1e4)]
+_Beside = Annotated[float, Field(ge=-1.0, le=1.0)]
 _Side = Annotated[float, Field(ge=0.005, le=0.5)]
 
 
@@ -43,12 +45,17 @@ class ArmPart(FileSection):
         tip: Frame at which the hand, or the tool of a task, is mounted.
         joints: The active joints.
         limits: Limit set, by name or file.
+        load: Mass that is fixed at the tool plate beside the hand, as ``mitt measure`` finds it
+            [kg].
+        load_at: Its centre in the frame of the tool plate [m].
     """
 
     file: Name = "wam"
     tip: Name | None = None
     joints: list[Name] | None = None
     limits: Name | None = None
+    load: Annotated[float, Field(ge=0.0, le=20.0)] = 0.0
+    load_at: tuple[_Beside, _Beside, _Beside] = (0.0, 0.0, 0.0)
 
 
 class BallPart(FileSection):
@@ -185,8 +192,8 @@ class RobotPart(FileSection):
         rate: Readings and commands a second: 1000 or 500, without torques also 250 [Hz].
         watchdog: Time without a command after which it brakes by itself [s].
         delay: Time from reading the joints until the command made then ceases to act [s].
-        servo: Bandwidth of its own joint control, where it takes no torques [Hz]: measure it, by a
-            step of a joint.
+        servo: Bandwidth of its own joint control, where it takes no torques [Hz], as
+            ``mitt measure`` finds it.
         joints: Names of the active joints at the robot, in the arm's order; the arm's if left out.
         options: Options of the driver.
     """
@@ -272,18 +279,44 @@ def read_cell(name_or_path: str | Path) -> Cell:
     Raises:
         FileError: The file cannot be read, or does not say what it should.
     """
-    path = checks.path("cell", name_or_path)
-    if path.suffix != ".toml":
-        known = shipped("cells")
-        if str(name_or_path) not in known:
-            raise FileError(
-                str(name_or_path),
-                f"a .toml file, or one of {', '.join(known)}",
-                "neither",
-                do=meant(str(name_or_path), known),
-            )
-        path = shipped_path("cells", str(name_or_path))
+    path = _path_of(name_or_path)
     return cell_of(read_toml(path), place=str(path), folder=path.parent)
+
+
+def _path_of(name_or_path: str | Path) -> Path:
+    """Return the file of a cell; errors as of :func:`read_cell`."""
+    path = checks.path("cell", name_or_path)
+    if path.suffix == ".toml":
+        return path
+    known = shipped("cells")
+    if str(name_or_path) not in known:
+        raise FileError(
+            str(name_or_path),
+            f"a .toml file, or one of {', '.join(known)}",
+            "neither",
+            do=meant(str(name_or_path), known),
+        )
+    return shipped_path("cells", str(name_or_path))
+
+
+def cell_text(name_or_path: str | Path) -> tuple[Path, str]:
+    """Return the file of a cell, and its text; errors as of :func:`read_cell`."""
+    path = _path_of(name_or_path)
+    return path, read_text(path, max_bytes=MAX_TOML_BYTES)
+
+
+def bare_arm(cell: Cell, arm: Arm) -> Arm:
+    """Return the arm of a cell as its robot knows it: without the load that the cell adds."""
+    of = cell.arm
+    if of.load == 0.0:
+        return arm
+    none = np.zeros((3, 3))
+    return Arm(arm.model.loaded(-of.load, at=np.array(of.load_at), inertia=none), arm.limits)
+
+
+def without_load(cell: Cell) -> Cell:
+    """Return a cell whose arm carries nothing beside its hand."""
+    return cell.model_copy(update={"arm": cell.arm.model_copy(update={"load": 0.0})})
 
 
 def cell_of(raw: Any, *, place: str, folder: Path = Path()) -> Cell:  # noqa: ANN401 (any TOML)
@@ -330,7 +363,8 @@ def _check_task(cell: Cell, place: str) -> None:
     if cell.task.target == "belt" and cell.task.belt is None:
         raise FileError(f"{place} key 'task.belt'", "the belt that brings the parts", "none")
     images = "images" if cell.source.kind == "images" else None
-    for key, value in {"map": cell.map, "source.kind": images}.items():
+    load = f"{cell.arm.load:g} kg" if cell.arm.load else None
+    for key, value in {"map": cell.map, "source.kind": images, "arm.load": load}.items():
         if value is not None:
             raise FileError(
                 f"{place} key {key!r}",
@@ -363,7 +397,12 @@ def arm_and_file(cell: Cell) -> tuple[Arm, ArmFile | None]:
         raise InputError(f"{cell.name} arm", "an arm with a hand", "none", do=do)
     check_names(cell, arm)
     scale = cell.motion.speed_scale
-    return (arm if scale == 1.0 else Arm(arm.model, slowed(arm.limits, scale))), file
+    model, limits = arm.model, arm.limits
+    if of.load > 0.0:
+        model = model.loaded(of.load, at=np.array(of.load_at), inertia=np.zeros((3, 3)))
+    if scale != 1.0:
+        limits = slowed(limits, scale)
+    return (arm if model is arm.model and limits is arm.limits else Arm(model, limits)), file
 
 
 def check_names(cell: Cell, arm: Arm) -> None:

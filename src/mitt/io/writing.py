@@ -41,7 +41,7 @@ _BEGINNINGS = {
     ".jsonl": re.compile(rb'\{\s*"schema":\s*"mitt\.'),
     ".html": re.compile(rb"<!doctype html>.*<title>mitt: ", re.DOTALL),
     ".mcap": re.compile(rb"\x89MCAP0\r\n\x01.{12}ros2.{4}mitt", re.DOTALL),
-    ".toml": re.compile(rb"# (mitt design: |Cameras as mitt calibrate found them)"),
+    ".toml": re.compile(rb"# (mitt design: |mitt measure: |Cameras as mitt calibrate found them)"),
     ".png": re.compile(rb"\x89PNG.*tEXtSoftware\x00mitt", re.DOTALL),
     ".mkv": re.compile(rb"\x1aE\xdf\xa3.*mitt", re.DOTALL),
 }

@@ -19,7 +19,7 @@ from mitt.core.catcher.catcher import Catcher, Phase
 from mitt.core.control.health import Reason
 from mitt.core.eyes.clock_offset import LearnedClock
 from mitt.core.eyes.lens import Lens
-from mitt.core.signals import TICK, ArmState, Command
+from mitt.core.signals import TICK, ArmState, Array, Command
 from mitt.lab.trials.slow_motion import slow_motion
 from mitt.robot.cell.frames import FrameSet, FrameSource, Sight
 from mitt.robot.cell.placing import Leg, PutDown
@@ -78,6 +78,8 @@ class Mode(Enum):
     """A fresh catcher watches, follows, brakes and holds."""
     PLACING = "putting down"
     """A part that was met."""
+    MEASURING = "measuring"
+    """How the robot follows: the arm swings about its ready pose."""
     STOPPING = "stopping"
     """A controlled stop within all limits."""
     STOPPED = "stopped"
@@ -96,6 +98,7 @@ class LiveLoop:
             of what is looked at now and then, what the last look found.
         brakes: What the brakes were told last, as far as nothing went wrong with that.
         age: Time from the newest reading to its command here [s].
+        measured: Stamps between which the arm was measured [s]; None before.
     """
 
     def __init__(
@@ -113,6 +116,7 @@ class LiveLoop:
         clock: Callable[[], float] = monotonic,
         period: float = TICK,
         placing: PutDown | None = None,
+        measures: Callable[[Arm, Array], Array] | None = None,
     ) -> None:
         """Take the robot, the arm as it is driven, and a first catcher.
 
@@ -121,6 +125,8 @@ class LiveLoop:
         is lost [s], ``clock`` the steady clock by which readings arrive, ``period`` apart [s].
         Without ``frames`` the ball is seen as points; ``lenses`` bend them. ``recorder`` keeps each
         tick of a catch. ``placing`` puts down the parts that are met, where no balls are caught.
+        ``measures`` returns a motion about a pose, from rest to rest, that is made once the arm is
+        in its ready pose for the first time.
         """
         self._link, self._robot, self._arm = link, link.robot, arm
         self._share, self._silence, self._sight = ready_speed, silence, Sight(frames, lenses)
@@ -137,6 +143,8 @@ class LiveLoop:
         self.age, self._until, self._fastest, self._missed = 0.0, np.inf, 0.0, False
         self._unread, self._placing, self._leg, self._empty = 0, placing, Leg.BACK, 0
         self._rules = Rules() if placing is None else _PARTS
+        self._measures, self._from = measures, 0.0
+        self.measured: tuple[float, float] | None = None
 
     @property
     def idle(self) -> bool:
@@ -205,7 +213,7 @@ class LiveLoop:
 
     def stop(self, why: str) -> None:
         """Stop within all limits, for a reason; it stays so until :meth:`begin`."""
-        if self.mode in (Mode.MOVING, Mode.CATCHING, Mode.PLACING):
+        if self.mode in (Mode.MOVING, Mode.CATCHING, Mode.PLACING, Mode.MEASURING):
             self.why = why
             self._ticks.stop()
             self.mode, self._until = Mode.STOPPING, self._ticks.stamps.t + _STOPS
@@ -296,7 +304,7 @@ class LiveLoop:
     def _answer(self, command: Command, stamp: float) -> None:
         """Pass a command on; give up a robot that takes none."""
         try:
-            slow = self.mode in (Mode.MOVING, Mode.PLACING)
+            slow = self.mode in (Mode.MOVING, Mode.PLACING, Mode.MEASURING)
             fastest = _TO_READY if slow else np.inf
             q = self._ticks.catcher.estimated[0]
             self._link.write(command, stamp, q, fastest=fastest)
@@ -358,6 +366,8 @@ class LiveLoop:
             self._cut("the brakes were engaged: a joint was not read")
         elif self.mode is Mode.MOVING:
             self._moving(now)
+        elif self.mode is Mode.MEASURING:
+            self._measuring(now)
         elif self.mode is Mode.CATCHING:
             self._catching(now)
         elif self._placing is not None:
@@ -374,12 +384,28 @@ class LiveLoop:
             self._ticks.recorded = False
             self._until = now + len(way) * TICK
         elif now > self._until:
-            if (gap := np.max(np.abs(catcher.estimated[0] - ready))) < _NEAR and self._ticks.rests:
+            near = (gap := np.max(np.abs(catcher.estimated[0] - ready))) < _NEAR
+            if near and self._ticks.rests and self._measures is not None:
+                way = self._measures(self._arm, catcher.result.command[0].copy())
+                catcher.move(way)
+                self._until, self._from = now + len(way) * TICK, self._ticks.stamps.stamp
+                self.mode, self._measures = Mode.MEASURING, None
+            elif near and self._ticks.rests:
                 self._ticks.fresh()
                 self._ticks.record()
                 self.mode = Mode.CATCHING
             elif now > self._until + 1.0:
                 self.stop(f"the ready pose was not reached: {gap:.2f} rad are left")
+
+    def _measuring(self, now: float) -> None:
+        """Let the arm swing to the end of the motion, then go to the ready pose."""
+        if self._races("while it was measured"):
+            return
+        if now > self._until and self._ticks.rests:
+            self.measured = (self._from, self._ticks.stamps.stamp)
+            self.mode, self._until = Mode.MOVING, np.inf
+        elif now > self._until + 1.0:
+            self.stop("the arm does not come to rest after it was measured")
 
     def _races(self, where: str) -> bool:
         """Stop an arm that is faster than it was told to be on its way; say whether it is."""

@@ -18,8 +18,9 @@ from types import FrameType
 from typing import Any, TypeAlias, final
 
 from mitt.clock import hurried, monotonic, pinned, sleep_until, time_of_day, uncollected
+from mitt.core.arm.arm import Arm
 from mitt.core.catcher.loading import load_decisions
-from mitt.core.signals import TICK
+from mitt.core.signals import TICK, Array
 from mitt.interrupts import SIGNALS, ask_to_end, notice
 from mitt.lab.trials.score import STATUSES as THROWN
 from mitt.lab.trials.statistics import spread_of
@@ -71,9 +72,14 @@ def words() -> Any:  # noqa: ANN401 (shared memory)
 
 
 def loop_of(
-    prepared: PreparedCell, f: CellMap, connection: Connection, recorder: Recorder | None = None
+    prepared: PreparedCell,
+    f: CellMap,
+    connection: Connection,
+    recorder: Recorder | None = None,
+    *,
+    measures: Callable[[Arm, Array], Array] | None = None,
 ) -> LiveLoop:
-    """Return the live loop of a cell with a robot."""
+    """Return the live loop of a cell with a robot, and what moves its arm to measure it, if any."""
     cell = prepared.cell
     unbraked = cell.robot.options.get("unbraked") is True
     return LiveLoop(
@@ -88,6 +94,7 @@ def loop_of(
         clock=connection.clock,
         period=period_of(cell),
         placing=prepared.placing,
+        measures=measures,
     )
 
 

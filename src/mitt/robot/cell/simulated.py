@@ -6,6 +6,7 @@ it is clear what became of it.
 """
 
 import json
+from collections import deque
 from collections.abc import Callable, Sequence
 from math import log, pi
 from typing import Protocol, final
@@ -17,7 +18,7 @@ from mitt.core.control.setpoints import ROWS
 from mitt.core.control.stop import plan_brake
 from mitt.core.eyes.lens import bender
 from mitt.core.signals import TICK, Array, Command, Image
-from mitt.io.cell import RobotPart
+from mitt.io.cell import Cell, RobotPart
 from mitt.lab.trials.runner import cameras_of
 from mitt.lab.trials.score import continuous_shares, drive_loads, overheated, ticks_beyond
 from mitt.lab.world.drives import JointControl
@@ -42,6 +43,8 @@ _RATIO = 1.01
 _CLASSES = 1640
 #: Relative error of a rate by stamps that are times of the day: they are rounded to 2.4e-7 s.
 _STAMPS = 1e-3
+#: Age from which a command's stamp is none of this robot's: it acts as if it answered now [s].
+_FOREIGN = 1.0
 #: Readings whose times are kept to tell the age of the command that answers them.
 _KEPT = 256
 
@@ -52,7 +55,8 @@ class Controller:
 
     It holds the arm on its brakes until it is released. From then on it expects commands; where
     none has come for the watchdog's time it brakes as a catcher does, engages the brakes and
-    stays so: a protective stop.
+    stays so: a protective stop. A command acts once a reading of the time that it answers is as old
+    as the link and the drives of the cell make it.
 
     Attributes:
         trouble: Why it takes no commands; nothing where it does.
@@ -61,9 +65,13 @@ class Controller:
             to take; None until there was one.
     """
 
-    def __init__(self, arm: Arm, robot: RobotPart) -> None:
-        """Take the arm, and what the cell's file says of the robot."""
+    def __init__(self, arm: Arm, robot: RobotPart, *, late: float = 0.0) -> None:
+        """Take the arm, and what the cell's file says of the robot.
+
+        A command begins to act no sooner than ``late`` after the reading that it answers [s].
+        """
         self._arm, self._watchdog, self._row = arm, robot.watchdog, ROWS[robot.takes]
+        self._late, self._coming = late, deque[tuple[float, ReceivedCommand]]()
         w = 2.0 * pi * robot.servo
         self._control = (
             None if robot.takes == "torque" else JointControl(arm, robot.takes, bandwidth=w)
@@ -72,7 +80,7 @@ class Controller:
         self.stop_time: tuple[float, float] | None = None
         self._take_over(0.0, arm.q_ready, np.zeros(arm.n))
         self._told: ReceivedCommand | None = None
-        self._heard, self._since, self._hand = 0.0, np.inf, 0.0
+        self._heard, self._acted, self._since, self._hand = 0.0, 0.0, np.inf, 0.0
 
     @property
     def commanded(self) -> bool:
@@ -91,7 +99,8 @@ class Controller:
 
     def release(self, t: float, q: Array, dq: Array) -> None:
         """Release the brakes and forget a stop: hold the arm until a command comes."""
-        self.trouble, self.released, self._told, self._heard = "", True, None, t
+        self.trouble, self.released, self._told = "", True, None
+        self._heard = self._acted = t
         self._take_over(t, q, dq)
 
     def engage(self, t: float, q: Array, dq: Array) -> None:
@@ -103,19 +112,27 @@ class Controller:
     def command(self, t: float, q: Array, dq: Array, new: ReceivedCommand | None) -> Command:
         """Return what acts in the tick from ``t`` [s] on; ``new`` is a command that has come."""
         if new is not None and self.released:
-            if self._control is not None:
-                self._control.take(new.joints[self._row], passed=max(t - self._heard, TICK))
-            self._told, self._heard, self._hand = self._cut(new), t, new.hand
+            answered = new.answers if abs(t - new.answers) < _FOREIGN else t
+            self._coming.append((answered + self._late, new))
+            self._heard = t
         elif self.released and t - self._heard > self._watchdog:
             self.trouble = f"protective stop: no command for {1e3 * self._watchdog:.0f} ms"
             self.released, self._told, self._since = False, None, t
             self._take_over(t, q, dq)
+        while self._coming and self._coming[0][0] < t + 0.1 * TICK:
+            self._obey(t, self._coming.popleft()[1])
         if np.isfinite(self._since) and np.all(np.abs(dq) < _REST):
             self.stop_time = (t - self._since, self._way.duration)
             self._since = np.inf
         told = self._own(t, q, dq) if self._told is None else self._followed(q, dq)
         still = not self.released and self._held is not None
         return Command(t=t, joints=told, hand=self._hand, brakes=still)
+
+    def _obey(self, t: float, new: ReceivedCommand) -> None:
+        """Let a command act from now on."""
+        if self._control is not None:
+            self._control.take(new.joints[self._row], passed=max(t - self._acted, TICK))
+        self._told, self._acted, self._hand = self._cut(new), t, new.hand
 
     def _cut(self, new: ReceivedCommand) -> ReceivedCommand:
         """Return a command without what torques may not change in a tick, as drivers cut it off."""
@@ -129,6 +146,7 @@ class Controller:
     def _take_over(self, t: float, q: Array, dq: Array) -> None:
         """Plan the stop from here, to hold wherever it ends."""
         self._held: Array | None = None
+        self._coming.clear()
         if self._control is not None:
             self._control.restart()
         self._way = plan_brake(self._arm, t, np.array([q, dq, np.zeros(self._arm.n)]))
@@ -215,6 +233,18 @@ class Port(Protocol):
         """Take away what others should not find any more."""
 
 
+def _link_of(cell: Cell, scene: Scene) -> float:
+    """Return how late a command begins to act at the robot of a cell, whole ticks [s].
+
+    The time for which it acts is of the cell's delay; so is what the drives of the scene take, but
+    within a joint control, where it makes no command later.
+    """
+    of, robot = scene.actuation, cell.robot
+    drives = of.delay * TICK + (0.0 if of.bandwidth == 0.0 else 0.5 / (pi * of.bandwidth))
+    link = robot.delay - robot.ticks * TICK - (drives if robot.takes == "torque" else 0.0)
+    return max(round(link / TICK), 0) * TICK
+
+
 @final
 class SimulatedCell:
     """A cell in simulation.
@@ -249,7 +279,7 @@ class SimulatedCell:
         self._bend = [bender(lens) for lens in prepared.lenses]
         cameras = cameras_of(prepared.rig, scene) if self._sees else None
         self._world = World(scene, arm.model, cameras=cameras, limits=arm.limits)
-        self._controller = Controller(arm, prepared.cell.robot)
+        self._controller = Controller(arm, prepared.cell.robot, late=_link_of(prepared.cell, scene))
         self._every = prepared.cell.robot.ticks
         self._base, self._ticks, self._next, self._flying = started, 0, 0, False
         self._settled, self.done = 0, False

@@ -13,9 +13,10 @@ A UR reads its joints and takes commands 500 times a second: ``robot.rate = 500`
 - speeds by ``speedj``: its leading axis accelerates by 40 rad/s^2 at most, the others in step;
 - positions by ``servoj``: users measure 34 ms of lag with a lookahead of 0.03 s;
 - torques by ``direct_torque``, which the script of ur_rtde 1.6.5 has from PolyScope 5.26 on. The
-  controller adds those against the arm's weight, so that mitt's are sent without.
+  controller adds those against the weight of arm and payload, so that mitt's are sent without, but
+  for the weight of a load that the cell adds (``arm.load``): that the robot knows nothing of.
 
-``robot.delay`` and ``robot.servo`` say how it follows: measure both, by a step of one joint.
+``robot.delay`` and ``robot.servo`` say how it follows: ``mitt measure`` finds both.
 
 A command is written into the input registers, which the controller looks at each 2 ms: nothing else
 is sent between two commands, or it would see that instead. Each command also feeds the watchdog.
@@ -34,7 +35,7 @@ from mitt.clock import monotonic, pause
 from mitt.core.arm.arm import Arm
 from mitt.core.errors import InputError, check_package
 from mitt.core.signals import TICK, ArmState, Array, Command, Sighting
-from mitt.io.cell import Cell
+from mitt.io.cell import Cell, bare_arm
 from mitt.robot.cell.device_clock import DeviceClock
 from mitt.robot.cell.plugins import given_options
 
@@ -138,7 +139,8 @@ class UrRobot:
             acceleration: Of ``speedj`` [rad/s^2].
         """
         of = given_options("robot.options", cell.robot.options, _OPTIONS)
-        self._index, self._arm, self._takes = ur_index(cell, arm), arm, cell.robot.takes
+        self._index, self._takes = ur_index(cell, arm), cell.robot.takes
+        self._known = bare_arm(cell, arm)
         self._control, self._receive, self._unlock = control, receive, unlock
         self._clock, self._acceleration = clock or DeviceClock(), acceleration
         self._lookahead, self._gain = of["lookahead"], of["gain"]
@@ -182,9 +184,9 @@ class UrRobot:
             self._control.directTorque(torques.tolist())
 
     def _weight(self, q: Array) -> Array:
-        """Return the torques against the arm's weight [N m]."""
+        """Return the torques against the arm's weight that the robot itself adds [N m]."""
         still = np.zeros(len(q))
-        return self._arm.inverse_dynamics(q, still, still)
+        return self._known.inverse_dynamics(q, still, still)
 
     def engage_brakes(self) -> None:
         """Let the arm stop; its drives hold it then."""
