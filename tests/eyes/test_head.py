@@ -10,9 +10,9 @@ from mitt.core.ball.flight import advance
 from mitt.core.errors import InputError, ShapeError
 from mitt.core.eyes.camera import Head, Rig, look_at
 from mitt.core.eyes.eyes import Eyes, EyesStatus
-from mitt.core.eyes.groups import PANORAMA
 from mitt.core.eyes.head import active_rig, aim_heads, bearing, lead, pack_heads, pose_of
 from mitt.core.eyes.localization import eyes_handle
+from mitt.core.eyes.panorama import PANORAMA
 from mitt.core.eyes.segmentation import GOOD
 from mitt.core.signals import Array, Frame
 from mitt.lab.world.imaging import Imager, ImageSensor

@@ -236,3 +236,20 @@ def test_pixels_out_of_order_are_listed_and_corners_are_not() -> None:
         (30, 41),
         (50, 70),
     ]
+
+
+@settings(max_examples=20)
+@given(st.floats(4.0, 12.0), st.floats(0.3, 3.0), st.integers(0, 2**32))
+def test_a_ball_that_comes_into_the_image_is_not_taken_for_two(
+    radius: float, speed: float, seed: int
+) -> None:
+    """It grows until it is whole; its mass says nothing of something that touches it."""
+    rng, segmenter = np.random.default_rng(seed), Segmenter()
+    for k in range(int((2.0 * radius + 12.0) / speed)):
+        image = 24.0 + 160.0 * disc(40.0, -radius + k * speed, radius)
+        noisy = np.clip(np.rint(image + rng.normal(0.0, 2.0, image.shape)), 0.0, 255.0)
+        pixels = noisy.astype(np.uint8)
+        m = segmenter.step(Frame(t=1e-3 * k, camera=0, number=k, pixels=pixels))
+        assert not m.merged
+    assert m.found
+    assert not m.clipped

@@ -1,9 +1,10 @@
-"""What a camera that stands still sees without the ball, and what an image differs from it by.
+"""What a camera sees without the ball, and what an image differs from it by.
 
 The difference is the image, divided by the light of the instant relative to that of the background,
 less the background; ``OFFSET`` stands for none. Where the ball's contrast is known, it is scaled so
 that the ball weighs the same before any part of the background (:mod:`mitt.core.eyes.segmentation`,
-whose table holds here).
+whose table holds here). The background of a camera that turns is what its panorama has where it
+looks (:mod:`mitt.core.eyes.panorama`); it goes on learning.
 """
 
 from collections.abc import Sequence
@@ -12,7 +13,18 @@ from math import pi, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt.core.eyes.blobs import Ints
+from mitt.core.eyes.blobs import EMPTY, Ints
+from mitt.core.eyes.panorama import (
+    PANORAMA,
+    allow_beside,
+    blank,
+    cut_out,
+    divided,
+    fill_unseen,
+    forget_directions,
+    mean_ratio,
+    record,
+)
 from mitt.core.kernels import Fields, Record, kernel, view
 from mitt.core.signals import Image
 
@@ -22,9 +34,10 @@ MOST_FAULTS = 256
 OFFSET = 24.0
 """Grey level that stands for no difference; a choice of this project."""
 RIM = 4
+WINDOW = 24.0
 APART = 16
-"""Rows at the upper and lower rim of a window whose light is measured, and every how many rows of a
-whole image [px]."""
+"""Rows at the upper and lower rim of a window whose light is measured, by how much it is wider than
+the ball, and every how many rows of a whole image [px]."""
 LEAST = 0.25
 """Share of the ball's contrast with the mean background that it must have with the background at a
 pixel; where it has less, as before a lamp or a white arm at rest, the pixel says nothing."""
@@ -42,6 +55,10 @@ levels, to tell the light; sum of squares below which the background is too dark
 NEARLY = 20
 CLOSE = 3.0
 """The same where the mean light is known: steps, and standard deviations of the background."""
+SWEPT = 200
+"""Looks after which a camera that turns has seen most of where it looks for balls."""
+BESIDE = 4
+"""What the panorama is not told beside a target [px]: its rim, and its smear."""
 EVEN = 1e5
 """What light that is even weighs against slopes: pixels have noise, few say little [levels^2 px^2].
 """
@@ -135,13 +152,59 @@ def light_of(
 
 
 @kernel
+def background_of(pixels: Image, background: Image, difference: Image, target: Fields) -> Image:
+    """Return what an image should show without the ball, within what was subtracted last."""
+    if target.turns == 0:
+        return background
+    return view(difference, pixels.size, pixels.shape)
+
+
+@kernel
+def _lay_out(
+    pixels: Image, panorama: Image, window: Ints, target: Fields, difference: Image
+) -> None:
+    """Write what a camera that turns should see, within a window; see :func:`background_of`.
+
+    What lies where it never looked is not new, or it would turn to lamps; but for the first looks,
+    and while it follows something, or a ball is expected.
+    """
+    part, laid = (
+        view(difference, 2 * pixels.size, pixels.shape),
+        view(difference, pixels.size, pixels.shape),
+    )
+    light = target.light if target.light > 0.0 else 1.0
+    cut_out(panorama, (target.turn_v, target.turn_u), window, part)
+    as_seen = target.looks > SWEPT and target.expected == 0.0 and target.state == 0
+    fill_unseen(part, pixels, light, window, as_seen)
+    allow_beside(part, pixels, light, window, laid)
+
+
+@kernel
+def error_by_light(target: Fields) -> float:
+    """Return by how much noise in the slope of light moves the centroid of a ball, 1 sigma [px].
+
+    The light is known from the rim of a window, and a slope of it brightens a side of the ball: a
+    large one before a dark wall feels it most. The contrast of the ball is to be known.
+    """
+    radius = sqrt(target.moments.area / pi)
+    wide = 2.0 * radius + WINDOW
+    slope = target.noise / (max(target.mean, 1.0) * sqrt(RIM * wide * wide * wide / 6.0))
+    level = abs(1.0 + target.sign * target.mean / max(target.gain, 1.0))
+    return float(0.25 * slope * radius * radius * level)
+
+
+@kernel
 def subtract(
-    pixels: Image, background: Image, window: Ints, whole: bool, target: Fields, difference: Image
+    pixels: Image, background: Image, window: Ints, whole: bool, target: Fields, scratch: Image
 ) -> float:
     """Write the difference image within a window, which may be the whole image; return the light.
 
-    Only ``difference`` is changed.
+    Only ``scratch``, which begins with the difference image, is changed.
     """
+    difference = view(scratch, 0, pixels.shape)
+    if target.turns > 0:
+        _lay_out(pixels, background, window, target, scratch)
+    background = background_of(pixels, background, scratch, target)
     light, along_u, along_v = light_of(pixels, background, window, whole, target)
     known = target.weighed > 0.0 and target.expected > 0.0
     contrast, side = target.gain if known else 0.0, -1.0 if target.sign < 0 else 1.0
@@ -217,8 +280,14 @@ def keep_background(target: Record, background: Image) -> None:
         target: A record of ``TARGET``, overwritten.
         background: Mean image without the ball.
     """
+    target["learned"], target["sign"] = 1, 0
+    keep_faults(target, background)
+
+
+def keep_faults(target: Record, background: Image) -> None:
+    """Note which pixels of a camera stand out of their neighbours in an image without the ball."""
     places = faulty_pixels(background)
-    target["learned"], target["sign"], target["faults"] = 1, 0, places.shape[1]
+    target["faults"] = places.shape[1]
     target["fault_v"][: places.shape[1]], target["fault_u"][: places.shape[1]] = places
 
 
@@ -241,6 +310,10 @@ def mean_background(images: Sequence[Image]) -> Image:
 @kernel
 def is_learned(pixels: Image, background: Image, difference: Image, target: Fields) -> bool:
     """Return whether there is a background to subtract, and room for the difference."""
+    if target.turns > 0:
+        small = max(pixels.shape[0], pixels.shape[1]) <= PANORAMA
+        room = difference.size >= 3 * pixels.size
+        return bool(small and room and background.size == PANORAMA * PANORAMA)
     fits = background.size == pixels.size and difference.size >= pixels.size
     return bool(fits and target.learned > 0)
 
@@ -258,9 +331,72 @@ def searched_difference(
     shown = view(difference, 0, pixels.shape)
     if whole:
         whole_image(pixels, window)
-        target.mean = np.mean(background[::APART])
-    target.light = subtract(pixels, background, window, whole, target, shown)
+    target.light = subtract(pixels, background, window, whole, target, difference)
+    if whole and target.weighed == 0.0:  # what was learned of the ball refers to it
+        target.mean = np.mean(background_of(pixels, background, difference, target)[::APART])
     return shown
+
+
+@kernel
+def _include(window: Ints, u: float, v: float, reach: float) -> None:
+    """Widen a window to what lies within a reach of a place."""
+    window[0], window[1] = min(window[0], int(v - reach)), max(window[1], int(v + reach))
+    window[2], window[3] = min(window[2], int(u - reach)), max(window[3], int(u + reach))
+
+
+@kernel
+def _window_of(target: Fields, shape: tuple[int, int], window: Ints) -> None:
+    """Write the part of an image in which the ball is or may be; none: empty.
+
+    Its mask may leave a part of it out, and of what may be a ball a part may lie in directions that
+    were never seen.
+    """
+    window[0], window[1], window[2], window[3] = EMPTY, -EMPTY, EMPTY, -EMPTY
+    known = target.expected > 0.0
+    rim = sqrt((target.expected if known else 4.0 * target.usual) / pi) + BESIDE
+    if known:
+        _include(window, target.at_u, target.at_v, rim + target.near if target.state == 0 else rim)
+    if target.state != 0:
+        _include(window, target.u, target.v, rim)
+        for k in range(target.height):
+            if target.runs[0, k] <= target.runs[1, k]:
+                _include(window, target.runs[0, k], target.top + k, BESIDE)
+                _include(window, target.runs[1, k], target.top + k, BESIDE)
+    window[0], window[1] = max(window[0], 0), min(window[1], shape[0] - 1)
+    window[2], window[3] = max(window[2], 0), min(window[3], shape[1] - 1)
+
+
+@kernel
+def remember_turned(
+    pixels: Image, panorama: Image, scratch: Image, target: Fields, window: Ints
+) -> None:
+    """Let the panorama of a camera that turns follow its image, but for where its target is."""
+    part, seen = view(scratch, 2 * pixels.size, pixels.shape), view(scratch, 0, pixels.shape)
+    turn = target.turn_v, target.turn_u
+    whole_image(pixels, window)
+    cut_out(panorama, turn, window, part)
+    _window_of(target, pixels.shape, window)
+    blank(part, window)
+    scale = 1.0 / mean_ratio(pixels, part, target.light if target.light > 0.0 else 1.0)
+    for v in range(pixels.shape[0]):
+        new, out = pixels[v], seen[v]
+        for u in range(len(new)):
+            out[u] = divided(new[u], scale)
+    blank(seen, window)
+    whole_image(pixels, window)
+    _mend(window, target, seen)
+    record(panorama, turn, seen)
+
+
+@kernel
+def take_for_wall(
+    pixels: Image, panorama: Image, scratch: Image, target: Fields, window: Ints
+) -> None:
+    """Take what a camera that turns follows for what lies there: it rests."""
+    _window_of(target, pixels.shape, window)
+    forget_directions(panorama, (target.turn_v, target.turn_u), window)
+    target.state = 0
+    remember_turned(pixels, panorama, scratch, target, window)
 
 
 @kernel

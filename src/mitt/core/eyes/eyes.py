@@ -11,10 +11,17 @@ import numpy as np
 
 from mitt.core import checks
 from mitt.core.errors import InputError
-from mitt.core.eyes import groups, head, localization, segmentation, triangulation
-from mitt.core.eyes.background import keep_background
+from mitt.core.eyes import head, localization, segmentation, triangulation
+from mitt.core.eyes.background import (
+    SWEPT,
+    keep_background,
+    keep_faults,
+    mean_background,
+    remember_turned,
+)
 from mitt.core.eyes.camera import Rig, fixed_rig, pack_cameras
 from mitt.core.eyes.localization import EyesHandle, EyesMemory, eyes_handle, localize
+from mitt.core.eyes.panorama import PANORAMA
 from mitt.core.eyes.segmentation import SegmenterConfig, forget, pack_segmenter
 from mitt.core.eyes.triangulation import TriangulatorConfig, no_sighting, pack_ball
 from mitt.core.fields import Range, Settings
@@ -119,10 +126,11 @@ class Eyes:
         """Forget the last ball and the background, as before a new throw."""
         forget(self.memory.targets)
         rows, columns = np.max(self._shapes, axis=0)
-        whole = (groups.PANORAMA, groups.PANORAMA)
+        whole = (PANORAMA, PANORAMA)
         shapes = [whole] * len(self._shapes) if self.heads else self._shapes
         seen = [np.zeros(shape, np.uint8) for shape in shapes]
-        self.backgrounds = (*seen, np.zeros((rows, columns), np.uint8))
+        room = 3 * rows if self.heads else rows
+        self.backgrounds = (*seen, np.zeros((room, columns), np.uint8))
         self.memory.rig[...] = np.zeros((), localization.RIG)
         self.memory.gaze[...] = head.fresh_gaze(1)
         self._numbers = [-1] * len(self._none)
@@ -160,17 +168,18 @@ class Eyes:
             keep_background(target, mean)
 
     def _learn_directions(self, frames: list[Frame]) -> None:
-        """Learn what frames of cameras that turn show where they look."""
-        for frame in frames:
-            k = frame.camera
-            if isfinite(frame.pan) and isfinite(frame.tilt):
+        """Learn what frames of cameras that turn show where they look, and their faulty pixels."""
+        window = self.memory.segment_work[0]["window"]
+        for k, own in enumerate(self.memory.targets):
+            seen = [f for f in frames if f.camera == k and isfinite(f.pan) and isfinite(f.tilt)]
+            if len(seen) > 2:
+                keep_faults(own, mean_background([frame.pixels for frame in seen]))
+            for frame in seen:
                 self.memory.angles[k] = frame.pan, frame.tilt
                 head.aim_heads(self._handle)
-                own = self.memory.targets[k]
                 pixels = np.ascontiguousarray(frame.pixels)
-                turn = int(own["turn_v"]), int(own["turn_u"])
-                groups.remember_turned(pixels, self.backgrounds[k], *turn)
-                own["looks"] = segmentation.SWEPT + 1
+                remember_turned(pixels, self.backgrounds[k], self.backgrounds[-1], own, window)
+            own["looks"] = SWEPT + 1 if seen else own["looks"]
 
     @property
     def left_out(self) -> int:

@@ -7,8 +7,7 @@ is judged; those that are most like a ball are kept, wherever in the image they 
 | here       | meaning                                                           | shape          |
 |------------|-------------------------------------------------------------------|----------------|
 | ``look``   | record of ``LOOK``: what the ball should look like                |                |
-| ``before`` | what earlier images showed: an image; of a camera that turns, in  | (h, w)         |
-|            | the angles of its head, a panorama of ``PANORAMA`` a side         |                |
+| ``before`` | what earlier images showed                                        | (h, w)         |
 | ``scan``   | record of ``SCAN``: scratch                                       |                |
 | ``best``   | records of ``GROUP``, the result, the most like a ball first      | (MOST_GROUPS,) |
 """
@@ -29,12 +28,6 @@ RUNS = 512
 """Runs of bright pixels of one row that are looked at; further ones are counted as left out."""
 AT_REST = 0.02
 """Likeness of what has not changed since earlier images, to that of something new [1]."""
-
-PANORAMA = 1024
-"""Side of a panorama, a power of two, beyond which it begins anew [px]."""
-
-NEW = 0.05
-"""Share of a group that is new at least, for a camera that turns to it [1]."""
 
 GROUP = np.dtype(
     [
@@ -60,10 +53,6 @@ LOOK = np.dtype(
         ("v", float),  # where the ball should be [px]
         ("near", float),  # how far from there it may be; 0 if unknown [px]
         ("least", np.int64),  # pixels of the smallest group that counts [px^2]
-        ("turns", np.int64),  # whether the camera turns
-        ("wary", np.int64),  # whether what lies where it never looked counts as at rest
-        ("turn_u", np.int64),
-        ("turn_v", np.int64),  # where its image lies in the panorama [px]
     ]
 )
 """What the ball should look like in an image."""
@@ -102,8 +91,7 @@ def likeness(group: Fields, look: Fields, moves: bool) -> float:
     """Return how much a group is like a ball; negative where it cannot be one.
 
     By its size, or its mass where the ball's is known, by its shape, and, if ``moves``, by the
-    share of it that is new. Where no size is known, the larger is the better. A head is not to be
-    turned to what rests.
+    share of it that is new. Where no size is known, the larger is the better.
     """
     du = 0.5 * (group.left + group.right) - look.u
     dv = 0.5 * (group.top + group.bottom) - look.v
@@ -118,10 +106,7 @@ def likeness(group: Fields, look: Fields, moves: bool) -> float:
     if look.mass > 0.0:
         like *= min(group.mass / look.mass, look.mass / max(group.mass, 1.0))
     if moves:
-        fresh = group.fresh / max(group.mass, 1.0)
-        if look.turns > 0 and fresh < NEW:
-            return -1.0
-        like *= AT_REST + fresh
+        like *= AT_REST + group.fresh / max(group.mass, 1.0)
     return like
 
 
@@ -220,19 +205,6 @@ def _take_run(
 
 
 @kernel
-def _earlier(before: Image, v: int, u: int, look: Fields) -> float:
-    """Return what earlier images showed in a pixel; of a panorama, the brightest about it."""
-    if look.turns == 0:
-        return float(before[v, u])
-    most = np.uint8(0)
-    for row in range(v + look.turn_v - 1, v + look.turn_v + 2):
-        for column in range(u + look.turn_u - 1, u + look.turn_u + 2):
-            there = before[row & (PANORAMA - 1), column & (PANORAMA - 1)]
-            most = max(most, np.uint8(255) if there == 0 and look.wary > 0 else there)
-    return float(most)
-
-
-@kernel
 def find_groups(pixels: Image, before: Image, look: Fields, scan: Fields, best: Record) -> int:
     """Write the groups of bright pixels that are most like a ball.
 
@@ -262,7 +234,7 @@ def find_groups(pixels: Image, before: Image, look: Fields, scan: Fields, best: 
             while u < width and pixels[v, u] > threshold:
                 mass += pixels[v, u] - look.level
                 if moves:
-                    new = float(pixels[v, u]) - _earlier(before, v, u, look)
+                    new = float(pixels[v, u]) - before[v, u]
                     fresh += max(new - (look.threshold - look.level), 0.0)
                 u += 1
             if here == RUNS:
@@ -294,27 +266,3 @@ def remember(pixels: Image, before: Image, looks: int) -> None:
         for u in range(len(old)):
             change = np.int16(new[u]) - np.int16(old[u])
             old[u] = new[u] if looks == 0 else np.uint8(np.int16(old[u]) + change // 4)
-
-
-@kernel
-def _hold(old: Image, new: Image) -> None:
-    """Let old values follow new ones, shape (k,): up at once, down by a quarter of the change."""
-    for k in range(len(old)):
-        change = np.int16(new[k]) - np.int16(old[k])
-        old[k] = max(new[k], np.uint8(1)) if change >= 0 else np.uint8(old[k] + change // 4)
-
-
-@kernel
-def remember_turned(pixels: Image, before: Image, turn_v: int, turn_u: int) -> None:
-    """Let a panorama follow the image of a camera that turns; see ``turn_u, turn_v`` of ``LOOK``.
-
-    What was bright stays for some looks, as a lamp smears while the camera turns; 0 stands for what
-    was never seen.
-    """
-    height, width = pixels.shape
-    left = turn_u & (PANORAMA - 1)
-    room = min(width, PANORAMA - left)
-    for v in range(height):
-        line = before[(v + turn_v) & (PANORAMA - 1)]
-        _hold(line[left : left + room], pixels[v, :room])
-        _hold(line[: width - room], pixels[v, room:])

@@ -117,6 +117,7 @@ def aim_heads(eyes: EyesMemory) -> None:
         head, own, pan, tilt = eyes.heads[n], eyes.targets[n], eyes.angles[n, 0], eyes.angles[n, 1]
         aim_one(head, pan, tilt, eyes.cameras[n])
         own.turns, own.turn_u, own.turn_v = 1, round(head.f_px * pan), round(-head.f_px * tilt)
+        own.learned = 1
         own.usual = pi * (head.f_px * eyes.ball[0].radius / head.expected_range) ** 2
 
 

@@ -12,7 +12,12 @@ from typing import Any, NamedTuple, final
 
 import numpy as np
 
-from mitt.core.eyes.background import level_behind, searched_difference
+from mitt.core.eyes.background import (
+    background_of,
+    error_by_light,
+    level_behind,
+    searched_difference,
+)
 from mitt.core.eyes.blobs import ROWS, is_merged
 from mitt.core.eyes.camera import in_camera, late_by_row, sphere_centroid
 from mitt.core.eyes.candidates import MOST, TRACK, extend_track, fastest_track
@@ -106,6 +111,8 @@ class _Limits(NamedTuple):
     misfit: float = 0.01
     small: float = 0.05
     drift: float = 0.0005
+    # Share of its mass that may lack where the lines of sight meet all the same.
+    shade: float = 0.2
     # Relative standard deviation of a ball's mass, over noise / contrast and (radius + 1.5) /
     # radius^2 [px]: that of its pixels and of the level beside it; and how many of these it may be
     # off, where that is more.
@@ -226,7 +233,7 @@ def localize(
     Args:
         images: One a camera, each shape (height, width); empty where there is none.
         backgrounds: One a camera, as in :mod:`mitt.core.eyes.segmentation`, then scratch as large
-            as the largest image.
+            as the largest image, or three times as large where cameras turn.
         apart: Images that were not exposed at the instant that is asked for, a bit each.
         t: That instant [s].
         eyes: What the cameras know and remember, overwritten.
@@ -349,7 +356,7 @@ def _look(
         pixels, background, scratch, own, eyes.segmenter[0], eyes.segment_work[0]
     )
     if unscaled and own.learned > 0 and area > 0:
-        own.behind = level_behind(background, own)
+        own.behind = level_behind(background_of(pixels, background, scratch, own), own)
     hidden = own.state >= MERGED
     if own.state == GOOD and area > 0 and guided and _is_elsewhere(own):
         hidden, own.state = True, LOST  # to be searched anew
@@ -358,6 +365,8 @@ def _look(
     noise = noise_over_contrast(own, own.moments)
     if not note(point, own.u, own.v, float(area), noise, clipped, eyes.ball[0]):
         return False, hidden, False
+    if own.learned > 0 and own.weighed > 0.0:
+        point.sigma = hypot(point.sigma, error_by_light(own))
     if _is_whole(own, since, point):
         return True, hidden, False
     point.sigma = LACKING
@@ -382,6 +391,12 @@ def _is_inside(target: Fields, pixels: Image) -> bool:
 
 
 @kernel
+def _lacking(target: Fields) -> float:
+    """Return the share by which a target is not as heavy as the ball, where that is known."""
+    return float(abs(target.moments.mass / (target.gain * target.expected) - 1.0))
+
+
+@kernel
 def _is_whole(target: Fields, since: float, point: Fields) -> bool:
     """Return whether a target is the whole ball and nothing else, by its mass.
 
@@ -395,7 +410,7 @@ def _is_whole(target: Fields, since: float, point: Fields) -> bool:
     if target.expected == 0.0 or since >= LIMITS.hasty * target.weighed:
         target.weighed = 0.0
         return True
-    lacking = abs(target.moments.mass / (target.gain * target.expected) - 1.0)
+    lacking = _lacking(target)
     radius = sqrt(target.expected / pi)
     spread = LIMITS.rim * target.noise * (radius + 1.5) / (target.gain * radius * radius)
     if target.learned > 0:
@@ -450,7 +465,8 @@ def _count_where_they_meet(eyes: EyesMemory, since: float) -> int:
 
     After a bounce, or while its motion is not known yet, the ball is farther away than it should
     be, or nearer, and its mass is that of a ball there. That says something only where its contrast
-    is known.
+    is known. Where little is lacking, as when the ball passes from the light into shade, what they
+    see counts with the error that a hidden rim would have.
 
     Returns:
         How many cameras see the whole ball there; 0 if one does not, and ``points`` are as before.
@@ -470,7 +486,9 @@ def _count_where_they_meet(eyes: EyesMemory, since: float) -> int:
         return 0
     expect(eyes, work.r, 0.0)
     for n in range(len(points)):
-        if seen[n].sigma > 0.0 and not _is_whole(eyes.targets[n], since, seen[n]):
+        own = eyes.targets[n]
+        whole = seen[n].sigma <= 0.0 or _is_whole(own, since, seen[n])
+        if not whole and _lacking(own) > LIMITS.shade:
             return 0
     for n in range(len(points)):
         points[n].u, points[n].v, points[n].sigma = seen[n].u, seen[n].v, seen[n].sigma

@@ -18,16 +18,18 @@
    went into it moves on, so that the ball is found where the two part.
 5. **Everywhere**, where the target is lost: the group of bright pixels that is most like a ball
    (:mod:`mitt.core.eyes.groups`). Where no background was learned, what a camera that stands still
-   has shown of late takes its place there: what has not moved since is less like a ball. A camera
-   that turns keeps a panorama, in the angles of its head.
+   has shown of late takes its place there: what has not moved since is less like a ball.
+
+A camera that turns has a background in each direction (:mod:`mitt.core.eyes.panorama`).
 
 | here           | meaning                                                        | unit | shape  |
 |----------------|----------------------------------------------------------------|------|--------|
 | ``target``     | record of ``TARGET``: what is remembered of a camera's target  |      |        |
 | ``window``     | part of an image: first and last row, first and last column    | px   | (4,)   |
 | ``background`` | mean image without the ball; where none was learned, what was  | grey | (h, w) |
-|                | seen of late: an image, a panorama (PANORAMA a side), or empty |      |        |
-| ``difference`` | scratch as large as the image, if there is a background        | grey | (h, w) |
+|                | seen of late, or empty; of a camera that turns its panorama    |      |        |
+| ``difference`` | scratch as large as the image, if there is a background; three | grey | (h, w) |
+|                | times as large, if the camera turns                            |      |        |
 | ``settings``   | record of :func:`pack_segmenter`                               |      |        |
 | ``work``       | record of ``WORK``: scratch                                    |      |        |
 
@@ -42,10 +44,13 @@ import numpy as np
 
 from mitt.core.eyes.background import (
     MOST_FAULTS,
+    background_of,
     is_learned,
     keep_background,
+    remember_turned,
     searched_difference,
     subtract,
+    take_for_wall,
     whole_image,
 )
 from mitt.core.eyes.blobs import (
@@ -67,7 +72,6 @@ from mitt.core.eyes.groups import (
     SCAN,
     find_groups,
     remember,
-    remember_turned,
 )
 from mitt.core.fields import Range, Settings
 from mitt.core.kernels import Fields, Record, kernel, record_of, view
@@ -85,6 +89,7 @@ TARGET = np.dtype(
         ("du", float),
         ("dv", float),  # its motion [px a frame]
         ("state", np.int64),  # LOST, GOOD, or MERGED and more
+        ("clipped", np.int64),  # whether the last target touched the border of its image
         ("moments", MOMENTS),
         ("area", float),  # of the last target, its area [px^2]
         ("mass", float),  # of the last target that was the ball alone [grey levels]
@@ -112,12 +117,14 @@ TARGET = np.dtype(
         ("faults", np.int64),  # pixels that stand out of their neighbours in the background
         ("fault_v", np.int64, (MOST_FAULTS,)),
         ("fault_u", np.int64, (MOST_FAULTS,)),  # row and column of these [px]
-        ("looks", np.int64),  # whole images searched, where it was not
+        ("looks", np.int64),  # whole images searched, where it was not; all, if it turns
         ("turns", np.int64),  # whether the camera turns
         ("turn_u", np.int64),
         ("turn_v", np.int64),  # where its image lies in its panorama [px]
         ("usual", float),  # area of a ball where they come into sight; 0 if unknown [px^2]
         ("followed", np.int64),  # frames that it follows what may not be the ball
+        ("from_u", float),
+        ("from_v", float),  # where in its panorama that was of late [px]
         ("left_out", np.int64),  # groups that found no place among the best of the last of them
     ]
 )
@@ -138,12 +145,13 @@ WORK = np.dtype(
 
 TINY = 1.0 / 16.0
 """Share of the usual area of the ball below which a head is not turned to a target."""
-SWEPT = 200
-"""Looks after which a camera that turns has seen most of where it looks for balls."""
 TURNED = 4
-"""Looks at a whole image from one that goes into the panorama to the next."""
+"""Looks from one that goes into the panorama to the next: a ball that a head follows is farther
+from the border of the image than the head turns meanwhile."""
 DOUBTED = 32
-"""Frames after which a head, while no ball is known, looks whether its target rests."""
+RESTS = 1.5
+"""Frames after which a head, while no ball is known, looks whether its target rests; how far that
+moved then at most: 0.25 m/s at 4 m [px]."""
 KEPT = 0.85
 PATIENCE = 40
 STEADY = 0.6
@@ -302,13 +310,14 @@ def find_sign(
     if target.sign != 0 or not is_learned(pixels, background, difference, target):
         return False
     shown, total = view(difference, 0, pixels.shape), 0.0
+    behind = background_of(pixels, background, difference, target)
     for v in range(group.top, group.bottom + 1):
         for u in range(group.left, group.right + 1):
             if shown[v, u] > target.threshold:
-                total += pixels[v, u] / target.light - background[v, u]
+                total += pixels[v, u] / target.light - behind[v, u]
     target.sign = 1 if total > 0.0 else -1
     whole_image(pixels, work.window)
-    subtract(pixels, background, work.window, True, target, shown)
+    subtract(pixels, background, work.window, True, target, difference)
     target.due = 0
     measure_if_due(shown, target, settings, work.counts)
     return True
@@ -328,18 +337,14 @@ def most_like_ball(
     look.mass = target.gain * target.expected if target.weighed > 0.0 else 0.0
     look.u, look.v, look.near = target.at_u, target.at_v, target.near
     look.least = settings.min_area
-    look.turns, look.turn_u, look.turn_v = target.turns, target.turn_u, target.turn_v
-    look.wary = target.looks > SWEPT
     if target.expected == 0.0 and target.usual > 0.0:
         look.area, look.least = target.usual, max(settings.min_area, int(TINY * target.usual))
     before = background if unlearned and target.looks > 0 else background[:0]
     count = find_groups(shown, before, look, work.scan, work.groups)
     target.left_out = work.scan.left_out
-    if target.turns > 0 and target.looks % TURNED == 0 and background.size > 0:
-        remember_turned(shown, background, target.turn_v, target.turn_u)
-    elif unlearned and target.turns == 0:
+    if unlearned:
         remember(shown, background, target.looks)
-    target.looks += 1
+        target.looks += 1
     return int(count)
 
 
@@ -409,7 +414,7 @@ def _find_anew(
             return group.top, rows
         if signed:
             target.sign = 0
-            subtract(pixels, background, work.window, True, target, shown)
+            subtract(pixels, background, work.window, True, target, difference)
     return 0, 0
 
 
@@ -432,14 +437,14 @@ def suffices(
     shown = pixels
     if is_learned(pixels, background, difference, target):
         shown = view(difference, 0, pixels.shape)
-        subtract(pixels, background, window, False, target, shown)
+        subtract(pixels, background, window, False, target, difference)
     return bool(_find_again(shown, target, settings, work.runs, work.moments)[1] > 0)
 
 
 @kernel
 def _lose(target: Fields) -> None:
     """Note that there is no target."""
-    target.u, target.v, target.state = np.nan, np.nan, LOST
+    target.u, target.v, target.state, target.clipped = np.nan, np.nan, LOST, 0
 
 
 @kernel
@@ -465,6 +470,20 @@ def follow_target(target: Fields, top: int, rows: int, runs: Ints) -> None:
 
 
 @kernel
+def _rests(target: Fields) -> bool:
+    """Return whether what a camera follows that turns, while no ball is known, has not moved."""
+    if target.turns == 0 or target.expected > 0.0 or target.state == LOST:
+        return False
+    target.followed += 1
+    if target.followed % DOUBTED != 0:
+        return False
+    u, v = target.u + target.turn_u, target.v + target.turn_v
+    rests = max(abs(u - target.from_u), abs(v - target.from_v)) < RESTS
+    target.from_u, target.from_v = u, v
+    return bool(rests)
+
+
+@kernel
 def _segment(
     pixels: Image,
     background: Image,
@@ -477,10 +496,8 @@ def _segment(
     window, new, moments, top, rows = work.window, work.runs, target.moments, 0, 0
     if target.state == LOST and target.expected == 0.0:
         target.sign = 0
-    if target.turns > 0 and target.expected == 0.0 and target.state != LOST:
-        target.followed += 1
-        if target.followed % DOUBTED == 0:  # does it rest?
-            target.state = LOST
+    if _rests(target) and is_learned(pixels, background, difference, target):
+        take_for_wall(pixels, background, difference, target, window)
     whole_image(pixels, window)
     part = region_of_interest(target, settings, window)
     shown = searched_difference(pixels, background, difference, target, window, not part)
@@ -496,7 +513,10 @@ def _segment(
         _lose(target)
         return 0, False
     clipped = touches_border(pixels.shape, top, rows, new)
-    most = (GROWN + RAGGED / sqrt(target.area)) * target.mass if again else np.inf
+    comes = not again or target.clipped > 0
+    ball = target.gain * target.expected if target.weighed > 0.0 else 0.0
+    usual = max(target.mass, ball)  # what hid a part of the ball need not go on to do so
+    most = np.inf if comes else (GROWN + RAGGED / sqrt(target.area)) * usual
     if not clipped and (is_merged(moments) or moments.mass > most):
         merged = target.state - MERGED + 1 if target.state >= MERGED else 0
         if not again or merged >= PATIENCE:
@@ -510,8 +530,10 @@ def _segment(
         target.du += share * (moments.u - target.u - target.du)
         target.dv += share * (moments.v - target.v - target.dv)
     else:
-        target.du, target.dv = 0.0, 0.0
+        target.du, target.dv, target.followed = 0.0, 0.0, 0
+        target.from_u, target.from_v = moments.u + target.turn_u, moments.v + target.turn_v
     follow_target(target, top, rows, new)
+    target.clipped = clipped
     return int(moments.area), clipped
 
 
@@ -552,6 +574,10 @@ def detect(
         the border. The centroid is in ``target``.
     """
     area, clipped = _segment(pixels, background, difference, target, settings, work)
+    if target.turns > 0:
+        if target.looks % TURNED == 0 and is_learned(pixels, background, difference, target):
+            remember_turned(pixels, background, difference, target, work.window)
+        target.looks += 1
     if area > 0 and _is_frozen(pixels, target, settings.frozen):
         return 0, False
     return area, clipped

@@ -58,7 +58,8 @@ class Optics(NamedTuple):
         amplitude, frequency, phase: Of the illumination as an exposure averages it: relative [1],
             [Hz], [rad].
         shadow: Relative depth of a shadow [1].
-        shadow_speed, shadow_start: Of its edge: speed [px/s], column at time zero [px].
+        shadow_speed, shadow_start: Of its edge: speed [px/s], column at time zero [px], of a camera
+            that turns as it waits.
     """
 
     read_noise: float
@@ -178,7 +179,10 @@ def render_images(
         window = windows[n, 0], windows[n, 1], windows[n, 2], windows[n, 3]
         _place_balls(n, images[n].shape[0], film, shot)
         _draw(images[n], n, film, shot, window)
-        _read_out(images[n], film, t, starts[n], window)
+        turned = 0.0
+        if len(angles) > 0:
+            turned = film.heads[n].f_px * (angles[n, 0] - film.heads[n].pan)
+        _read_out(images[n], film, t, starts[n], (turned, window))
         _heat(images[n], n, film.hot, window)
 
 
@@ -350,9 +354,9 @@ def _soften(canvas: Canvas, other: Canvas, sigma: float, wide: Edges, window: Ed
 
 
 @kernel
-def _cast(canvas: Canvas, light: Optics, t: float, window: Edges) -> None:
-    """Cast the shadow on a window."""
-    edge = light.shadow_start + light.shadow_speed * t
+def _cast(canvas: Canvas, light: Optics, t: float, turned: float, window: Edges) -> None:
+    """Cast the shadow on a window; it stays where it is as a camera turns by so much [px]."""
+    edge = light.shadow_start + light.shadow_speed * t - turned
     for v in range(np.uint64(window[0]), np.uint64(window[1] + 1)):
         for u in range(np.uint64(window[2]), np.uint64(window[3] + 1)):
             into = 0.5 - (np.int64(u) - edge) / _SHADOW_EDGE
@@ -360,14 +364,16 @@ def _cast(canvas: Canvas, light: Optics, t: float, window: Edges) -> None:
 
 
 @kernel
-def _read_out(pixels: Image, film: Film, t: float, start: int, window: Edges) -> None:
+def _read_out(pixels: Image, film: Film, t: float, start: int, part: tuple[float, Edges]) -> None:
     """Light a window of the canvas at an instant, add read and shot noise, and round to bytes.
 
-    The rows of a rolling shutter are lit one after the other: light that flickers shows in bands.
+    ``part`` is how far the camera has turned from where it waits [px], and the window. The rows of
+    a rolling shutter are lit one after the other: light that flickers shows in bands.
     """
     light, normal, canvas = film.light, film.normal, view(film.canvas, 0, pixels.shape)
+    turned, window = part
     if light.shadow > 0.0:
-        _cast(canvas, light, t, window)
+        _cast(canvas, light, t, turned, window)
     read, shot = np.float32(light.read_noise * light.read_noise), np.float32(1.0 / light.electrons)
     half, last = np.float32(0.5), max(pixels.shape[0] - 1, 1)
     zero, top, width = np.float32(0.0), np.float32(255.0), np.uint64(pixels.shape[1])
