@@ -76,7 +76,7 @@ def fill_unseen(part: Image, pixels: Image, light: float, window: Ints, as_seen:
 
 
 @kernel
-def divided(pixel: int, scale: float) -> int:
+def divided(pixel: int, scale: float) -> np.uint8:
     """Return a level times a scale, rounded, from 1 to 255."""
     level = np.float32(pixel) * np.float32(scale) + np.float32(0.5)
     return np.uint8(min(max(level, np.float32(1.0)), np.float32(255.0)))
