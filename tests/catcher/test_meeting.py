@@ -361,7 +361,7 @@ def test_what_is_due_closes_however_late_it_is() -> None:
         seen = replace(late, r_o=late.r_o + np.array([off, 0.0, 0.0]))
         left = g.time_left(seen, np.array([Q, 0.0 * Q]))
         assert g.glide.ended == ended
-        assert left == (inf if ended else pytest.approx(-0.03))
+        assert left == (inf if ended else pytest.approx(0.049))
 
 
 def test_what_is_blocked_while_a_tool_closes_is_let_go() -> None:

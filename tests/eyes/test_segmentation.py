@@ -9,14 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from mitt.core.errors import InputError, ShapeError
-from mitt.core.eyes.background import (
-    MOST_FAULTS,
-    OFFSET,
-    faulty_pixels,
-    map_hot,
-    mean_background,
-    subtract,
-)
+from mitt.core.eyes.background import OFFSET, faulty_pixels, mean_background, subtract
 from mitt.core.eyes.camera import fixed_rig
 from mitt.core.eyes.eyes import Eyes
 from mitt.core.eyes.segmentation import (
@@ -260,41 +253,3 @@ def test_a_ball_that_comes_into_the_image_is_not_taken_for_two(
         assert not m.merged
     assert m.found
     assert not m.clipped
-
-
-@settings(max_examples=20)
-@given(st.integers(0, 400), st.integers(0, 2**32))
-def test_pixels_that_are_bright_alone_are_hot_and_the_worst_where_they_are_many(
-    count: int, seed: int
-) -> None:
-    """Of two side by side neither is: they may be a small ball."""
-    rng, target = np.random.default_rng(seed), np.empty(1, TARGET)
-    forget(target)
-    image = rng.integers(20, 28, (HEIGHT, WIDTH)).astype(np.uint8)
-    places = rng.permutation((HEIGHT // 3) * (WIDTH // 3))[:count]  # so far apart that none touch
-    v, u = places // (WIDTH // 3) * 3, places % (WIDTH // 3) * 3
-    image[v, u] = rng.integers(90, 256, count)
-    if count > 1:
-        image[v[0], u[0] + 1] = image[v[0], u[0]]
-    map_hot(image, 40, target[0])
-    found = int(target["faults"][0])
-    assert found == min(max(count - 1, 0) if count > 1 else count, MOST_FAULTS)
-    own = image[target["fault_v"][0, :found], target["fault_u"][0, :found]].astype(int)
-    assert count < 2 or found == 0 or own.min() + 16 >= np.sort(image[v[1:], u[1:]])[-found]
-
-
-@settings(max_examples=10)
-@given(st.integers(0, 2**32))
-def test_hot_pixels_do_not_pull_a_ball_where_no_background_was_learned(seed: int) -> None:
-    """A ball that passes over them is where it is to a third of a pixel."""
-    rng, segmenter = np.random.default_rng(seed), Segmenter()
-    hot = np.zeros((HEIGHT, WIDTH))
-    hot[rng.integers(0, HEIGHT, 200), rng.integers(0, WIDTH, 200)] = 100.0
-    for k in range(30):
-        at = 12.0 + 1.7 * k, 30.0 + 4.0 * np.sin(0.3 * k)
-        image = 24.0 + 120.0 * disc(*at, 5.0) + hot + rng.normal(0.0, 2.0, hot.shape)
-        pixels = np.clip(np.rint(image), 0.0, 255.0).astype(np.uint8)
-        m = segmenter.step(Frame(t=1e-3 * k, camera=0, number=k, pixels=pixels))
-        if k > 0:
-            assert m.found
-            assert np.hypot(m.u - at[0], m.v - at[1]) < 0.35

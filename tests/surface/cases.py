@@ -24,7 +24,7 @@ from mitt.core.map.demand import Tolerance
 from mitt.core.map.learn import Flight, Learned, LearnSettings
 from mitt.core.map.mapping import unlearned
 from mitt.core.map.neighbourhood import Neighbourhood
-from mitt.core.signals import ArmState, Frame, Senses, Sighting
+from mitt.core.signals import ArmState, BeltReading, Frame, Senses, Sighting
 from mitt.io.about import About
 from mitt.io.cell import read_cell
 from mitt.io.load import described
@@ -274,7 +274,7 @@ class Cases:
         """Return the cases of what flows from stage to stage."""
         q, ball, found = self.q, self.ball, {}
         covariance = 2.0**-20 * np.eye(3)
-        right = {
+        right: dict[str, tuple[Any, dict[str, Any]]] = {
             "Frame": (
                 Frame,
                 {
@@ -290,6 +290,7 @@ class Cases:
                 Sighting,
                 {"t": 0.25, "found": True, "r_o": ball.r_o, "covariance": covariance},
             ),
+            "BeltReading": (BeltReading, {"t": 0.25, "travel": 0.5}),
             "BallState": (mitt.BallState, {x.name: getattr(ball, x.name) for x in fields(ball)}),
             "ArmState": (ArmState, {"t": 0.25, "q": q, "dq": 0.0 * q}),
             "Senses": (
@@ -299,6 +300,7 @@ class Cases:
                     "arm": self.senses.arm,
                     "frames": self.frames,
                     "points": (Sighting(t=0.25, found=True, r_o=ball.r_o, covariance=covariance),),
+                    "belt": (BeltReading(t=0.25, travel=0.5),),
                 },
             ),
         }

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,12 +13,12 @@ from mitt.core.arm.shapes import MARGIN, Surroundings, clearance, shapes_of
 from mitt.core.arm.tools import TOOLS
 from mitt.core.catcher.catcher import Catcher, Phase
 from mitt.core.catcher.meeting import Meeting
-from mitt.core.errors import ModelError
+from mitt.core.errors import InputError, ModelError
 from mitt.core.signals import TICK, ArmState, Array, Senses, Sighting
 from mitt.core.verdict.feasibility import Outcome
 from mitt.lab.trials.meeting import MeetRunner
-from mitt.lab.trials.station import PARTS_SCENE, Station, Target, station
-from mitt.lab.world.scene import Belt, Scene, named_scene
+from mitt.lab.trials.station import PARTS_SCENE, Station, Target, check_seen_in_time, station
+from mitt.lab.world.scene import Belt, Scene, named_scene, scene_of
 
 #: Ticks from one sighting to the next, and time for which a hand is looked at [s].
 SEEN_EVERY = 16
@@ -29,6 +30,33 @@ def station_of(arm: str, tool: str, target: Target) -> Station:
     """Return a station whose tool is slow near a person."""
     speed = 0.25 if target == "hand" else np.inf
     return station(arm, TOOLS[tool], target, named_scene("lab"), speed=speed)
+
+
+@pytest.mark.parametrize(
+    ("latency", "speed", "encoder", "refused"),
+    [
+        (300, 0.3, False, False),
+        (150, 1.0, False, True),
+        (300, 1.0, True, False),
+    ],
+)
+def test_what_is_seen_too_late_for_its_belt_is_refused_before_the_arm_moves(
+    latency: int, speed: float, encoder: bool, refused: bool
+) -> None:
+    """With the number, and what to do; with the belt's encoder it is in time."""
+    at = station_of("ur5e", "suction", "belt")
+    sensing: dict[str, Any] = {
+        "latency": latency,
+        "frame_rate": 60.0,
+        "belt": {} if encoder else None,
+    }
+    scene = scene_of({"base": "lab", "sensing": sensing}, place="scene")
+    at = replace(at, scene=scene.model_copy(update={"belt": at.scene.belt}))
+    if refused:
+        with pytest.raises(InputError, match=r"at most 118 ms old.*got 167 ms.*encoder"):
+            check_seen_in_time(at, speed)
+    else:
+        check_seen_in_time(at, speed)
 
 
 def test_a_belt_out_of_reach_says_what_else_to_try() -> None:

@@ -24,7 +24,7 @@ from mitt.lab.trials.meeting import MEET, MeetRunner, MeetTrial
 from mitt.lab.trials.prepared import OptionsRun
 from mitt.lab.trials.result import finite
 from mitt.lab.trials.scored_task import ScoredTask
-from mitt.lab.trials.station import PARTS_SCENE, TARGETS, Station, station
+from mitt.lab.trials.station import PARTS_SCENE, TARGETS, Station, check_seen_in_time, station
 from mitt.lab.trials.task_run import FinishedRun
 from mitt.lab.world.flights import RecordedFlight, read_flights
 from mitt.lab.world.scene import read_scene
@@ -104,6 +104,7 @@ def _prepared(options: MeetOptions) -> MeetRun:
         limits=options.limits,
         speed=_tool_speed(options),
     )
+    check_seen_in_time(at, _speed(options))
     generator = at.generator(options.generator, rate=options.plan_rate)
     runner = MeetRunner(
         at, seed=options.seed, speed=_speed(options), generator=generator, recordings=recordings
@@ -172,8 +173,9 @@ def _row(t: MeetTrial) -> tuple[str, ...]:
 
 def _lines(finished: FinishedRun, said: dict[str, Any]) -> list[str]:
     """Return what the trials of a run come to, a line each."""
-    hand = said["hand_force_n"]
+    hand, rate = said["hand_force_n"], said["parts_a_minute"]
     return [
+        *([] if rate is None else [f"{rate:.1f} parts a minute, one at a time"]),
         f"met {rate_words(said, 'met', 'trials')}; placed {said['placed']}",
         *beyond_words(finished.trials),
         *([] if hand is None else [f"force on the hand: at most {hand:.0f} N"]),

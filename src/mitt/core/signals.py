@@ -248,6 +248,27 @@ class ArmState:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class BeltReading:
+    """How far a belt has travelled, by its encoder.
+
+    Attributes:
+        t: Time of the reading, by the clock of ``Senses.t`` [s].
+        travel: Since any instant [m]; it falls while the belt runs back. One that is not finite
+            tells nothing.
+    """
+
+    t: float
+    travel: float
+
+    __repr__ = brief
+
+    def __post_init__(self) -> None:
+        """Hold the fields to numbers; InputError where they are none."""
+        _keep(self, "t", checks.number("belt.t", self.t))
+        _keep(self, "travel", checks.number("belt.travel", self.travel))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Senses:
     """All that reaches the catcher in one tick.
 
@@ -256,12 +277,14 @@ class Senses:
         arm: Joint encoders.
         frames: New images, one a camera; empty where points are given instead.
         points: New sightings from another source than images.
+        belt: New readings of the encoder of a belt that carries what is seen as points.
     """
 
     t: float
     arm: ArmState
     frames: tuple[Frame, ...] = ()
     points: tuple[Sighting, ...] = ()
+    belt: tuple[BeltReading, ...] = ()
 
     __repr__ = brief
 
@@ -271,6 +294,7 @@ class Senses:
         checks.instance("senses.arm", self.arm, ArmState)
         _keep(self, "frames", all_of("senses.frames", self.frames, Frame))
         _keep(self, "points", all_of("senses.points", self.points, Sighting))
+        _keep(self, "belt", all_of("senses.belt", self.belt, BeltReading))
 
 
 class MapStatus(Enum):

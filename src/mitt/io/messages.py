@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitt.core.catcher.state import Result, fresh_result
-from mitt.core.signals import Array, Frame, Senses, Sighting
+from mitt.core.signals import Array, BeltReading, Frame, Senses, Sighting
 from mitt.io.cdr import Field, Rows, encode_text, layout
 from mitt.io.robot_description import LinkFrame as Drawn
 from mitt.numerals import real_of
@@ -25,6 +25,7 @@ STATE = "/state"
 EVENT = "/events"
 TICKS = "/mitt/ticks"
 POINTS = "/mitt/points"
+BELT = "/mitt/belt"
 FRAMES = "/mitt/frames"
 CALLS = "/mitt/calls"
 IMAGES = "/camera_{}/image"
@@ -45,6 +46,7 @@ TRANSFORMS = "tf2_msgs/msg/TFMessage"
 SHAPE = "visualization_msgs/msg/Marker"
 TICK = "mitt_msgs/msg/Tick"
 POINT = "mitt_msgs/msg/Point"
+TRAVEL = "mitt_msgs/msg/Travel"
 FRAME = "mitt_msgs/msg/Frame"
 #: A marker's type of a ball.
 _SPHERE = 2
@@ -121,6 +123,10 @@ _POINT: list[Field] = [
     ("r_o", "float64[3]", None),
     ("covariance", "float64[9]", None),
 ]
+_TRAVEL: list[Field] = [
+    ("t", "float64", None),
+    ("travel", "float64", None),
+]
 _FRAME: list[Field] = [
     ("t", "float64", None),
     ("camera", "int64", None),
@@ -171,6 +177,7 @@ SCHEMAS = {
     FLAG: "bool data\n",
     TICK: _listed(_tick(None, None)),
     POINT: _listed(_POINT),
+    TRAVEL: _listed(_TRAVEL),
     FRAME: _listed(_FRAME),
 }
 
@@ -284,6 +291,11 @@ def points(count: int = 1) -> Rows:
     return layout(_POINT, count)
 
 
+def travels(count: int = 1) -> Rows:
+    """Return so many ``mitt_msgs/msg/Travel``: readings of a belt's encoder."""
+    return layout(_TRAVEL, count)
+
+
 def frame_type() -> Rows:
     """Return a ``mitt_msgs/msg/Frame``: what a frame says besides its image."""
     return layout(_FRAME)
@@ -368,6 +380,14 @@ def point_rows(sightings: Sequence[Sighting]) -> Rows:
         row["t"], row["found"] = sighting.t, sighting.found
         row["r_o"], row["covariance"] = sighting.r_o, sighting.covariance.ravel()
     return rows
+
+
+def travel_messages(readings: Sequence[BeltReading]) -> list[Said]:
+    """Return readings of a belt's encoder that were given to the catcher."""
+    rows = travels(len(readings))
+    for row, reading in zip(rows, readings, strict=True):
+        row["t"], row["travel"] = reading.t, reading.travel
+    return [(BELT, TRAVEL, row.tobytes(), None) for row in rows]
 
 
 def frame_row(frame: Frame) -> tuple[Rows, bytes]:

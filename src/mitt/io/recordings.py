@@ -15,6 +15,7 @@
 | any, one a notice   | std_msgs/msg/String            | what happened                            |
 | `/mitt/ticks`       | mitt_msgs/msg/Tick             | all that a tick took and gave, to the bit |
 | `/mitt/points`      | mitt_msgs/msg/Point            | sightings that were given to the catcher |
+| `/mitt/belt`        | mitt_msgs/msg/Travel           | readings of a belt's encoder             |
 | `/mitt/frames`      | mitt_msgs/msg/Frame            | what belongs to an image                 |
 | `/mitt/calls`       | std_msgs/msg/String            | what else the catcher was told to do     |
 
@@ -49,7 +50,7 @@ from numpy.typing import NDArray
 from mitt.core.catcher.settings import PHASES
 from mitt.core.catcher.state import REASONS, STATES
 from mitt.core.errors import FileError, InputError, ShapeError
-from mitt.core.signals import Array, Frame, Sighting
+from mitt.core.signals import Array, BeltReading, Frame, Sighting
 from mitt.io import cdr
 from mitt.io import messages as of
 from mitt.io.about import About, about_of
@@ -112,9 +113,20 @@ _MESSAGE = struct.Struct("<HIQQ")
 _STATED = struct.Struct("<Q")
 #: Layouts of what there may be much of.
 _POINT = of.points().dtype
+_TRAVEL = of.travels().dtype
 _PLACE = of.point_stamped().dtype
 #: Topics whose messages are kept.
-_KEPT = (of.TICKS, of.POINTS, of.CALLS, of.TRUTH, of.CATCH_POINT, of.EVENT, of.PHASE, of.STATE)
+_KEPT = (
+    of.TICKS,
+    of.POINTS,
+    of.BELT,
+    of.CALLS,
+    of.TRUTH,
+    of.CATCH_POINT,
+    of.EVENT,
+    of.PHASE,
+    of.STATE,
+)
 _BROKEN = (McapError, struct.error, ValueError, KeyError, IndexError, zstandard.ZstdError)
 
 
@@ -331,6 +343,7 @@ class Recording:
         heading: What it says first.
         ticks: Of the layout :func:`mitt.io.messages.ticks`, shape (k,).
         points: Sightings that were given to the catcher, by tick.
+        belt: Readings of a belt's encoder, by tick.
         frames: Frames that were, by tick; those of tick -1 showed the background.
         calls: What else the catcher was told to do before a tick, by tick.
         tracks: Points over time.
@@ -340,6 +353,7 @@ class Recording:
     heading: Heading
     ticks: Rows
     points: Mapping[int, tuple[Sighting, ...]] = field(default_factory=dict)
+    belt: Mapping[int, tuple[BeltReading, ...]] = field(default_factory=dict)
     frames: Mapping[int, tuple[Frame, ...]] = field(default_factory=dict)
     calls: Mapping[int, tuple[str, ...]] = field(default_factory=dict)
     tracks: tuple[Track, ...] = ()
@@ -387,6 +401,8 @@ def _others(recording: Recording) -> tuple[dict[int, list[Said]], list[Said]]:
         before[k] += [of.call_message(name) for name in calls]
     for k, sightings in recording.points.items():
         before[k] += [of.point_message(row) for row in of.point_rows(sightings)]
+    for k, readings in recording.belt.items():
+        before[k] += of.travel_messages(readings)
     for k, frames in recording.frames.items():
         for frame in frames:
             row, pixels = of.frame_row(frame)
@@ -427,6 +443,7 @@ class Recorded:
         self._numbers: list[int] = []
         self._data: list[bytes] = []
         self._points: dict[int, list[bytes]] = {}
+        self._belt: dict[int, list[bytes]] = {}
         self._frames: dict[int, list[Frame]] = {}
         self._half: Rows | None = None
         self._places: dict[str, list[tuple[int, bytes]]] = {}
@@ -467,6 +484,11 @@ class Recorded:
             return tuple(_sighting(np.frombuffer(x, _POINT)) for x in self._points.get(number, ()))
         except _BROKEN as error:
             raise self._error(_WANTED, f"a point of tick {number} that is none ({error})") from None
+
+    def belt(self, number: int) -> tuple[BeltReading, ...]:
+        """Return the readings of a belt's encoder that a tick was given."""
+        rows = [np.frombuffer(x, _TRAVEL)[0] for x in self._belt.get(number, ())]
+        return tuple(BeltReading(t=float(x["t"]), travel=float(x["travel"])) for x in rows)
 
     def frames(self, number: int) -> tuple[Frame, ...]:
         """Return the frames that came before a tick: the background's, then its own."""
@@ -616,6 +638,9 @@ class Recorded:
         elif topic == of.POINTS:
             _whole(data, _POINT)
             self._points.setdefault(number, []).append(data)
+        elif topic == of.BELT:
+            _whole(data, _TRAVEL)
+            self._belt.setdefault(number, []).append(data)
         elif topic == of.FRAMES and self._images:
             self._half = _row(of.frame_type(), data)
         elif topic.startswith("/camera_") and self._images and self._half is not None:

@@ -67,7 +67,8 @@ from mitt.core.kernels import Fields, Record, big_kernel, copy, kernel
 from mitt.core.signals import GRAVITY, Array, BallState, Sighting
 
 MAX_HORIZON = 2.0
-"""Farthest that an estimate is carried [s]; no throw flies longer."""
+"""Farthest that an estimate is carried [s], but as long as a track's gap may be; no throw flies
+longer."""
 MAX_DOUBTFUL = 24
 """Sightings that are reconsidered at most when some of them were rejected."""
 LOOK_BACK = 16
@@ -452,6 +453,8 @@ def _begin(b: Fields, slot: Fields, back: int) -> None:
         activate(b)
         for model in range(MODELS):
             now.weight[model] = b.models[model].prior
+            if now.weight[model] > now.weight[now.best]:
+                now.best = model
     now.t = now.t_first = slot.seen.t
     now.used = now.doubtful = 0
     _on_accepted(b, slot, back)
@@ -625,7 +628,8 @@ def predict(ball: Record, t: float, motion: Array, covariance: Array) -> bool:
     dt = t - origin.t
     motion[:, :] = 0.0
     covariance[:, :] = 0.0
-    tracked = b.now.used >= b.settings.speaks_after and abs(dt) <= MAX_HORIZON
+    farthest = max(MAX_HORIZON, b.settings.max_gap)
+    tracked = b.now.used >= b.settings.speaks_after and abs(dt) <= farthest
     if not tracked or _is_of_others(b, t):
         return False
     best, active, x, P = origin.best, origin.active, b.work.x, b.work.P

@@ -19,6 +19,7 @@ import numpy as np
 
 from mitt.core import checks
 from mitt.core.arm.arm import Arm
+from mitt.core.ball.belt import SILENT, BeltTravel
 from mitt.core.ball.counts import FilterCounts, counts_of
 from mitt.core.catcher.catch_notes import CatchNotes
 from mitt.core.catcher.generators import Direct, Generator, Unoptimised
@@ -54,7 +55,7 @@ from mitt.core.control.health import Reason, StoppedBy
 from mitt.core.errors import InputError
 from mitt.core.eyes.clock_offset import ClockOffset, LearnedClock, load_fit
 from mitt.core.eyes.eyes import Eyes, closed_eyes
-from mitt.core.signals import TICK, Array, Command, Frame, Image, Senses
+from mitt.core.signals import TICK, Array, Command, Frame, Image, Senses, Sighting
 from mitt.core.verdict.feasibility import Verdict
 
 __all__ = ["Catcher", "CatcherSettings", "Phase", "Tick"]
@@ -155,6 +156,8 @@ class Catcher:
         self._todo, self._ticked, self._sightings = 0, False, Sightings()
         self._notes, self._hint = CatchNotes(self._arm), False
         self._said: str | None = None
+        along = self._settings.belt
+        self._belt = None if along is None else BeltTravel(np.array(along))
         self.stopped_by: StoppedBy | None = None
         self.t_0 = np.inf
 
@@ -307,8 +310,11 @@ class Catcher:
         if self._todo:
             self.think()
         t, flying = senses.t, self.flying
+        if self._belt is not None:
+            for reading in senses.belt:
+                self._belt.read(reading.t, reading.travel)
         if senses.points and flying:
-            take(senses.points, t, self.state)
+            take(self._on_belt(senses.points), t, self.state)
         seen, read = (
             (images, self.backgrounds, apart, t_exposed),
             (t, senses.arm.t, memory.q, memory.dq),
@@ -316,6 +322,7 @@ class Catcher:
         brake, (state, out) = self._planner.brake, memory.handles
         if self._map is None:
             perceive(seen, read, state, out)
+            self._ride()
             self._planner.refer()
             self._todo = act(brake, state, out)
         else:
@@ -329,6 +336,25 @@ class Catcher:
         if memory.out["following"]:
             self.t_0 = min(self.t_0, memory.t)
         return memory.command(memory.result.gaze.copy() if self._turns else None)
+
+    def _on_belt(self, points: tuple[Sighting, ...]) -> tuple[Sighting, ...]:
+        """Return sightings as the filter takes them: in the frame of the belt, if it is read."""
+        belt = self._belt
+        if belt is None:
+            return points
+        known = points if belt.known else ()
+        return tuple(replace(x, r_o=belt.into(x.t, x.r_o)) if x.found else x for x in known)
+
+    def _ride(self) -> None:
+        """Bring the estimate of what rides on a belt to where the belt has carried it."""
+        belt, result = self._belt, self.result
+        out = result.scalars[0]
+        if belt is None or not out["tracked"] or not self.flying:
+            return
+        t = float(out["t"])
+        belt.carry(t, result.ball, result.covariance)
+        if t - belt.newest > SILENT:  # from then on it is known as little as what is hidden
+            out["t_seen"] = min(float(out["t_seen"]), belt.newest)
 
     def learn_background(self, views: Sequence[tuple[Frame, ...]]) -> None:
         """Learn what the cameras see before the throw, as :meth:`Eyes.learn_background`."""

@@ -76,10 +76,12 @@ _FALLS = 0.6
 #: How far it may be from there before the way down of a slow tool begins [m].
 _AHEAD = 0.25
 #: Speed of a belt that rests, for how fast it may start unseen [m/s], and acceleration of a hand
-#: [m/s^2]; the multiple of its 1-sigma as seen from which a place counts as hidden.
+#: [m/s^2]; the multiple of its 1-sigma as seen from which a place counts as hidden, and the least
+#: 1-sigma [m].
 _CREEPS = 0.1
 _PUSHED = 1.5
 _HIDDEN = 3.0
+_NOTICED = 0.01
 #: How far outside the work area, and how fast outwards, a target is given up [m, m/s].
 _OUTSIDE = 0.03
 _OUTWARDS = 0.1
@@ -709,7 +711,7 @@ class Meeting(Generator):
         if glide.closes > t:
             if not self._in_step(ball, motion):
                 glide.calm = t
-            hidden = self._sigma(ball) > _HIDDEN * glide.sigma
+            hidden = self._sigma(ball) > max(_HIDDEN * glide.sigma, _NOTICED)
             begin = max(met, glide.calm + _FIRM) + (0.0 if hidden else s.settle)
             soon, now = self._leaves() if t >= met else (False, False)
             if soon and glide.calm < t:
@@ -717,8 +719,9 @@ class Meeting(Generator):
             if begin > t and (now or t - met > s.window + s.longest):
                 glide.ended = "window"
                 return inf
-            glide.closes = begin if begin <= t else inf
-            return begin + s.closing - t
+            if begin > t:
+                return begin + s.closing - t
+            glide.closes = max(begin, t - TICK)  # what has become due by now closes now
         return glide.closes + s.closing - t
 
     def _in_step(self, ball: BallState, motion: Array) -> bool:

@@ -74,6 +74,8 @@ class CatcherSettings(Settings):
             for longer.
         torque_lead: Time from the reading of the joints until the torque that is commanded then
             ceases to act [s]: a tick, and what the drives take to answer.
+        belt: Direction of the belt whose encoder is read with the senses, a unit vector; sightings
+            count from its first reading on. None without one.
         setpoint_delay: Ticks after which a command acts on the joints of a robot that follows
             setpoints, for the encoders' monitor; 0 where torques act.
     """
@@ -96,6 +98,7 @@ class CatcherSettings(Settings):
     tolerance: Annotated[float, Range(0.0, inf)] = 0.02
     max_tracking_error: Annotated[float, Range(1e-6, inf)] = 0.8
     torque_lead: Annotated[float, Range(0.0, 1.0)] = 0.001
+    belt: tuple[float, float, float] | None = None
     setpoint_delay: Annotated[int, Range(0, 1000)] = 0
 
     @property

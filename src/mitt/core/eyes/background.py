@@ -152,64 +152,6 @@ def light_of(
 
 
 @kernel
-def _alone(image: Image, v: int, u: int, threshold: int) -> int:
-    """Return by how much a pixel is brighter than those about it; 0 if any exceeds a threshold."""
-    most = 0
-    for row in range(max(v - 1, 0), min(v + 2, image.shape[0])):
-        for column in range(max(u - 1, 0), min(u + 2, image.shape[1])):
-            if row != v or column != u:
-                most = max(most, int(image[row, column]))
-    return 0 if most > threshold else max(int(image[v, u]) - most, 0)
-
-
-@kernel
-def map_hot(image: Image, threshold: int, target: Fields) -> None:
-    """Note further pixels of a camera that are bright alone: hot, as a ball covers two or more.
-
-    ``MOST_FAULTS`` at most, those that stand out most.
-    """
-    count = target.faults
-    for v in range(image.shape[0]):
-        for u in range(image.shape[1]):
-            off = _alone(image, v, u, threshold) if image[v, u] > threshold + OUTSTANDING else 0
-            if off <= OUTSTANDING:
-                continue
-            place, least = count, off
-            for k in range(count if count == MOST_FAULTS else 0):
-                one = _alone(image, target.fault_v[k], target.fault_u[k], threshold)
-                if one < least:
-                    place, least = k, one
-            if place < MOST_FAULTS:
-                target.fault_v[place], target.fault_u[place] = v, u
-                count = max(count, place + 1)
-    target.faults = count
-
-
-@kernel
-def image_searched(pixels: Image, background: Image, difference: Image, target: Fields) -> Image:
-    """Return the image that is searched: a difference, or mended, or as it is."""
-    mended = target.faults > 0 and difference.size >= pixels.size
-    if mended or is_learned(pixels, background, difference, target):
-        return view(difference, 0, pixels.shape)
-    return pixels
-
-
-@kernel
-def write_searched(
-    pixels: Image, background: Image, window: Ints, whole: bool, target: Fields, difference: Image
-) -> float:
-    """Write a window of the image that is searched; return the light over a background's."""
-    if is_learned(pixels, background, difference, target):
-        return float(subtract(pixels, background, window, whole, target, difference))
-    if target.faults > 0 and difference.size >= pixels.size:
-        shown, first, last = view(difference, 0, pixels.shape), window[2], window[3] + 1
-        for v in range(window[0], window[1] + 1):
-            shown[v, first:last] = pixels[v, first:last]
-        _mend(window, target, shown)
-    return float(target.light)
-
-
-@kernel
 def background_of(pixels: Image, background: Image, difference: Image, target: Fields) -> Image:
     """Return what an image should show without the ball, within what was subtracted last."""
     if target.turns == 0:
@@ -382,16 +324,16 @@ def searched_difference(
 ) -> Image:
     """Return what is searched of an image: within a window, or in all of it, its difference.
 
-    Where no background was learned the image, its faulty pixels mended. Light and mean go into
-    ``target``.
+    The image itself where no background was learned. Light and mean go into ``target``.
     """
+    if not is_learned(pixels, background, difference, target):
+        return pixels
+    shown = view(difference, 0, pixels.shape)
     if whole:
         whole_image(pixels, window)
-    target.light = write_searched(pixels, background, window, whole, target, difference)
-    learned = is_learned(pixels, background, difference, target)
-    if learned and whole and target.weighed == 0.0:  # what was learned of the ball refers to it
+    target.light = subtract(pixels, background, window, whole, target, difference)
+    if whole and target.weighed == 0.0:  # what was learned of the ball refers to it
         target.mean = np.mean(background_of(pixels, background, difference, target)[::APART])
-    shown: Image = image_searched(pixels, background, difference, target)
     return shown
 
 

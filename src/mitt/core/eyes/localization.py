@@ -111,8 +111,8 @@ class _Limits(NamedTuple):
     misfit: float = 0.01
     small: float = 0.05
     drift: float = 0.0005
-    # Share of its mass that may lack, as in shade, where lines of sight meet or nothing else shows.
-    shade: float = 0.3
+    # Share of its mass that may lack where the lines of sight meet all the same.
+    shade: float = 0.2
     # Relative standard deviation of a ball's mass, over noise / contrast and (radius + 1.5) /
     # radius^2 [px]: that of its pixels and of the level beside it; and how many of these it may be
     # off, where that is more.
@@ -278,9 +278,6 @@ def localize(
         rig.missed += 1.0
     if count < 2:
         count = max(count, _count_where_they_meet(eyes, since))
-    if count == 0:
-        one = _nearly_whole(eyes, since)
-        count = 1 if one >= 0 else 0
     rig.late = _bring_together(eyes)
     if count >= 2:
         return bool(_locate(eyes, r, P))
@@ -496,22 +493,6 @@ def _count_where_they_meet(eyes: EyesMemory, since: float) -> int:
     for n in range(len(points)):
         points[n].u, points[n].v, points[n].sigma = seen[n].u, seen[n].v, seen[n].sigma
     return count
-
-
-@kernel
-def _nearly_whole(eyes: EyesMemory, since: float) -> int:
-    """Return a camera whose target lacks little of the ball, as in shade; -1 if there is none.
-
-    What it sees counts with the error that a hidden rim would have.
-    """
-    for n in range(len(eyes.points)):
-        own, point = eyes.targets[n], eyes.points[n]
-        if point.sigma == LACKING and _lacking(own) <= LIMITS.shade:
-            noise = noise_over_contrast(own, own.moments)
-            if note(point, own.u, own.v, own.area, noise, False, eyes.ball[0]):
-                _is_whole(own, since, point)
-                return n
-    return -1
 
 
 # Where the ball is.

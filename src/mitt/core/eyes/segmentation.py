@@ -45,16 +45,13 @@ import numpy as np
 from mitt.core.eyes.background import (
     MOST_FAULTS,
     background_of,
-    image_searched,
     is_learned,
     keep_background,
-    map_hot,
     remember_turned,
     searched_difference,
     subtract,
     take_for_wall,
     whole_image,
-    write_searched,
 )
 from mitt.core.eyes.blobs import (
     EMPTY,
@@ -146,8 +143,6 @@ WORK = np.dtype(
 )
 """Scratch of the segmentation of one image."""
 
-MAPPED = 16
-"""Looks after which further hot pixels are looked for where no background was learned."""
 TINY = 1.0 / 16.0
 """Share of the usual area of the ball below which a head is not turned to a target."""
 TURNED = 4
@@ -349,8 +344,6 @@ def most_like_ball(
     target.left_out = work.scan.left_out
     if unlearned:
         remember(shown, background, target.looks)
-        if target.looks == 0 or target.looks == MAPPED:
-            map_hot(background, int(target.threshold), target)
         target.looks += 1
     return int(count)
 
@@ -409,7 +402,9 @@ def _find_anew(
 
     The arguments are those of :func:`detect`; the whole difference image is written.
     """
-    shown = image_searched(pixels, background, difference, target)
+    shown = pixels
+    if is_learned(pixels, background, difference, target):
+        shown = view(difference, 0, pixels.shape)
     for k in range(most_like_ball(shown, background, target, settings, work)):
         group = work.groups[k]
         signed = find_sign(pixels, background, difference, target, group, settings, work)
@@ -439,8 +434,10 @@ def suffices(
     is changed. The arguments are those of :func:`detect`, the image true within the window, and
     the window of :func:`region_of_interest`.
     """
-    write_searched(pixels, background, window, False, target, difference)
-    shown = image_searched(pixels, background, difference, target)
+    shown = pixels
+    if is_learned(pixels, background, difference, target):
+        shown = view(difference, 0, pixels.shape)
+        subtract(pixels, background, window, False, target, difference)
     return bool(_find_again(shown, target, settings, work.runs, work.moments)[1] > 0)
 
 
@@ -623,8 +620,7 @@ class Segmenter:
         target, pixels = self._target[0], np.ascontiguousarray(frame.pixels)
         if self._before.shape != pixels.shape and pixels.ndim == 2:
             self._before, target["looks"] = np.zeros(pixels.shape, np.uint8), 0
-            self._difference = np.zeros_like(self._before)
-            target["learned"] = target["faults"] = 0
+            target["learned"] = 0
         area, clipped = detect(
             pixels, self._before, self._difference, target, self._settings[0], self._work[0]
         )

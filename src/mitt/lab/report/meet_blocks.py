@@ -18,6 +18,7 @@ _AFTER = 0.6
 _PLACED: Final = {True: "yes", False: "no", None: NONE}
 _COLUMNS: Final = (
     Column("placed", lambda t: _PLACED[t["placed"]]),
+    Column("cycle [s]", lambda t: shown_number(t["cycle_s"], 1)),
     Column("closed at [s]", lambda t: shown_number(t["t_met_s"], 2)),
     Column("on the hand [N]", lambda t: shown_number(t["hand_force_n"], 0)),
     Column("tool [m/s]", lambda t: shown_number(t["tool_speed_m_s"], 2)),
@@ -35,7 +36,9 @@ def meet_blocks(finished: FinishedRun, result: dict[str, Any]) -> Blocks:
 def blocks_of_meetings(result: dict[str, Any], course: Course) -> Blocks:
     """Return what the page shows of meetings, the first of which went as ``course`` says."""
     of = result["summary"]
-    cards = [Card("Placed", str(of["placed"]), f"of {of['met']} met", "put on the tray")]
+    rate = of["parts_a_minute"]
+    minute = [] if rate is None else [Card("Parts a minute", f"{rate:.1f}", "", "one at a time")]
+    cards = [*minute, Card("Placed", str(of["placed"]), f"of {of['met']} met", "put on the tray")]
     if of["hand_force_n"] is not None:
         note = "largest, beyond the weight of the thing"
         cards.append(Card("Force on the hand", f"{of['hand_force_n']:.0f}", "N", note))

@@ -18,8 +18,6 @@ camera's answer came, and of now; ``line-compensated`` that of the exposure, and
 which the command acts.
 """
 
-from bisect import bisect_left
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from math import inf
@@ -28,6 +26,7 @@ from typing import Final, Protocol, Self, final
 import numpy as np
 
 from mitt.core.arm.arm import Arm
+from mitt.core.ball.belt import BeltTravel
 from mitt.core.catcher.generators import Generator
 from mitt.core.catcher.meeting import Meeting
 from mitt.core.errors import InputError, UnknownNameError
@@ -50,10 +49,6 @@ _SLOWEST = 6.0
 _RATE = 30.0
 #: Largest acceleration with which ``ruckig`` plans [rad/s^2]: it goes as hard as it may.
 _MOST = 20.0
-#: Time over which an encoder's speeds are compared for its acceleration [s].
-_COMPARED = 0.01
-#: How long its values are kept [s].
-_KEPT = 1.0
 
 
 class Way(Protocol):
@@ -143,7 +138,10 @@ class MeetingRival(Generator):
         return replace(self, meeting=self.meeting.adapt(ball, q, dq), way=begun, q_hold=q.copy())
 
     def afresh(self) -> "MeetingRival":
-        """Return the rival before any target."""
+        """Return the rival before any target; the time of its belt begins anew."""
+        encoder = encoder_of(self)
+        if encoder is not None:
+            encoder.forget()
         return replace(self, meeting=self.meeting.afresh())
 
     def pause(self) -> float:
@@ -282,59 +280,6 @@ class Attracted:
         return w.motion
 
 
-@final
-class BeltEncoder:
-    """How far a belt has travelled, read at each tick.
-
-    Attributes:
-        along: Direction of the belt, a unit vector, shape (3,).
-    """
-
-    def __init__(self, along: Array) -> None:
-        """Begin without a reading."""
-        self.along = along
-        self._read: deque[tuple[float, float]] = deque()
-
-    @property
-    def now(self) -> float:
-        """Time of the newest reading [s]."""
-        return self._read[-1][0] if self._read else -inf
-
-    def read(self, t: float, travel: float) -> None:
-        """Take a reading: time [s] and travel [m]; an earlier time begins anew."""
-        if t <= self.now:
-            self._read.clear()
-        self._read.append((t, travel))
-        while t - self._read[0][0] > _KEPT:
-            self._read.popleft()
-
-    def at(self, t: float) -> Array:
-        """Return travel, speed, acceleration [m ...] at a time, (3,); later than now as foreseen.
-
-        The nearest reading for a time before now.
-        """
-        near = self._nearest(t)
-        known, travel = self._read[near]
-        speed, before = self._speed(near), self._speed(self._nearest(known - _COMPARED))
-        ddr = (speed - before) / _COMPARED
-        ahead = t - known
-        return np.array([travel + ahead * speed + 0.5 * ahead**2 * ddr, speed + ahead * ddr, ddr])
-
-    def _nearest(self, t: float) -> int:
-        """Return which reading is nearest to a time [s]; the oldest or newest of times beyond."""
-        k = bisect_left(self._read, (t,))
-        if k == len(self._read) or (k > 0 and t - self._read[k - 1][0] <= self._read[k][0] - t):
-            return k - 1
-        return k
-
-    def _speed(self, k: int) -> float:
-        """Return the speed in one of the readings [m/s]; the oldest known of the first."""
-        if len(self._read) < 2:
-            return 0.0
-        (t, travel), (t_1, travel_1) = self._read[max(k, 1) - 1], self._read[max(k, 1)]
-        return (travel_1 - travel) / (t_1 - t)
-
-
 class _Latch:
     """Where the camera saw the part, and the encoder's value that belongs to it."""
 
@@ -355,7 +300,7 @@ class LineTracking:
         latch: What the camera told.
     """
 
-    encoder: BeltEncoder
+    encoder: BeltTravel
     compensated: bool
     latch: _Latch = field(default_factory=lambda: _Latch(inf))
 
@@ -373,10 +318,10 @@ class LineTracking:
         w, e = self.latch, self.encoder
         if w.r is None and ball.t_seen > w.seen:
             w.r = ball.r_o - (ball.t - ball.t_seen) * ball.dr_o
-            w.travel = e.at(ball.t_seen if self.compensated else e.now)[0]
+            w.travel = e.at(ball.t_seen if self.compensated else e.newest)[0]
         if w.r is None:
             return ball
-        travel, speed, ddr = e.at(ball.t if self.compensated else e.now)
+        travel, speed, ddr = e.at(ball.t if self.compensated else e.newest)
         return replace(
             ball, r_o=w.r + (travel - w.travel) * e.along, dr_o=speed * e.along, ddr_o=ddr * e.along
         )
@@ -424,7 +369,7 @@ def make_meeter(name: str, meeting: Meeting, *, rate: float = 100.0) -> Generato
             "none",
             do="choose --target belt, or another generator",
         )
-    return _rival(meeting, LineTracking(BeltEncoder(np.array(meeting.settings.along)), LINES[name]))
+    return _rival(meeting, LineTracking(BeltTravel(np.array(meeting.settings.along)), LINES[name]))
 
 
 def _rival(meeting: Meeting, way: Way) -> MeetingRival:
@@ -432,7 +377,7 @@ def _rival(meeting: Meeting, way: Way) -> MeetingRival:
     return MeetingRival(meeting, way, meeting.map.arm.q_ready)
 
 
-def encoder_of(generator: Generator) -> BeltEncoder | None:
+def encoder_of(generator: Generator) -> BeltTravel | None:
     """Return the encoder that a generator reads; None of one that reads none."""
     way = generator.way if isinstance(generator, MeetingRival) else None
     return way.encoder if isinstance(way, LineTracking) else None

@@ -99,6 +99,8 @@ class MeetTrial:
             ``blocked``: the arm's limits, the arm itself or the floor kept it from following.
         placed: Whether the part lies on its tray, the tool open and the arm back where it waits;
             None where nothing was met, or there is no tray.
+        cycle_s: From when the arm set out until it waited again, the part on its tray; None where
+            it was not placed.
         tool_speed_m_s: Largest speed of the tool.
         over_force: Whether the contacts together, or one of them, pressed harder than the tool
             takes; None without a contact.
@@ -119,6 +121,7 @@ class MeetTrial:
     limit_violations: int
     binding_limit: str | None
     placed: bool | None = None
+    cycle_s: float | None = None
     tool_speed_m_s: float = 0.0
     over_force: bool | None = None
     hand_force_n: float | None = None
@@ -153,11 +156,13 @@ class _Ending(NamedTuple):
         closed: When the tool had closed [s]; None where it did not.
         left: ``area`` where the part left the work area while it was followed.
         put: Where the part was put; None where it was not.
+        ended: When the arm had nothing more to do [s].
     """
 
     closed: float | None
     left: str | None
     put: Placing | None
+    ended: float
 
 
 @final
@@ -198,7 +203,7 @@ class MeetRunner(TaskRunner[MeetTrial]):
         super().__init__(station.arm, world)
         self.course: Course | None = None
         self._first_course: Course | None = None
-        self._longest, self._ending = _LONGEST, _Ending(None, None, None)
+        self._longest, self._ending = _LONGEST, _Ending(None, None, None, 0.0)
 
     @property
     def first_course(self) -> Course:
@@ -236,8 +241,12 @@ class MeetRunner(TaskRunner[MeetTrial]):
     def sensed(self, senses: Senses) -> None:
         """Let a generator that follows the belt's encoder have its reading of this tick."""
         ride = self.world.ride
-        if self._encoder is not None and ride is not None:
-            self._encoder.read(senses.t, float((ride.at(senses.t)[0] - ride.start) @ ride.along))
+        if self._encoder is None or ride is None:
+            return
+        for reading in senses.belt:
+            self._encoder.read(reading.t, reading.travel)
+        if self._station.scene.sensing.belt is None:  # an exact one
+            self._encoder.read(senses.t, ride.travel(senses.t))
 
     def over(self, catcher: Catcher) -> bool:
         """Say whether the tool has closed, the part was given up, or too much time has passed."""
@@ -260,8 +269,8 @@ class MeetRunner(TaskRunner[MeetTrial]):
             put = self._put_away(catcher, closed)
         elif catcher.phase is Phase.FOLLOW:
             catcher.stop()
+        self._ending = _Ending(closed, left, put, self.world.t)
         self._wait(catcher, _SETTLES)
-        self._ending = _Ending(closed, left, put)
         self.gather(catcher)
 
     def _wait(self, catcher: Catcher, lasts: float, *, look: bool | None = False) -> None:
@@ -299,6 +308,7 @@ class MeetRunner(TaskRunner[MeetTrial]):
             heading=heading_of(about, said),
             ticks=tick_rows(gathered(ticks), self.senses, 0),
             points={k: x.points for k, x in enumerate(self.senses) if x.points},
+            belt={k: x.belt for k, x in enumerate(self.senses) if x.belt},
             tracks=(
                 Track(topic=TRUTH, t=truth.t, r=truth.r_o),
                 Track(topic=CATCH_POINT, t=truth.t, r=truth.position),
@@ -368,7 +378,7 @@ class MeetRunner(TaskRunner[MeetTrial]):
     def score(self, index: int, catcher: Catcher) -> MeetTrial:
         """Score a finished trial."""
         world, ticks, truth = self.world, self.ticks, self.world.trace()
-        closed, left, put = self._ending
+        closed, left, put, ended = self._ending
         gap = np.linalg.norm(truth.r_o - truth.position, axis=1)
         slip = np.linalg.norm(truth.dr_o - truth.velocity, axis=1)
         contact, verdict, hand = world.first_contact, catcher.verdict, self._station.arm.model.hand
@@ -381,6 +391,7 @@ class MeetRunner(TaskRunner[MeetTrial]):
         if index == 0:
             self._first_course = self.course
         status = self._status(catcher, truth, closed)
+        placed = None if status != "met" or put is None else self._lies(put)
         return MeetTrial(
             index=index,
             status=status,
@@ -393,7 +404,8 @@ class MeetRunner(TaskRunner[MeetTrial]):
             peak_acceleration=np.abs(ticks.command[:until, 2]).max(axis=0, initial=0.0).tolist(),
             limit_violations=measure(self._station.arm, ticks, truth).limit_violations,
             binding_limit=left or why,
-            placed=None if status != "met" or put is None else self._lies(put),
+            placed=placed,
+            cycle_s=ended - catcher.t_0 if placed else None,
             tool_speed_m_s=float(np.linalg.norm(truth.velocity, axis=1).max()),
             over_force=None if contact is None or hand is None else world.peak_load > hand.force,
             hand_force_n=None if contact is None else world.hand_force,
@@ -436,7 +448,9 @@ def _more(trials: Sequence[MeetTrial]) -> dict[str, Any]:
     sync = [t.in_sync_s for t in trials]
     force = [t.peak_contact_force_n for t in trials if t.peak_contact_force_n is not None]
     hand = [t.hand_force_n for t in trials if t.hand_force_n is not None]
+    cycles = [t.cycle_s for t in trials if t.cycle_s is not None]
     return {
+        "parts_a_minute": 60.0 / float(np.mean(cycles)) if cycles else None,
         "placed": sum(t.placed is True for t in trials),
         "in_sync_s_p50": float(np.median(sync)) if sync else None,
         "force_n": max(force, default=None),

@@ -205,7 +205,11 @@ class _Run:
             t, q, dq = float(row["t"]), row["q"].copy(), row["dq"].copy()
             arm = ArmState(t=float(row["t_arm"]), q=q, dq=dq)
             yield Senses(
-                t=t, arm=arm, frames=frames[len(frames) - own :], points=recorded.points(number)
+                t=t,
+                arm=arm,
+                frames=frames[len(frames) - own :],
+                points=recorded.points(number),
+                belt=recorded.belt(number),
             )
 
     def _see(self, row: np.void) -> None:

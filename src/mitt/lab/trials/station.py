@@ -19,15 +19,16 @@ from mitt.core.arm.kinematics import motion_of, sweep
 from mitt.core.arm.limits import slowed
 from mitt.core.arm.shapes import MARGIN, Shapes, Surroundings, clearance, shapes_of
 from mitt.core.arm.tools import Gripper, Jaw, Suction
+from mitt.core.ball.belt import RIDING
 from mitt.core.ball.filter import FilterConfig
 from mitt.core.catcher.generators import Generator
 from mitt.core.catcher.meeting import Meeting, MeetingSettings
 from mitt.core.catcher.settings import CatcherSettings
-from mitt.core.errors import ModelError
+from mitt.core.errors import InputError, ModelError
 from mitt.core.map.demand import uniform
 from mitt.core.map.meeting import MeetingMap, unlearned_meeting
 from mitt.core.map.reach import Reach, ReachScratch, reach_of, reach_scratch, reach_target
-from mitt.core.signals import Array
+from mitt.core.signals import TICK, Array
 from mitt.io.arm_file import arm_of_task, with_notes_logged
 from mitt.io.load import TIP_AXES
 from mitt.io.wam import wrist_wam
@@ -57,10 +58,22 @@ PART: Final = Ball(sides=(0.05, 0.06, 0.04), mass=0.1, drag=0.0)
 """The part that is met where the scene says nothing: a small box."""
 
 PARTS_SCENE: Final = scene_of(
-    {"base": "lab", "sensing": {"latency": 30, "point_noise": 0.002, "frame_rate": 60.0}},
+    {
+        "base": "lab",
+        "sensing": {
+            "latency": 30,
+            "point_noise": 0.002,
+            "frame_rate": 60.0,
+            "viewpoint": "above",
+            "belt": {"scale": 0.01, "clock": 0.002},
+        },
+    },
     place="scene",
 )
 """The world where parts are met and nothing is said: a camera of 60 Hz, 30 ms late, 2 mm of noise.
+
+It hangs above the belt, so that tool and arm hide the part in the end, and the belt's encoder is
+read, its scale wrong by up to 1 % and its stamps by up to 2 ms.
 """
 
 #: Numbers of joints that bring a tool to a target: its place, also its axis, also its turn; of
@@ -85,6 +98,8 @@ _HIGHER = {"belt": (-0.12,), "hand": (0.05, 0.2, 0.35)}
 #: The same of arms that reach none of these with the tool as it is to point.
 _NEARER = (0.4, 0.3)
 _LOWER = {"belt": (-0.12, -0.3), "hand": (0.05, 0.2, -0.1)}
+#: 1-sigma of a part's place with which a tool takes it [m].
+_KNOWN = 0.02
 #: Half-widths of the work area that are tried, along a belt, in lengths of the arm: fast belts want
 #: long areas; and how far it goes along it at most: beyond, the tool lifts the part and rests.
 _WIDE = {"belt": (0.42, 0.32, 0.22), "hand": (0.2,)}
@@ -198,12 +213,15 @@ class Station:
         across = part.sides[0] if part.sides else 2.0 * part.radius
         behind, around = max(_BEHIND, _LAGS * self.settings.speed), settings.around
         hand, belt = self.arm.model.hand, self.scene.belt
-        if isinstance(hand, Gripper) and belt is not None and self.target == "belt":
+        part_rides = belt is not None and self.target == "belt"
+        if isinstance(hand, Gripper) and belt is not None and part_rides:
             under = _under(belt, hand.yields - MARGIN)
             around = replace(around, zones=(*around.zones, under))
+        read = part_rides and self.scene.sensing.belt is not None
         return replace(
             settings,
-            flight=CARRIED,
+            flight=RIDING if read else CARRIED,
+            belt=self.settings.along if read else None,
             sigma_ready=0.05,
             tolerance=np.inf,
             ball_radius=0.5 * across,
@@ -299,6 +317,31 @@ def station(
     )
     settings = replace(settings, down=_time_down(f, settings, place, _LEAST_DOWN[target]))
     return Station(arm=arm, map=f, settings=settings, scene=scene, place=place, target=target)
+
+
+def check_seen_in_time(at: Station, speed: float) -> None:
+    """Refuse parts that are seen too late for their belt, where its encoder is not read.
+
+    Args:
+        at: Where they are met.
+        speed: Mean speed of the belt [m/s].
+
+    Raises:
+        InputError: By the newest sighting a part is known worse than a tool takes it.
+    """
+    s, of = at.scene.sensing, at.settings
+    if of.along is None or s.belt is not None:
+        return
+    age, most = TICK * s.latency + 1.0 / s.frame_rate, _KNOWN / (of.varies * speed)
+    if age > most:
+        raise InputError(
+            "sensing.latency",
+            f"sightings of a belt of {speed:g} m/s at most {1e3 * most:.0f} ms old: its speed may"
+            f" change by {100.0 * of.varies:.0f} %, and the tool takes"
+            f" what is {1e3 * _KNOWN:.0f} mm off",
+            f"{1e3 * age:.0f} ms ({s.latency} ms, and {1e3 / s.frame_rate:.0f} ms to the next)",
+            do="let the belt's encoder be read ([sensing.belt] of the scene)",
+        )
 
 
 def _work_area(place: Array, room: Array, belt: Belt | None, reach: float) -> tuple[Array, Array]:

@@ -90,14 +90,34 @@ class Mismatch(FileSettings):
     ball_radius: Annotated[float, Field(ge=0.0, le=0.2)] = 0.0
 
 
+class BeltEncoder(FileSettings):
+    """The encoder of a belt.
+
+    Attributes:
+        step: Its resolution, along the belt [m].
+        rate: Readings a second [Hz].
+        age: Ticks from a reading to its delivery.
+        scale: Half-width of the relative error of its scale, drawn anew from each trial's seed.
+        clock: Half-width of the error of its stamps [s], drawn likewise.
+    """
+
+    step: Annotated[float, Field(ge=0.0, le=0.1)] = 1e-4
+    rate: Annotated[float, Field(ge=10.0, le=1000.0)] = 500.0
+    age: Annotated[int, Field(ge=0, le=100)] = 2
+    scale: Annotated[float, Field(ge=0.0, le=0.2)] = 0.0
+    clock: Annotated[float, Field(ge=0.0, le=0.1)] = 0.0
+
+
 class Sensing(FileSettings):
     """What the catcher senses, and when.
 
     Attributes:
         point_noise: Noise of points, 1 sigma an axis [m].
-        viewpoint: From where points are seen: ``around``, whatever stands between; ``above`` belt
-            or hand, 1 m; ``upstream``, 0.7 m before it, 0.5 m of the belt alone; or a place [m].
-            What arm, tool or giver cover is not seen from there.
+        viewpoint: From where points are seen: ``around``, whatever stands between; ``above`` the
+            belt, 1 m; ``upstream``, 0.7 m before that, 0.5 m of the belt alone; or a place [m]. The
+            first two are beside the arm where there is no belt. What arm, tool or giver cover is
+            not seen from there.
+        belt: The encoder of the belt; none if left out.
         latency: Ticks until a frame, once it is exposed and read out, or a point is delivered.
         frame_rate: Frames or points a second [Hz], from a random phase on, each exposed in a tick.
         encoder_step: Resolution of the joint encoders [rad]; 0 is exact, ``arm`` that of the
@@ -134,7 +154,8 @@ class Sensing(FileSettings):
         Literal["around", "above", "upstream"]
         | Annotated[tuple[float, float, float], Field(strict=False)]
     ) = "around"
-    latency: Annotated[int, Field(ge=0, le=200)] = 1
+    belt: BeltEncoder | None = None
+    latency: Annotated[int, Field(ge=0, le=1000)] = 1
     frame_rate: Annotated[float, Field(ge=1.0, le=1000.0)] = 1000.0
     encoder_step: NotNegative | Literal["arm"] = 0.0
     cameras: Literal["fixed", "active"] = "fixed"

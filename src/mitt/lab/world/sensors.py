@@ -9,10 +9,10 @@ import numpy as np
 
 from mitt.core.arm.description import ArmModel
 from mitt.core.kernels import kernel
-from mitt.core.signals import TICK, ArmState, Array, Frame, Senses, Sighting
+from mitt.core.signals import TICK, ArmState, Array, BeltReading, Frame, Senses, Sighting
 from mitt.lab.world.capsules import Body, lay_capsules
 from mitt.lab.world.imaging import Imager
-from mitt.lab.world.scene import Scene, Sensing
+from mitt.lab.world.scene import BeltEncoder, Scene, Sensing
 from mitt.lab.world.sight import Viewpoint, is_seen
 
 Exposed = tuple[tuple[Frame, ...], tuple[Sighting, ...]]
@@ -76,6 +76,27 @@ def read_encoders(encoders: SimulatedEncoders, t: float, q: Array, dq: Array) ->
         encoders.dq[i] = 0.0 if before < 0.0 else (counted - encoders.counted[i]) / (t - before)
         encoders.q[i] = encoders.counted[i] = counted
     encoders.since[0] = t
+
+
+class Odometer:
+    """The encoder of a belt in one trial."""
+
+    def __init__(self, encoder: BeltEncoder, rng: np.random.Generator) -> None:
+        """Draw its errors."""
+        self._encoder = encoder
+        self._scale = 1.0 + encoder.scale * rng.uniform(-1.0, 1.0)
+        self._late = encoder.clock * rng.uniform(-1.0, 1.0)
+        self._line: deque[tuple[BeltReading, ...]] = deque()
+
+    def read(self, t: float, travel: float) -> tuple[BeltReading, ...]:
+        """Read the true travel [m] at a time [s] and return what arrives; once a tick."""
+        of, new = self._encoder, tuple[BeltReading, ...]()
+        if floor(t * of.rate + 1e-9) != floor((t - TICK) * of.rate + 1e-9):
+            shown = self._scale * travel
+            shown = shown if of.step == 0.0 else of.step * floor(shown / of.step)
+            new = (BeltReading(t=t + self._late, travel=shown),)
+        self._line.append(new)
+        return self._line.popleft() if len(self._line) > of.age else ()
 
 
 class Sensors:

@@ -25,8 +25,8 @@ _ABOVE = 1.0
 _UPSTREAM = 0.7
 #: Half the angle of view of the latter [rad]: it sees 0.5 m of the belt.
 _NARROW = 0.25
-#: Where a camera hangs above nothing in particular [m], in the arm's base frame.
-_CEILING = (0.6, 0.0, 1.2)
+#: Where a camera is that sees what a person hands over [m], in the arm's base frame: beside.
+_BESIDE = (0.4, 1.0, 0.6)
 #: The forearm of a person: from where on behind the thing, to where, and its radius [m].
 _WRIST = 0.08
 _ELBOW = 0.35
@@ -63,12 +63,11 @@ def viewpoint_of(scene: Scene, radius: float, behind: Array | None) -> Viewpoint
         return None
     narrow = -1.0
     if isinstance(view, str):
-        place = np.array(_CEILING)
+        place = np.array(_BESIDE)
         if belt is not None:
             place = np.array([*belt.middle, belt.height + _ABOVE])
-        if view == "upstream":
-            along = np.array([0.0, 1.0, 0.0]) if belt is None else belt.along
-            place, narrow = place - _UPSTREAM * along, cos(_NARROW)
+        if belt is not None and view == "upstream":
+            place, narrow = place - _UPSTREAM * belt.along, cos(_NARROW)
     else:
         place = np.array(view)
     size = radius if sides is None else 0.5 * min(sides[:2])

@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NoReturn, final
 
 import mujoco
@@ -25,7 +25,7 @@ from mitt.lab.world.imaging import Imager
 from mitt.lab.world.motion import move_motors, note_state, note_stop, over
 from mitt.lab.world.prescribed import FREE, Prescribed, states_of
 from mitt.lab.world.scene import Scene
-from mitt.lab.world.sensors import CameraMaker, Sensors, encoder_steps
+from mitt.lab.world.sensors import CameraMaker, Odometer, Sensors, encoder_steps
 from mitt.lab.world.sight import viewpoint_of
 from mitt.lab.world.targets import InHand, Ride
 from mitt.lab.world.throws import Throw, fly
@@ -106,6 +106,7 @@ class World:
         self._delay, self._pulls = round(hand.delay / TICK), hand.pulls
         self._waiting: deque[float] = deque()
         self._ride: Ride | None = None
+        self._odometer: Odometer | None = None
         self._giver: Giver | None = None
         self._part = int(self.model.geom_bodyid[self._built.ball])
         self._belt = None if scene.belt is None else self.model.joint("belt").id
@@ -236,7 +237,9 @@ class World:
         self.data.qpos[: self._n] = self._arm.q_ready
         if stay:
             self.data.qpos[:size], self.data.qvel[:size] = kept
-        self._ride = ball if isinstance(ball, Ride) else None
+        self._ride, encoder = ball if isinstance(ball, Ride) else None, self._scene.sensing.belt
+        own = np.random.default_rng([seed, 1])
+        self._odometer = None if encoder is None else Odometer(encoder, own)
         self._giver = self._person(ball, drawn) if isinstance(ball, InHand) else None
         r, dr = (ball.r, ball.dr) if isinstance(ball, Throw) else ball.at(0.0)
         self._ball[0][:], self._ball[1][:] = r, dr
@@ -254,7 +257,10 @@ class World:
         Args:
             look: Whether ball and images are exposed in this tick; encoders always are.
         """
-        return self._sensors.read(self.t, *self._senses, look=look)
+        senses, ride = self._sensors.read(self.t, *self._senses, look=look), self._ride
+        if self._odometer is None or ride is None:
+            return senses
+        return replace(senses, belt=self._odometer.read(self.t, ride.travel(self.t)))
 
     def views_before(self, count: int) -> list[tuple[Frame, ...]]:
         """Return looks at the scene before the release, without the thrown ball.

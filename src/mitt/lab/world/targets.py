@@ -208,13 +208,16 @@ class Ride:
         x = np.clip((t - self.begin) / self.change, 0.0, 1.0)
         return float(self.speeds[0] + (x * x * (3.0 - 2.0 * x)) @ np.diff(self.speeds))
 
-    def at(self, t: float) -> tuple[Array, Array]:
-        """Position [m] and velocity [m/s], shape (3,) each, of a part that does not slip."""
+    def travel(self, t: float) -> float:
+        """Return how far the belt has travelled at ``t`` [m]."""
         x = np.clip((t - self.begin) / self.change, 0.0, None)
         low, over = np.minimum(x, 1.0), np.maximum(x - 1.0, 0.0)
         way = self.change * (low**3 - 0.5 * low**4 + over)
-        gone = float(self.speeds[0] * t + way @ np.diff(self.speeds))
-        return self.start + gone * self.along, self.speed(t) * self.along
+        return float(self.speeds[0] * t + way @ np.diff(self.speeds))
+
+    def at(self, t: float) -> tuple[Array, Array]:
+        """Position [m] and velocity [m/s], shape (3,) each, of a part that does not slip."""
+        return self.start + self.travel(t) * self.along, self.speed(t) * self.along
 
     def changed(self, factor: float, begin: float, end: float) -> "Ride":
         """Return the ride on a belt whose speed is multiplied between two times [s].
