@@ -14,15 +14,17 @@ from the best of a grid (variable projection: Golub and Pereyra, SIAM J. Numer. 
 
 How sure a figure is follows from the motion itself: it is worked out again without each eighth of
 the time, and without each joint, in turn (the jackknife: Efron and Stein, Ann. Stat. 9 (1981)). So
-what the arm's model lacks, which shows itself as joints that disagree, is in the figure.
+what the arm's model lacks, which shows itself as joints that disagree, is in the figure. Delay and
+bandwidth of a joint control are the medians of the joints.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf, pi, sqrt
-from typing import final
+from typing import TypeAlias, final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mitt.core.arm.arm import Arm
 from mitt.core.errors import InputError
@@ -60,8 +62,14 @@ _PARTS = 8
 #: what the motion does not show; rows of model errors that last this long count as one [s].
 _MOMENT = 0.1
 _LIKE = 0.25
+#: Standard deviation of the median of many, in units of their median deviation over the root of how
+#: many there are: 1.4826 sqrt(pi / 2), of normal ones.
+_OF_MEDIAN = 1.858
 #: Readings, and commands, that are needed at least.
 _FEWEST = 500
+
+Kept: TypeAlias = NDArray[np.bool_]
+"""Which rows are kept, shape (k, n)."""
 
 
 @final
@@ -151,24 +159,45 @@ def identify(arm: Arm, takes: Takes, log: MotionLog, *, period: float) -> Identi
     if min(len(log.read), len(log.sent)) < _FEWEST:
         given = f"{len(log.read)} readings, {len(log.sent)} commands"
         raise InputError("the motion", f"{_FEWEST} of each at least", given)
-    equations = _torques(arm, log) if takes == "torque" else _servo(takes, log)
+    if takes != "torque":
+        return _servo_found(_servo(takes, log), period)
+    equations = _torques(arm, log)
     every = np.ones(equations.shape, dtype=bool)
     best = equations.solved(every, None)
     parts = [equations.solved(keep, best[: equations.free]) for keep in equations.parts()]
     joints = [equations.solved(keep, best[: equations.free]) for keep in equations.joints()]
     sigma = np.hypot(_jackknife(parts), _jackknife(joints))
     delay = Figure(float(best[0] + period), float(sigma[0]))
-    if takes != "torque":
-        w = Figure(
-            float(np.exp(best[1])) / (2.0 * pi), float(np.exp(best[1]) * sigma[1] / (2 * pi))
-        )
-        return Identified(delay=delay, servo=w)
     mass, moment = best[1], best[2:5]
     load = Figure(float(mass), float(sigma[1]))
     if mass < 2.0 * sigma[1]:
         return Identified(delay=delay, load=load)
     at = [Figure(float(x / mass), float(s / mass)) for x, s in zip(moment, sigma[2:5], strict=True)]
     return Identified(delay=delay, load=load, load_at=tuple(at))
+
+
+def _servo_found(equations: "_Equations", period: float) -> Identified:
+    """Return delay and bandwidth as most joints have them: dry friction hides those of some.
+
+    Each joint is solved alone, and the median is taken: where friction holds a light joint against
+    its control, that joint alone would say a smaller bandwidth.
+    """
+    only = [~keep for keep in equations.joints()] or [np.ones(equations.shape, dtype=bool)]
+    alone = np.array([equations.solved(keep, None) for keep in only])
+    best = np.median(alone, axis=0)
+    parts = [
+        np.median(
+            [equations.solved(keep & x, near) for x, near in zip(only, alone, strict=True)], axis=0
+        )
+        for keep in equations.parts()
+    ]
+    scatter = _OF_MEDIAN * np.median(np.abs(alone - best), axis=0) / sqrt(len(alone))
+    sigma = np.hypot(scatter, _jackknife(parts))
+    w = float(np.exp(best[1])) / (2.0 * pi)
+    return Identified(
+        delay=Figure(float(best[0] + period), float(sigma[0])),
+        servo=Figure(w, w * float(sigma[1])),
+    )
 
 
 def _jackknife(without: list[Array]) -> Array:
@@ -214,13 +243,13 @@ class _Equations:
         """How many unknowns are not linear: delay, and the logarithm of w [rad/s]."""
         return 1 if self.takes == "torque" else 2
 
-    def parts(self) -> list[Array]:
+    def parts(self) -> list[Kept]:
         """Return what is kept without each part of the time, shape (k, n) each."""
         k, n = self.shape
         part = np.arange(k) * _PARTS // k
         return [np.repeat((part != p)[:, None], n, axis=1) for p in range(_PARTS)]
 
-    def joints(self) -> list[Array]:
+    def joints(self) -> list[Kept]:
         """Return what is kept without each joint, shape (k, n) each; nothing of a single joint."""
         k, n = self.shape
         return [np.tile(np.arange(n) != j, (k, 1)) for j in range(n)] if n > 1 else []
@@ -245,7 +274,7 @@ class _Equations:
         out: Array = x[k] + (at - k)[:, None] * (x[k + 1] - x[k])
         return out
 
-    def solved(self, keep: Array, near: Array | None) -> Array:
+    def solved(self, keep: Kept, near: Array | None) -> Array:
         """Return delay, logarithm of w, then what of the load is linear, from some rows.
 
         Args:
@@ -257,7 +286,7 @@ class _Equations:
         p, load = self._fitted(keep, self._scale(keep, near), near)
         return np.concatenate([p, load])
 
-    def _fitted(self, keep: Array, scale: Array, near: Array | None) -> tuple[Array, Array]:
+    def _fitted(self, keep: Kept, scale: Array, near: Array | None) -> tuple[Array, Array]:
         """Return delay and logarithm of w, and what of the load is linear; see :meth:`solved`.
 
         Each joint is held to what is left over of it, one sigma, shape (n,).
@@ -304,7 +333,7 @@ class _Equations:
                     best, least = p, cost
         return best
 
-    def _scale(self, keep: Array, p: Array) -> Array:
+    def _scale(self, keep: Kept, p: Array) -> Array:
         """Return what is left over of each joint, one sigma, shape (n,)."""
         n = self.shape[1]
         out, left = np.ones(n), self.left(p)
@@ -316,7 +345,7 @@ class _Equations:
                 out[j] = max(float(np.sqrt(np.mean(y**2))), _LEAST)
         return out
 
-    def _columns(self, keep: Array, scale: Array) -> tuple[Array, int]:
+    def _columns(self, keep: Kept, scale: Array) -> tuple[Array, int]:
         """Return the columns of what is linear, of the rows that are kept, and how many are prior.
 
         Those of the load are shared by all joints; friction is each joint's own.
