@@ -137,6 +137,8 @@ class FakeUr:
     Attributes:
         least: What frequency the watchdog wants [Hz].
         runs: Whether the program on the robot runs.
+        follows: Whether its outputs do.
+        outputs: How its digital outputs are.
     """
 
     def __init__(self, local: LocalRobot, started: float) -> None:
@@ -145,7 +147,7 @@ class FakeUr:
         self._speeds, self._wanted, self._limit = np.zeros(3), np.zeros(3), 1.0
         self._reading: ArmState | None = None
         self._moves, self.hand, self.least = False, 0.0, 0.0
-        self.runs = True
+        self.runs, self.follows, self.outputs = True, True, [False] * 8
 
     def getTimestamp(self) -> float:  # noqa: N802 (the vendor's, as all below)
         """Return the time of the newest state [s]; the next one comes once this was read."""
@@ -195,6 +197,16 @@ class FakeUr:
         self._wanted, self._limit, self._moves = np.zeros(3), a, False
         self._local.engage_brakes()
         return True
+
+    def setStandardDigitalOut(self, output: int, level: bool) -> bool:  # noqa: N802
+        """Set an output."""
+        if self.follows:
+            self.outputs[output] = level
+        return True
+
+    def getDigitalOutState(self, output: int) -> bool:  # noqa: N802
+        """Return how an output is."""
+        return self.outputs[output]
 
     def setWatchdog(self, min_frequency: float) -> bool:  # noqa: N802
         """Expect kicks."""

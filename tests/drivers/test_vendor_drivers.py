@@ -14,7 +14,7 @@ from mitt.core.signals import Command
 from mitt.io.arm_file import read_arm_file
 from mitt.io.cell import ArmPart, Cell, read_cell
 from mitt.robot.cell.device_clock import DeviceClock
-from mitt.robot.cell.drivers import LocalRobot
+from mitt.robot.cell.drivers import LocalRobot, local_robot
 from mitt.robot.cell.live import Mode
 from mitt.robot.cell.prepare import PreparedCell, prepare
 from mitt.robot.cell.readings import Lag
@@ -179,6 +179,42 @@ def test_the_ur_driver_catches_at_its_fake() -> None:
     assert cell.simulated.statuses == ["caught", "caught"]
     assert cell.loop.counts.lost == 0
     assert seen[0].least == pytest.approx(50.0)
+
+
+def test_the_output_of_a_ur_closes_the_hand_and_is_looked_at(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Set beyond half the closing angle and only when new; one that does not follow is told."""
+    cell = prepare(cell_of(UR_JOINTS, takes="velocity", rate=500.0))
+    options = HERE | {"hand_output": 3.0}
+    part = cell.cell.robot.model_copy(update={"options": options})
+    local = local_robot(cell, seed=0, count=1)
+    fake, now, told = FakeUr(local, 0.0), [100.0], list[tuple[int, bool]]()
+    monkeypatch.setattr(ur, "monotonic", lambda: now[0])
+    took = fake.setStandardDigitalOut
+
+    def noted(output: int, level: bool) -> bool:
+        told.append((output, level))
+        return took(output, level)
+
+    monkeypatch.setattr(fake, "setStandardDigitalOut", noted)
+    given = cell.cell.model_copy(update={"robot": part})
+    robot = ur.UrRobot(fake, fake, fake.unlock, given, cell.arm, outputs=fake)
+    robot.read(0.02)
+    robot.release()
+    hand = cell.arm.model.hand
+    assert hand is not None
+    rows = np.array([cell.arm.q_ready, *np.zeros((3, cell.arm.n))])
+    for share in (0.0, 0.0, 0.4, 0.6, 1.0, 0.6, 0.0):
+        robot.write(Command(t=0.0, joints=rows, hand=share * hand.closed), 0.0)
+    assert told == [(3, False), (3, True), (3, False)]
+    fake.follows = False
+    robot.write(Command(t=0.0, joints=rows, hand=hand.closed), 0.0)
+    assert robot.trouble() == ""
+    now[0] += 0.3
+    assert robot.trouble() == "digital output 3, the hand's, is not as it was set"
+    fake.outputs[3] = True
+    assert robot.trouble() == ""
 
 
 def test_the_ur_driver_goes_on_once_a_person_says_so() -> None:

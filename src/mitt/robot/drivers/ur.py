@@ -2,11 +2,12 @@
 
 Options of ``[robot.options]``:
 
-| option    | what                                                                             |
-|-----------|----------------------------------------------------------------------------------|
-| address   | of the robot                                                                     |
-| lookahead | of ``servoj``, for positions: 0.03 to 0.2 [s]                                    |
-| gain      | of ``servoj``, for positions: 100 to 2000                                        |
+| option      | what                                                                           |
+|-------------|--------------------------------------------------------------------------------|
+| address     | of the robot                                                                   |
+| lookahead   | of ``servoj``, for positions: 0.03 to 0.2 [s]                                  |
+| gain        | of ``servoj``, for positions: 100 to 2000                                      |
+| hand_output | standard digital output that closes the hand, 0 to 7; none if left out         |
 
 A UR reads its joints and takes commands 500 times a second: ``robot.rate = 500``. It takes
 
@@ -22,10 +23,15 @@ A command is written into the input registers, which the controller looks at eac
 is sent between two commands, or it would see that instead. Each command also feeds the watchdog.
 
 There is no call that engages the brakes of an arm in operation: ``engage_brakes`` lets it stop, and
-its drives hold it. The hand is not driven here.
+its drives hold it.
+
+The hand is closed and opened by a digital output, over a connection of its own (RTDE takes inputs
+of several clients): it is set where the hand is commanded beyond half its closing angle. The robot
+says how its outputs are; one that has not followed for 0.2 s is a fault.
 """
 
 from collections.abc import Callable, Sequence
+from math import inf
 from typing import Any, Final, final
 
 import numpy as np
@@ -57,7 +63,12 @@ _SPRING: Final = 200.0
 _DAMPER: Final = 8.0
 #: Time between two looks for a reading [s].
 _LOOK: Final = 1e-4
-_OPTIONS: Final = {"address": "", "lookahead": 0.03, "gain": 300.0}
+#: Time in which the robot says that an output is as it was set [s].
+_FOLLOWS: Final = 0.2
+#: Digital outputs that a user may set, and what stands for none of them.
+_OUTPUTS: Final = range(8)
+_NONE: Final = -1.0
+_OPTIONS: Final = {"address": "", "lookahead": 0.03, "gain": 300.0, "hand_output": _NONE}
 
 
 def check_ur(cell: Cell, arm: Arm) -> list[str]:
@@ -69,9 +80,11 @@ def check_ur(cell: Cell, arm: Arm) -> list[str]:
     for name, low, high in (("lookahead", 0.03, 0.2), ("gain", 100.0, 2000.0)):
         if not low <= of[name] <= high:
             raise InputError(f"robot.options.{name}", f"{low:g} to {high:g}", of[name])
+    if of["hand_output"] not in (_NONE, *_OUTPUTS):
+        raise InputError("robot.options.hand_output", "an output, 0 to 7", of["hand_output"])
     if round(PERIOD / TICK) != cell.robot.ticks:
         raise InputError("robot.rate", "500 Hz, as the controller has it", cell.robot.rate)
-    for library in ("dashboard_client", "rtde_control", "rtde_receive"):
+    for library in ("dashboard_client", "rtde_control", "rtde_io", "rtde_receive"):
         check_package("driver 'ur'", library, "ur_rtde", "ur")
     return []
 
@@ -89,12 +102,11 @@ def ur_driver(cell: Cell, arm: Arm) -> "UrRobot":
     check_ur(cell, arm)
     import dashboard_client  # noqa: PLC0415 (of ur_rtde)
     import rtde_control  # noqa: PLC0415
+    import rtde_io  # noqa: PLC0415
     import rtde_receive  # noqa: PLC0415
 
-    address, rate = (
-        str(given_options("robot.options", cell.robot.options, _OPTIONS)["address"]),
-        1.0 / PERIOD,
-    )
+    of = given_options("robot.options", cell.robot.options, _OPTIONS)
+    address, rate = str(of["address"]), 1.0 / PERIOD
     dashboard = dashboard_client.DashboardClient(address)
     dashboard.connect()
     return UrRobot(
@@ -103,6 +115,7 @@ def ur_driver(cell: Cell, arm: Arm) -> "UrRobot":
         dashboard.unlockProtectiveStop,
         cell,
         arm,
+        outputs=None if of["hand_output"] == _NONE else rtde_io.RTDEIOInterface(address),
     )
 
 
@@ -124,6 +137,7 @@ class UrRobot:
         cell: Cell,
         arm: Arm,
         *,
+        outputs: Any = None,  # noqa: ANN401 (ur_rtde)
         clock: DeviceClock | None = None,
         acceleration: float = _FASTEST,
     ) -> None:
@@ -135,6 +149,7 @@ class UrRobot:
             unlock: Acknowledges a protective stop.
             cell: What its file says.
             arm: The arm.
+            outputs: ``rtde_io.RTDEIOInterface``; None where no hand is driven.
             clock: Turns the robot's stamps into times of day.
             acceleration: Of ``speedj`` [rad/s^2].
         """
@@ -144,6 +159,11 @@ class UrRobot:
         self._control, self._receive, self._unlock = control, receive, unlock
         self._clock, self._acceleration = clock or DeviceClock(), acceleration
         self._lookahead, self._gain = of["lookahead"], of["gain"]
+        hand = arm.model.hand
+        self._outputs, self._output = outputs, int(of["hand_output"])
+        self._closes = inf if hand is None else 0.5 * hand.closed  # [rad]
+        self._closed: bool | None = None
+        self._set = 0.0
         self._watchdog, self._stamp, self._moves = cell.robot.watchdog, -np.inf, False
         self._q = self._dq = self._held = np.zeros(len(NAMES))
         self._weight(arm.q_ready)  # loaded before it is needed
@@ -169,6 +189,7 @@ class UrRobot:
         """Send what the drives take."""
         if not self._moves:
             return
+        self._drive_hand(closed=command.hand > self._closes)
         if self._takes == "velocity":
             speeds = np.zeros(len(NAMES))
             speeds[self._index] = command.dq  # corrected by mitt for angles that are off
@@ -182,6 +203,20 @@ class UrRobot:
             torques = _SPRING * (self._held - self._q) - _DAMPER * self._dq
             torques[self._index] = command.tau - self._weight(self._q[self._index])
             self._control.directTorque(torques.tolist())
+
+    def _drive_hand(self, *, closed: bool) -> None:
+        """Set the hand's output where that is new."""
+        if self._outputs is not None and closed is not self._closed:
+            self._closed, self._set = closed, monotonic()
+            self._outputs.setStandardDigitalOut(self._output, closed)
+
+    def _hand_trouble(self) -> str:
+        """Return that the hand's output is not as it was set; nothing if it is, or may be yet."""
+        if self._closed is None or monotonic() - self._set < _FOLLOWS:
+            return ""
+        if bool(self._receive.getDigitalOutState(self._output)) is self._closed:
+            return ""
+        return f"digital output {self._output}, the hand's, is not as it was set"
 
     def _weight(self, q: Array) -> Array:
         """Return the torques against the arm's weight that the robot itself adds [N m]."""
@@ -222,7 +257,9 @@ class UrRobot:
             return "emergency stop"
         if self._receive.isProtectiveStopped():
             return "protective stop"
-        return "" if self._control.isProgramRunning() else "its program does not run"
+        if not self._control.isProgramRunning():
+            return "its program does not run"
+        return self._hand_trouble()
 
     def news(self) -> Sequence[str]:
         """Return none: nobody knows what became of a ball."""
