@@ -1,5 +1,6 @@
 """Your cameras: from images to the place of the cameras, a track, and a reference for the arm."""
 
+import os
 import tempfile
 from pathlib import Path
 
@@ -15,7 +16,10 @@ from mitt.core.eyes.eyes import Eyes
 from mitt.core.eyes.lens import Lens
 from mitt.io.rig import CalibratedRig, RigCamera, read_rig, write_rig
 from mitt.lab.world.imaging import Imager, ImageSensor
+from mitt.robot.cameras.cameras import ImageSource, open_cameras
 from mitt.robot.cameras.video_writer import VideoWriter
+from mitt.robot.cell.device_clock import DeviceClock
+from mitt.robot.cell.frames import FrameWriter, SharedFrames
 
 RADIUS = 0.04
 RATE = 1000.0
@@ -82,3 +86,29 @@ slow = np.linalg.norm(ball.dr_o - dr_o)
 print(f"ball: {1e3 * apart:.1f} mm and {slow:.3f} m/s from the truth")
 f = mitt.learn(arm).map.adapt(ball, arm.q_ready, np.zeros(arm.n))
 print(f"the arm has {1e3 * f.reference(ball).time_to_catch:.0f} ms until the catch")
+
+
+def feed(left: ImageSource, right: ImageSource, writer: FrameWriter) -> int:
+    """Pass on what two cameras see, until one ends; return how many pairs that were."""
+    clock, pairs = DeviceClock(), 0  # the cameras' stamps as times of day
+    a, b = left.read(), right.read()
+    while a is not None and b is not None:
+        if abs(a.t - b.t) > 0.4 / RATE:  # one has lost a frame: the other goes on to the next
+            a, b = (left.read(), b) if a.t < b.t else (a, right.read())
+            continue
+        writer.write(clock.at(0.5 * (a.t + b.t)), (a.pixels, b.pixels))
+        pairs += 1
+        if pairs == 200:  # what came fastest is known by now; from here on stamps never jump
+            clock.fix()
+        a, b = left.read(), right.read()
+    return pairs
+
+
+memory = f"tutorial-{os.getpid()}"
+with open_cameras([here + "0.mkv", here + "1.mkv"]) as (left, right):
+    writer, cell = FrameWriter(memory, 2, 128, 128), SharedFrames(memory, [(128, 128)] * 2)
+    missing = cell.open()
+    passed = feed(left, right, writer)
+    seen = cell.take()
+    writer.close()
+print(f"cell: {missing or 'the cameras are there'}, {passed} pairs, {len(seen)} still in the ring")
