@@ -396,7 +396,9 @@ class _Catching(Environment):
         limits = None if limits is None else checks.text("limits", limits)
         self.arm, said = (arm, None) if isinstance(arm, Arm) else arm_with_hand(arm, limits=limits)
         self._design = default_design(self.arm)
-        source = source_of(self.arm, seed=0, count=1, drag=self.scene.ball.drag)
+        source = source_of(
+            self.arm, seed=0, count=1, drag=self.scene.ball.drag, spinning=self.scene.ball.spinning
+        )
         if said is not None and said.throws is not None:
             source = widened(source, said.throws)
         self._source = source
@@ -646,7 +648,9 @@ class BatEnv(Environment):
         at = self._at
         self._take(at.arm, World(at.scene, at.arm.model, limits=at.arm.limits), 1.0)
         self.action_space = spaces.Box(-1.0, 1.0, (at.arm.n,), np.float32)
-        self._source = source_of(at.arm, seed=0, count=1, drag=self.scene.ball.drag)
+        self._source = source_of(
+            at.arm, seed=0, count=1, drag=self.scene.ball.drag, spinning=self.scene.ball.spinning
+        )
         self._times = np.arange(0.0, _FLIES, _STRIDE)
         self._path = np.zeros((len(self._times), 3))
         self._catcher = Catcher(at.arm, at.batting, settings=at.catcher)

@@ -308,11 +308,14 @@ class Cases:
             found[name] = Case(call, given, measured=frozenset(given))
         ballistic = BallFilter()
         found["BallFilter"] = Case(BallFilter, {"config": FilterConfig()})
-        seen = {"update": {"sighting": right["Senses"][1]["points"][0]}, "state": {"t": 0.5}}
+        seen = {
+            "update": {"sighting": right["Senses"][1]["points"][0]},
+            "state": {"t": 0.5},
+            "lift": {"t": 0.5},
+        }
         methods = self._methods("BallFilter", ballistic, seen)
-        methods["BallFilter.state"] = replace(
-            methods["BallFilter.state"], measured=frozenset(("t",))
-        )
+        for name in ("BallFilter.state", "BallFilter.lift"):
+            methods[name] = replace(methods[name], measured=frozenset(("t",)))
         return found | methods
 
     def _settings(self) -> dict[str, Case]:

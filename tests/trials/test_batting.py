@@ -14,8 +14,9 @@ from hypothesis import strategies as st
 
 from mitt.cli.main import main
 from mitt.clock import Stopwatch
+from mitt.core.arm.tools import Paddle
 from mitt.core.ball.flight import advance
-from mitt.core.catcher.batting import Batting
+from mitt.core.catcher.batting import Batting, BattingSettings
 from mitt.core.catcher.catcher import Catcher
 from mitt.core.catcher.planner import PIECES
 from mitt.core.errors import InputError, ModelError
@@ -24,10 +25,9 @@ from mitt.core.verdict.feasibility import Outcome, Verdict
 from mitt.core.verdict.pieces import Pieces
 from mitt.io.arm_file import load_arm
 from mitt.io.recordings import Recorded, write_recording
-from mitt.lab.trials.bat_station import BatStation, bat_station
+from mitt.lab.trials.bat_station import BatStation, bat_station, impact_of
 from mitt.lab.trials.batting import (
     BAT,
-    DOUBT,
     BatRunner,
     BatTrial,
     returned_velocity,
@@ -37,7 +37,7 @@ from mitt.lab.trials.landing import CLOSE, NEAR, landing, nearest, paddle_of
 from mitt.lab.trials.replayed import changed, replay
 from mitt.lab.trials.result import run_summary
 from mitt.lab.trials.source import source_of
-from mitt.lab.world.scene import named_scene
+from mitt.lab.world.scene import named_scene, scene_of
 
 TARGET = np.array([3.0, 0.0, 0.3])
 seeds = st.integers(0, 2**31)
@@ -139,14 +139,22 @@ def test_the_velocity_after_a_hit_is_found_from_what_is_seen(seed: int) -> None:
     assert returned_velocity(seen[:8], 2.0, 0.045) is None
 
 
-def test_a_run_has_a_restitution_of_its_own() -> None:
-    """The same for the same seed, off what is told by a share of at most ``DOUBT``."""
-    scene = named_scene("lab")
-    drawn = [true_scene(scene, 0.7, seed).contact.restitution for seed in range(40)]
-    shares = np.array(drawn) / 0.7 - 1.0
-    assert drawn[3] == true_scene(scene, 0.7, 3).contact.restitution
-    assert np.abs(shares).max() <= DOUBT
-    assert np.ptp(shares) > DOUBT
+def test_a_run_has_a_rubber_and_a_lift_of_its_own() -> None:
+    """The same for the same seed, each off what is told by a share of at most its mismatch."""
+    scene, paddle = named_scene("lab"), Paddle()
+    told, drawn = impact_of(scene, paddle), [true_scene(scene, paddle, k) for k in range(40)]
+    assert drawn[3] == true_scene(scene, paddle, 3)
+    found = [impact_of(x, paddle) for x in drawn]
+    off = scene.mismatch
+    for name, most, value in (
+        ("restitution", off.restitution, told.restitution),
+        ("fall", off.fall, told.fall),
+        ("lift", off.lift, told.lift),
+        ("loss", off.tangential * paddle.tangential / (1.0 + paddle.tangential), told.loss),
+    ):
+        shares = np.array([getattr(x, name) for x in found]) / value - 1.0
+        assert np.abs(shares).max() <= most + 1e-9
+        assert np.ptp(shares) > most
 
 
 def test_the_readout_of_the_scenes_shutters_is_known() -> None:
@@ -159,6 +167,27 @@ def test_the_readout_of_the_scenes_shutters_is_known() -> None:
     assert [camera.readout for camera in station().rig.cameras] == [0.0, 0.0]
 
 
+def test_a_spin_is_aimed_with() -> None:
+    """A ball that spins is hit, and lands nearer than if no spin was believed."""
+    table = {"base": "lab", "ball": {"spin": 100.0}, "mismatch": {"tangential": 0.0, "lift": 0.0}}
+    scene = scene_of(table, place="test")
+    at = replace(station(), scene=scene)
+    blind = replace(at, batting=replace(at.batting, settings=_blind(at)))
+    ball = scene.ball
+    source = source_of(at.arm, seed=8, drag=ball.drag, count=3, spinning=ball.spinning)
+    assert np.linalg.norm(source.ball(0).spin) == pytest.approx(100.0)
+    off = []
+    for s in (at, blind):
+        trials = [BatRunner(s, source, pixels=False).trial(k) for k in range(3)]
+        off.append([3.0 if t.landing_m is None else t.landing_m for t in trials])
+    assert np.median(off[0]) < 0.5 * np.median(off[1])
+
+
+def _blind(at: BatStation) -> BattingSettings:
+    """Return settings of a catcher that believes in no spin."""
+    return replace(at.batting.settings, spin=(0.0, 0.0, 0.0))
+
+
 def test_an_arm_without_a_paddle_does_not_bat() -> None:
     """It is told."""
     with pytest.raises(ModelError, match="a paddle"):
@@ -168,7 +197,8 @@ def test_an_arm_without_a_paddle_does_not_bat() -> None:
 def test_balls_are_hit_to_the_target_and_tell_of_the_restitution() -> None:
     """Within every limit, in the middle of the face; run again, it gives the same."""
     of = runner(3)
-    told, true = of.known.mean, true_scene(station().scene, of.known.mean, 1).contact.restitution
+    told = of.known.restitution.mean
+    true = true_scene(station().scene, paddle_of(of.arm), 1).contact.restitution
     trials = list(of.run())
     hits = [t for t in trials if t.status == "returned"]
     assert len(hits) >= 2
@@ -181,8 +211,8 @@ def test_balls_are_hit_to_the_target_and_tell_of_the_restitution() -> None:
         assert t.miss_m <= t.landing_m <= 0.25
         assert t.off_middle_mm < 10.0
     assert true is not None
-    assert of.known.mean == pytest.approx(true, rel=0.02)
-    assert of.known.sigma < 0.5 * 0.03 * told
+    assert of.known.restitution.mean == pytest.approx(true, rel=0.02)
+    assert of.known.restitution.sigma < 0.5 * 0.03 * told
     assert list(islice(runner(3).run(), 2)) == trials[:2]
 
 
@@ -216,15 +246,17 @@ def coming(t: float, speed: float, before: float) -> BallState:
 def test_a_trial_does_not_know_what_was_planned_in_the_one_before() -> None:
     """Its first ball, seen 10 ms later in its trial, comes sooner; it is met when it comes."""
     s, q = station(), station().arm.q_ready
-    one, two = s.generator(0.7), s.generator(0.7)
-    alone = s.generator(0.7).verdict(coming(0.11, 5.7, 0.36), q)
+    told = s.batting.settings
+    one, two = s.generator(told), s.generator(told)
+    alone = s.generator(told).verdict(coming(0.11, 5.7, 0.36), q)
     one.verdict(coming(0.1, 5.7, 0.48), q)
     assert two.verdict(coming(0.11, 5.7, 0.36), q) == alone
 
 
 def test_a_refusal_names_the_limit_that_forbade_it() -> None:
     """Also when the ball has come so near that nothing can be planned any more."""
-    g, q = station().generator(0.7), station().arm.q_ready + np.array([1.5, 0.0, 0.0, 0.0])
+    s = station()
+    g, q = s.generator(s.batting.settings), s.arm.q_ready + np.array([1.5, 0.0, 0.0, 0.0])
     early = g.verdict(coming(0.1, 6.0, 0.17), q)
     late = g.verdict(coming(0.24, 6.0, 0.03), q)
     assert early.outcome is late.outcome is Outcome.UNSETTLED

@@ -9,6 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from thrower_hands import SWING, carried
 
+from mitt.core.ball.flight import advance_spinning
+from mitt.core.ball.spin import lift_of
 from mitt.core.errors import FileError
 from mitt.core.signals import Array
 from mitt.lab.world.flights import (
@@ -21,6 +23,7 @@ from mitt.lab.world.flights import (
     read_flights,
     smooth,
 )
+from mitt.lab.world.scene import TABLE_TENNIS
 from mitt.lab.world.throws import Throw, fly
 
 CATCH = np.array([0.785, 0.0, 0.057])
@@ -272,3 +275,18 @@ def test_a_flight_that_is_not_seen_in_a_hand_is_whole(index: int) -> None:
     wild = flight.r.copy()
     wild[[8, 30]] += 0.05
     assert smooth(flight.t, wild).release == 0.0
+
+
+@pytest.mark.parametrize("rate", [-150.0, 0.0, 150.0])
+def test_the_spin_of_a_recorded_flight_is_fitted_after_its_last_bounce(rate: float) -> None:
+    """Within 60 rad/s of what it was flown with, seen with the noise of recordings at 179 Hz."""
+    ball, rng = TABLE_TENNIS.spinning, np.random.default_rng(4)
+    r, v, t = np.array([0.0, 0.0, 1.0]), np.array([5.0, 0.1, 2.0]), np.arange(0.0, 0.6, 1 / 179)
+    lift, rows = lift_of(np.array([0.0, rate, 0.0]), ball.K, ball.radius), []
+    for _ in t:
+        rows.append(r + rng.normal(0.0, [0.0016, 0.0006, 0.00085]))
+        advance_spinning(r, v, TABLE_TENNIS.drag, lift, 1 / 179)
+    seen = RecordedFlight(name="spins", t=t, r=np.array(rows))
+    found = place_flight(seen, np.zeros(3), rng=None, spinning=ball)
+    assert float((found.rotation.T @ found.spin)[1]) == pytest.approx(rate, abs=60.0)
+    assert not place_flight(seen, np.zeros(3), rng=None).spin.any()

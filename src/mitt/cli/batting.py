@@ -157,6 +157,7 @@ def _prepared(options: BatOptions) -> BatRun:
         at.arm,
         seed=options.seed,
         drag=scene.ball.drag,
+        spinning=scene.ball.spinning,
         count=options.throws,
         recordings=recordings,
         ranges=throw_ranges(speed, at),

@@ -99,6 +99,7 @@ def _prepared(options: CatchOptions) -> Prepared:
         throws_file=options.throws_file,
         flights_file=options.flights,
         drag=scene.ball.drag,
+        spinning=scene.ball.spinning,
     )
     source = source if chosen.throws is None else widened(source, chosen.throws)
     out = run_folder(options, f"{options.seed}-{options.generator}")

@@ -179,6 +179,8 @@ class BallState:
         ddr_o: Acceleration [m/s^2], shape (3,); of free flight with ``drag`` if left out.
         tracked: Whether there is an estimate; the arrays are zero if not.
         drag: Quadratic drag coefficient k of the flight model [1/m], from 0 to ``MOST_DRAG``.
+        lift: w of the lift w x dr_o of a ball that spins [1/s], shape (3,), part of ``ddr_o``;
+            zero where no spin is estimated.
         covariance: Covariance of position and velocity, positive semidefinite, shape (6, 6); if
             left out, zero: they count as known exactly.
         t_seen: Time of the newest sighting used [s]; ``t`` if left out.
@@ -196,6 +198,7 @@ class BallState:
     t_seen: float = None  # type: ignore[assignment]
     t_first: float = None  # type: ignore[assignment]
     led: bool = False
+    lift: Array = field(default_factory=lambda: np.zeros(3))
 
     __repr__ = brief
 
@@ -213,7 +216,12 @@ class BallState:
             _keep(self, "t_seen", self.t)
         if self.t_first is None:
             _keep(self, "t_first", self.t_seen)
-        for name, x in (("r_o", self.r_o), ("dr_o", self.dr_o), ("ddr_o", self.ddr_o)):
+        for name, x in (
+            ("r_o", self.r_o),
+            ("dr_o", self.dr_o),
+            ("ddr_o", self.ddr_o),
+            ("lift", self.lift),
+        ):
             _keep(self, name, checks.vector(f"ball.{name}", x, 3))
         _keep(self, "drag", checks.number("ball.drag", self.drag, least=0.0, most=MOST_DRAG))
         for name, value in (("t", self.t), ("t_seen", self.t_seen), ("t_first", self.t_first)):

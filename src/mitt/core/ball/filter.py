@@ -41,7 +41,7 @@ import numpy as np
 
 from mitt.core import checks
 from mitt.core.ball.counts import FilterCounts, counts_of
-from mitt.core.ball.flight import acceleration, advance_uncertain
+from mitt.core.ball.flight import STATES, acceleration, advance_uncertain
 from mitt.core.ball.motion_models import (
     FILTER,
     FLOOR,
@@ -111,6 +111,10 @@ class FilterConfig:
         push_sigma: Standard deviation of each component of the push, a slowly varying acceleration
             that drag does not explain, such as the lift of a spinning ball [m/s^2].
         push_time: Its correlation time [s].
+        lift_sigma: Standard deviation of each component of w, where what drag does not explain is
+            the lift w x dr_o of a spin, in place of a push [1/s]; 0 for a push.
+        lift_time: Its correlation time [s]: a spin lasts, but w falls with the speed, by about a
+            tenth in a flight of a fast spin.
         steady_density: Spectral density of the unmodelled acceleration of what does not fly
             [m^2/s^3].
         driven_sigma: Standard deviation of each component of the acceleration of what is driven,
@@ -138,6 +142,8 @@ class FilterConfig:
     max_gap: Annotated[float, Range(1e-6, 10.0)] = 0.6
     push_sigma: Annotated[float, Range(0.0, 1e3)] = 0.0
     push_time: Annotated[float, Range(1e-6, 1e3)] = 1.0
+    lift_sigma: Annotated[float, Range(0.0, 1e3)] = 0.0
+    lift_time: Annotated[float, Range(1e-6, 1e4)] = 100.0
     steady_density: Annotated[float, Range(0.0, 1e6)] = 0.02
     driven_sigma: Annotated[float, Range(0.0, 1e4)] = 12.0
     driven_time: Annotated[float, Range(1e-6, 1e3)] = 0.2
@@ -191,20 +197,21 @@ def fresh_filter(config: FilterConfig) -> Record:
         c.watchful,
         c.switch_time,
     )
-    other = 0.5 * c.other_motion
+    other, spins = 0.5 * c.other_motion, c.lift_sigma > 0.0
     ball["models"][0] = [
         (
             GRAVITY,
             c.accel_density,
             c.drag_density,
-            c.push_sigma,
-            c.push_time,
+            c.lift_sigma if spins else c.push_sigma,
+            c.lift_time if spins else c.push_time,
+            float(spins),
             c.drag_mean,
             c.drag_sigma,
             1.0 - c.other_motion,
         ),
-        (0.0, c.steady_density, 0.0, 0.0, 1.0, 0.0, 0.0, other),
-        (0.0, c.steady_density, 0.0, c.driven_sigma, c.driven_time, 0.0, 0.0, other),
+        (0.0, c.steady_density, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, other),
+        (0.0, c.steady_density, 0.0, c.driven_sigma, c.driven_time, 0.0, 0.0, 0.0, other),
     ]
     _forget(ball)
     return ball
@@ -252,6 +259,24 @@ class BallFilter:
         else:
             self._ball["dropped"]["unusable"] += 1
 
+    def lift(self, t: float) -> tuple[Array, Array]:
+        """Return w of the lift of a ball that may spin, by the flight model.
+
+        Args:
+            t: The time [s].
+
+        Returns:
+            w [1/s], shape (3,), and its covariance, shape (3, 3): without an estimate what is known
+            beforehand, of a ball that does not spin zero.
+        """
+        t, b = checks.number("t", t), self._ball[0]
+        far = abs(t - float(b["now"]["t"])) > MAX_HORIZON
+        if not self.tracked or far or not self.config.lift_sigma > 0.0:
+            return np.zeros(3), self.config.lift_sigma**2 * np.eye(3)
+        x, P = np.empty(STATES), np.empty((STATES, STATES))
+        carry_flight(self._ball, t, x, P)
+        return x[7:], P[7:, 7:]
+
     def state(self, t: float) -> BallState:
         """Return the estimate carried by the flight model to ``t`` [s], near or far.
 
@@ -273,6 +298,7 @@ class BallFilter:
             dr_o=motion[1],
             ddr_o=motion[2],
             drag=float(b["drag"]) if tracked else 0.0,
+            lift=b["lift"].copy() if tracked else np.zeros(3),
             covariance=covariance,
             t_seen=float(now["t_seen"]) if tracked else -np.inf,
             t_first=float(now["t_first"]) if tracked else -np.inf,
@@ -602,6 +628,11 @@ def _go_back(b: Fields, first: Fields, kick: float) -> None:
             now.weight[model] = past.weight[model]
     # When within the gap the kick came is unknown, and so how far it has carried the ball.
     P, gap = now.P[best], first.seen.t - now.t
+    if best == 0 and kick > SMALL_KICK and b.models[0].spins > 0.0:  # a bounce changes the spin
+        for i in range(7, STATES):
+            P[i, :] = 0.0
+            P[:, i] = 0.0
+            P[i, i] = b.models[0].push_sigma ** 2
     for i in range(3):
         P[i, i] += (kick * gap) ** 2
         P[3 + i, 3 + i] += kick**2
@@ -638,8 +669,11 @@ def predict(ball: Record, t: float, motion: Array, covariance: Array) -> bool:
     copy(x[3:6], motion[1])
     b.drag = x[6]
     acceleration(motion[1], x[6], motion[2])
+    spins = b.models[best].spins > 0.0
     for i in range(3):
-        motion[2, i] += x[7 + i]
+        j, k = (i + 1) % 3, (i + 2) % 3
+        b.lift[i] = x[7 + i] if spins else 0.0
+        motion[2, i] += x[7 + j] * x[3 + k] - x[7 + k] * x[3 + j] if spins else x[7 + i]
     motion[2, 2] += GRAVITY - b.models[best].gravity
     _add_moment(motion, x, P, origin.weight[best] if active else 1.0, covariance)
     for model in range(MODELS):
@@ -647,6 +681,16 @@ def predict(ball: Record, t: float, motion: Array, covariance: Array) -> bool:
             _carry(b, origin, model, dt)
             _add_moment(motion, x, P, origin.weight[model], covariance)
     return True
+
+
+@kernel
+def carry_flight(ball: Record, t: float, x: Array, P: Array) -> None:
+    """Write the flight model's estimate at an instant [s], (10,), and its covariance (10, 10)."""
+    b = ball[0]
+    origin = _estimate_for(b, t)
+    _carry(b, origin, 0, t - origin.t)
+    copy(b.work.x, x)
+    copy(b.work.P, P)
 
 
 @kernel

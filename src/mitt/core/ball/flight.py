@@ -1,4 +1,8 @@
-"""The flight of a ball in still air: gravity and quadratic drag, ddr_o = g - k |dr_o| dr_o.
+"""The flight of a ball in still air: gravity, quadratic drag, and the lift of a spin.
+
+    ddr_o = g - k |dr_o| dr_o + c w x dr_o,   c = |dr_o|^2 / (|dr_o|^2 + weak |w x dr_o|)
+
+The last term is none without spin; :mod:`mitt.core.ball.spin` says what w and ``weak`` are.
 
 Everything that carries a ball through time uses these kernels: the filter, the verdict on a
 throw and the simulated world. They write into the arrays they are given.
@@ -37,18 +41,27 @@ SEEMS_GONE = 2.0
 """Frames that should show the ball and do not, after which it has bounced as likely as not."""
 
 
+Lift = tuple[float, float, float, float]
+"""What a spin does in flight: w [1/s], three numbers, and ``weak`` [m]."""
+
+STILL: Lift = (0.0, 0.0, 0.0, 0.0)
+"""The lift of a ball without spin."""
+
+
 class MotionModel(NamedTuple):
     """What moves a target besides drag.
 
     The *push* is a slowly varying acceleration that gravity and drag do not explain (the lift of a
-    spinning ball, a hand): a Gauss-Markov process of first order.
+    spinning ball, a hand): a Gauss-Markov process of first order. Of a ball that
+    ``spins`` it is w x dr_o, and w varies so.
 
     Attributes:
         gravity: Acceleration downwards [m/s^2].
         accel_density: Spectral density of the unmodelled acceleration [m^2/s^3].
         drag_density: The same of the drift of the drag coefficient [1/(m^2 s)].
-        push_sigma: Standard deviation of each component of the push [m/s^2].
+        push_sigma: Standard deviation of each component of the push [m/s^2], or of w [1/s].
         push_time: Its correlation time [s].
+        spins: Whether the push is the lift of a spin: above 0 it is.
     """
 
     gravity: float
@@ -56,6 +69,7 @@ class MotionModel(NamedTuple):
     drag_density: float = 0.0
     push_sigma: float = 0.0
     push_time: float = 1.0
+    spins: float = 0.0
 
 
 @kernel
@@ -75,11 +89,18 @@ def acceleration(dr: Array, k: float, ddr: Array) -> None:
 
 @kernel
 def _pull(
-    v: tuple[float, float, float], k: float, push: tuple[float, float, float]
+    v: tuple[float, float, float], k: float, push: tuple[float, float, float], lift: Lift
 ) -> tuple[float, float, float]:
-    """Return the acceleration [m/s^2] at velocity ``v``: ``push`` less drag."""
-    s = k * sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
-    return push[0] - s * v[0], push[1] - s * v[1], push[2] - s * v[2]
+    """Return the acceleration [m/s^2] at velocity ``v``: ``push`` less drag, and the lift."""
+    square = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
+    s, c = k * sqrt(square), 1.0
+    x = lift[1] * v[2] - lift[2] * v[1]
+    y = lift[2] * v[0] - lift[0] * v[2]
+    z = lift[0] * v[1] - lift[1] * v[0]
+    if lift[3] > 0.0:
+        less = lift[3] * sqrt(x * x + y * y + z * z)
+        c = square / (square + less) if less > 0.0 else 1.0
+    return push[0] - s * v[0] + c * x, push[1] - s * v[1] + c * y, push[2] - s * v[2] + c * z
 
 
 @kernel
@@ -91,19 +112,21 @@ def _along(
 
 
 @kernel
-def _step(r: Array, dr: Array, k: float, push: tuple[float, float, float], h: float) -> None:
+def _step(
+    r: Array, dr: Array, k: float, push: tuple[float, float, float], lift: Lift, h: float
+) -> None:
     """Make one classical Runge-Kutta step of ``h`` [s], in place.
 
-    ``push`` is the acceleration besides drag, gravity included [m/s^2].
+    ``push`` is the acceleration besides drag and lift, gravity included [m/s^2].
     """
     v1 = (dr[0], dr[1], dr[2])
-    a1 = _pull(v1, k, push)
+    a1 = _pull(v1, k, push, lift)
     v2 = _along(v1, a1, 0.5 * h)
-    a2 = _pull(v2, k, push)
+    a2 = _pull(v2, k, push, lift)
     v3 = _along(v1, a2, 0.5 * h)
-    a3 = _pull(v3, k, push)
+    a3 = _pull(v3, k, push, lift)
     v4 = _along(v1, a3, h)
-    a4 = _pull(v4, k, push)
+    a4 = _pull(v4, k, push, lift)
     for i in range(3):
         r[i] += h / 6.0 * (v1[i] + 2.0 * v2[i] + 2.0 * v3[i] + v4[i])
         dr[i] += h / 6.0 * (a1[i] + 2.0 * a2[i] + 2.0 * a3[i] + a4[i])
@@ -119,9 +142,23 @@ def advance(r: Array, dr: Array, k: float, dt: float) -> None:
         k: Drag coefficient [1/m].
         dt: Duration [s]; negative goes back in time.
     """
+    advance_spinning(r, dr, k, STILL, dt)
+
+
+@kernel
+def advance_spinning(r: Array, dr: Array, k: float, lift: Lift, dt: float) -> None:
+    """Carry position and velocity of a ball that spins on by ``dt``, as :func:`advance` does.
+
+    Args:
+        r: Position, overwritten [m], shape (3,).
+        dr: Velocity, overwritten [m/s], shape (3,).
+        k: Drag coefficient [1/m].
+        lift: What its spin does.
+        dt: Duration [s]; negative goes back in time.
+    """
     steps = max(1, ceil(abs(dt) / MAX_STEP))
     for _ in range(steps):
-        _step(r, dr, k, (0.0, 0.0, -GRAVITY), dt / steps)
+        _step(r, dr, k, (0.0, 0.0, -GRAVITY), lift, dt / steps)
 
 
 @kernel
@@ -213,14 +250,81 @@ def advance_uncertain(
     left = exp(-abs(h) / model.push_time)
     mean = 0.5 * (1.0 + left)
     for _ in range(steps):
+        if model.spins > 0.0:
+            _spin_on(x, P, h, model, A, FP)
+            continue
         _differentiate(x, model.gravity, h, A)
         _transition(A, h, mean, left, P, FP)
         _transition(A, h, mean, left, FP.T, P.T)
         _add_noise(P, model, h, left)
         push = (mean * x[7], mean * x[8], mean * x[9] - model.gravity)
-        _step(x[:3], x[3:6], x[6], push, h)
+        _step(x[:3], x[3:6], x[6], push, STILL, h)
         for i in range(7, STATES):
             x[i] *= left
+
+
+@kernel
+def _spin_on(x: Array, P: Array, h: float, model: MotionModel, A: Array, FP: Array) -> None:
+    """Carry an estimate whose last states are the w of a lift by a step of ``h`` [s], in place."""
+    left = exp(-abs(h) / model.push_time)
+    mean, half = 0.5 * (1.0 + left), 0.5 * h
+    _differentiate(x, model.gravity, h, A)
+    w, v = (x[7], x[8], x[9]), (x[3], x[4], x[5])
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        A[3 + i, k] += h * w[j]
+        A[3 + i, j] -= h * w[k]
+        A[i, k] += half * h * w[j]
+        A[i, j] -= half * h * w[k]
+    _transition_spinning(A, (h, mean, left), v, P, FP)
+    _transition_spinning(A, (h, mean, left), v, FP.T, P.T)
+    _add_white_noise(P, model, h)
+    for i in range(7, STATES):
+        P[i, i] += model.push_sigma**2 * (1.0 - left * left)
+    lift = (mean * w[0], mean * w[1], mean * w[2], 0.0)
+    _step(x[:3], x[3:6], x[6], (0.0, 0.0, -model.gravity), lift, h)
+    for i in range(7, STATES):
+        x[i] *= left
+
+
+@kernel
+def _transition_spinning(
+    A: Array,
+    of: tuple[float, float, float],
+    v: tuple[float, float, float],
+    P: Array,
+    out: Array,
+) -> None:
+    """Write F P as :func:`_transition`, where a change of w acts as that of w x v.
+
+    ``of`` is h, mean and left of there, ``v`` the velocity [m/s].
+    """
+    h, mean, left = of
+    by_r, by_v = 0.5 * h * h * mean, h * mean
+    for j in range(STATES):
+        x, y, z, drag = P[3, j], P[4, j], P[5, j], P[6, j]
+        for i in range(3):
+            a, b, speed = (i + 1) % 3, (i + 2) % 3, 3 + i
+            push = P[7 + a, j] * v[b] - P[7 + b, j] * v[a]
+            out[i, j] = P[i, j] + A[i, 0] * x + A[i, 1] * y + A[i, 2] * z + A[i, 3] * drag
+            out[i, j] += by_r * push
+            out[speed, j] = A[speed, 0] * x + A[speed, 1] * y + A[speed, 2] * z
+            out[speed, j] += A[speed, 3] * drag + by_v * push
+            out[7 + i, j] = left * P[7 + i, j]
+        out[6, j] = drag
+
+
+@kernel
+def _add_white_noise(P: Array, model: MotionModel, h: float) -> None:
+    """Add what the unmodelled acceleration and the drift of the drag do in ``abs(h)``."""
+    a, sign, white = abs(h), 1.0 if h > 0.0 else -1.0, model.accel_density
+    for r in range(3):
+        v = r + 3
+        P[r, r] += white * a**3 / 3.0
+        P[v, v] += white * a
+        P[r, v] += sign * white * a**2 / 2.0
+        P[v, r] += sign * white * a**2 / 2.0
+    P[6, 6] += model.drag_density * a
 
 
 def forecast(

@@ -141,6 +141,7 @@ FILTER = np.dtype(
         ("waits", int),  # how many there are
         ("dropped", DROPPED),
         ("drag", float),  # drag coefficient of the last prediction [1/m]
+        ("lift", float, (3,)),  # its w [1/s]; zero where the ball is not one that may spin
         ("work", WORK),
     ],
     align=True,

@@ -15,6 +15,8 @@ from typing import Annotated, NamedTuple, final
 import numpy as np
 
 from mitt.core.arm.arm import Arm
+from mitt.core.ball.flight import acceleration, advance_spinning
+from mitt.core.ball.spin import spin_shown, steady_lift
 from mitt.core.catcher.generators import Generator, Memory
 from mitt.core.errors import InputError
 from mitt.core.fields import Range, Settings, brief
@@ -41,7 +43,9 @@ class BattingSettings(Settings):
 
     Attributes:
         target: Where the ball is to go [m]; None for a shield: the paddle is in its way, at rest.
-        impact: How ball and paddle part.
+        impact: How ball and paddle part; its drag and its spin are those of the estimate.
+        gain: Spin of a ball over the one that its flight shows.
+        spin: Spin of the ball that is told, in place of the one that its flight shows [rad/s].
         earlier: How long before the ball is where the map strikes usually it may be met [s], and
             how long after.
         instants: How many contacts, evenly spaced, are looked at within that time at first.
@@ -53,6 +57,8 @@ class BattingSettings(Settings):
 
     target: tuple[float, float, float] | None = None
     impact: Impact
+    gain: Annotated[float, Range(0.0, 10.0)] = 1.0
+    spin: tuple[float, float, float] | None = None
     earlier: Annotated[float, Range(0.0, 1.0)] = 0.05
     instants: Annotated[int, Range(1, 100)] = 7
     tried: Annotated[int, Range(1, 100)] = 3
@@ -71,8 +77,16 @@ class BattingSettings(Settings):
 
 
 def _flown(ball: BallState, after: Array) -> Array:
-    """Fly an estimate on (:func:`flown`); its push, the lift of a spin, goes on for a while."""
-    return flown(replace(ball, led=True), after)
+    """Fly an estimate on as :func:`flown` does, with the lift of its spin."""
+    r, v, path = ball.r_o.copy(), ball.dr_o.copy(), np.empty((len(after), 3, 3))
+    lift, last = steady_lift(ball.lift), 0.0
+    for k, t in enumerate(after.tolist()):
+        advance_spinning(r, v, ball.drag, lift, t - last)
+        last = t
+        path[k, 0], path[k, 1] = r, v
+        acceleration(v, ball.drag, path[k, 2])
+        path[k, 2] += np.cross(ball.lift, v)
+    return path
 
 
 def foreseen(ball: BallState, after: float) -> Array:
@@ -328,8 +342,13 @@ class Batting(Generator):
         return strike if aims else None
 
     def _impact(self, ball: BallState) -> Impact:
-        """Return how ball and paddle part, with the drag that the ball is known to have."""
-        return replace(self.settings.impact, drag=ball.drag)
+        """Return how ball and paddle part, with the ball's drag and spin as estimated, or told."""
+        s, impact = self.settings, self.settings.impact
+        if s.spin is not None:
+            return replace(impact, drag=ball.drag, spin=s.spin)
+        shown = s.gain * spin_shown(ball.lift, ball.dr_o, impact.lift, impact.radius)
+        x, y, z = shown.tolist()
+        return replace(impact, drag=ball.drag, spin=(x, y, z))
 
     def adapt(self, ball: BallState, q: Array, dq: Array) -> "Batting":
         """Start from where the arm is, eq. (12), and end in the strike that the ball asks for.

@@ -121,9 +121,12 @@ _RESULT = {
     "t": 0.0,  # time of the tick [s]
     "phase": WATCH,  # in which it was made
     "t_ball": 0.0,  # of which instant the estimate of the ball is [s]
-    "tracked": False,  # this and the next four as of ``BallState``
+    "tracked": False,  # this and the next ones as of ``BallState``
     "led": False,
     "drag": 0.0,
+    "lift_x": 0.0,  # of ``BallState.lift`` [1/s]
+    "lift_y": 0.0,
+    "lift_z": 0.0,
     "t_seen": -np.inf,
     "t_first": -np.inf,
     "following": False,  # whether the generator was evaluated
@@ -141,6 +144,10 @@ _RESULT = {
     "sighted": False,
     "t_sighted": 0.0,
 }
+
+
+LIFT = ("lift_x", "lift_y", "lift_z")
+"""Names of the components of a lift in a result."""
 
 
 class CatcherState(NamedTuple):
@@ -597,6 +604,7 @@ def ball_in(result: Result) -> BallState:
         t_seen=s["t_seen"].item(),
         t_first=s["t_first"].item(),
         led=s["led"].item(),
+        lift=np.array([s[name].item() for name in LIFT]),
     )
 
 

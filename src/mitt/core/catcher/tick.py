@@ -168,6 +168,9 @@ def perceive(seen: Seen, read: Read, state: CatcherState, result: Result) -> Non
     out.tracked, out.t_ball = tracked, t
     out.led = tracked and ball.now.best > 0
     out.drag = ball.drag if tracked else 0.0
+    out.lift_x = ball.lift[0] if tracked else 0.0
+    out.lift_y = ball.lift[1] if tracked else 0.0
+    out.lift_z = ball.lift[2] if tracked else 0.0
     out.t_seen = ball.now.t_seen if tracked else -np.inf
     out.t_first = ball.now.t_first if tracked else -np.inf
     _note_flight(state, result)

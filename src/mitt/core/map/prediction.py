@@ -267,7 +267,7 @@ def _spread(state: Array, drag: float, covariance: Array, after: float) -> float
     x[:6] = state[:6]
     x[6] = drag
     P[:6, :6] = covariance
-    model = MotionModel(GRAVITY, _UNEXPLAINED, 0.0, 0.0, 1.0)
+    model = MotionModel(GRAVITY, _UNEXPLAINED, 0.0, 0.0, 1.0, 0.0)
     advance_uncertain(x, P, after, model, np.empty((6, 4)), np.empty((STATES, STATES)))
     return float(np.sqrt(max(_largest_eigenvalue(P), 0.0)))
 

@@ -352,6 +352,7 @@ class DesignTask:
             seed=seed,
             count=throws,
             drag=self.scene.ball.drag,
+            spinning=self.scene.ball.spinning,
             ranges=None if self.ranges is None else shifted(self.ranges, f.arm),
         )
         part = unseen if seed >= REPORTED else seen

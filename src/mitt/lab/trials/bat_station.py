@@ -16,7 +16,7 @@ import numpy as np
 
 from mitt.core import checks
 from mitt.core.arm.arm import Arm
-from mitt.core.arm.tools import Paddle
+from mitt.core.arm.tools import Paddle, inertia_share
 from mitt.core.ball.flight import acceleration, advance
 from mitt.core.catcher.batting import Batting, BattingSettings
 from mitt.core.catcher.settings import CatcherSettings
@@ -30,7 +30,7 @@ from mitt.core.map.neighbourhood import LEARNING_SEED, Neighbourhood
 from mitt.core.map.striking import Impact, PaddleStrike
 from mitt.core.signals import Array
 from mitt.io.arm_file import arm_of_task, with_notes_logged
-from mitt.lab.trials.catcher_settings import catcher_settings, rig_in
+from mitt.lab.trials.catcher_settings import COMES, catcher_settings, rig_in
 from mitt.lab.trials.source import ranges_of
 from mitt.lab.world.build import TOUCH, restitution_on
 from mitt.lab.world.flights import CATCH_FRACTION, RecordedFlight, place_flight, smooth
@@ -55,8 +55,6 @@ STRUCK = Neighbourhood(
 _DRAWS = 10
 #: Where balls are sent where nothing is said [m].
 TARGET: Final = (3.0, 0.0, 0.3)
-#: Speed across the face's normal at which its loss is taken [m/s].
-_USUAL = 6.0
 #: Where the cameras are and what they look at, from where balls are struck [m]: in view are all
 #: default throws, and the returns as far as they tell their velocity.
 _BACK = (-2.15, 1.7, 1.35)
@@ -92,16 +90,16 @@ class BatStation:
     @property
     def catcher(self) -> CatcherSettings:
         """Settings of its catcher; the ball is never in its hand."""
-        return replace(catcher_settings(self.arm, self.scene), ball_mass=0.0)
+        of = catcher_settings(self.arm, self.scene)
+        sigma = max(of.flight.lift_sigma, of.flight.push_sigma / COMES)
+        return replace(of, ball_mass=0.0, flight=replace(of.flight, lift_sigma=sigma))
 
-    def generator(self, restitution: float) -> Batting:
+    def generator(self, known: BattingSettings) -> Batting:
         """Return what moves the arm, as it is believed that balls bounce off the paddle.
 
         It has planned nothing yet: plans are those of one ball.
         """
-        g = self.batting
-        impact = replace(g.settings.impact, restitution=restitution)
-        return Batting(g.map, replace(g.settings, impact=impact), g.tolerance)
+        return Batting(self.batting.map, known, self.batting.tolerance)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -183,10 +181,9 @@ def bat_station(
     model = replace(raw.model, q_ready=np.array(stance.ready), aim=np.array([place, _BOX]))
     arm = Arm(model, raw.limits)
     check_scene(arm, scene)
-    told = restitution_on(scene, paddle)
     settings = BattingSettings(
         target=None if target is None else (float(target[0]), float(target[1]), float(target[2])),
-        impact=Impact(mass=ball.mass, restitution=told, loss=paddle.loss(_USUAL), drag=ball.drag),
+        impact=impact_of(scene, paddle),
     )
     g = unlearned_batting(arm, stance.design, stance.held, middle)
     if learns:
@@ -194,6 +191,21 @@ def bat_station(
     batting = Batting(map=g, settings=settings, tolerance=stance.tolerance)
     return BatStation(
         arm=arm, batting=batting, scene=scene, target=target, rig=rig_in(bat_rig(place), scene)
+    )
+
+
+def impact_of(scene: Scene, paddle: Paddle) -> Impact:
+    """Return how ball and paddle part in a scene, before any ball: of one without spin."""
+    ball, contact = scene.ball, scene.contact
+    return Impact(
+        mass=ball.mass,
+        restitution=restitution_on(scene, paddle),
+        fall=paddle.fall if contact.fall is None else contact.fall,
+        loss=paddle.loss(hollow=ball.hollow, tangential=contact.tangential),
+        drag=ball.drag,
+        radius=ball.radius,
+        inertia=inertia_share(hollow=ball.hollow),
+        lift=ball.lift_constant,
     )
 
 

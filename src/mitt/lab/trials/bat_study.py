@@ -176,6 +176,7 @@ class BatStudy(BatChoice, RunnerStudy):
             at.arm,
             seed=self.seed,
             drag=at.scene.ball.drag,
+            spinning=at.scene.ball.spinning,
             count=chunk.stop,
             ranges=throw_ranges(of.speed, at),
         )

@@ -9,7 +9,7 @@ order.
 
 from collections.abc import Iterator, Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf, isfinite
 from typing import Any, Final, final
 
@@ -17,20 +17,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitt.core.arm.arm import Arm
-from mitt.core.ball.flight import advance
+from mitt.core.arm.tools import Paddle
+from mitt.core.ball.flight import advance, advance_spinning
+from mitt.core.ball.spin import spin_shown, steady_lift
+from mitt.core.catcher.batting import BattingSettings
 from mitt.core.catcher.catcher import Catcher
 from mitt.core.catcher.generators import Generator
 from mitt.core.catcher.settings import Phase
-from mitt.core.catcher.state import Result
+from mitt.core.catcher.state import LIFT, Result
 from mitt.core.errors import InputError
 from mitt.core.eyes.eyes import Eyes
-from mitt.core.map.striking import PaddleStrike, Restitution, mass_behind
+from mitt.core.map.striking import Grip, PaddleStrike, Restitution, mass_behind
 from mitt.core.signals import GRAVITY, TICK, Array, Senses, Sighting
 from mitt.io.about import About
 from mitt.io.recordings import Recording
 from mitt.lab.rivals.batting import ORACLE, make_batter
-from mitt.lab.trials.bat_station import BatStation
-from mitt.lab.trials.catcher_settings import eyes_settings
+from mitt.lab.trials.bat_station import BatStation, impact_of
+from mitt.lab.trials.catcher_settings import COMES, eyes_settings
 from mitt.lab.trials.landing import CLOSE, Hit, batted, hit_of, paddle_of
 from mitt.lab.trials.log import TrialLog, recording_of
 from mitt.lab.trials.runner import cameras_of
@@ -48,15 +51,13 @@ from mitt.lab.world.throws import Throw
 STATUSES: Final = ("returned", "wide", "missed", "unreachable", "stopped", "aborted")
 _SCORED: Final = ("returned", "wide")
 
-#: By how much the restitution of a run differs from the one that the catcher is told, at most and
-#: as share; and what the catcher assumes of that, 1 sigma.
-DOUBT = 0.03
-_SIGMA = 0.03
 #: For how long after a hit the ball is looked at [s], from when on [s], and the least number of
 #: sightings that tell its velocity.
 _LOOK = 0.12
 _CLEAR = 0.003
 _ENOUGH = 12
+#: 1-sigma of the spin along the velocity that a flight leaves open, as share of the spin.
+_VAGUE = 0.3
 #: By how many of its sigmas a hit may change what is believed; more, and it was no clean hit.
 _SURPRISE = 3.0
 #: Ticks over which joints' readings are compared with their commands.
@@ -111,7 +112,7 @@ class BatRunner(TaskRunner[BatTrial]):
     """A station with a paddle and its world, built once and used for many trials.
 
     Attributes:
-        known: What is known of the restitution by now.
+        known: What is known of ball and paddle by now.
     """
 
     def __init__(
@@ -134,15 +135,15 @@ class BatRunner(TaskRunner[BatTrial]):
         """
         s, paddle = station, paddle_of(station.arm)
         self._station, self._source, self._named = s, source, generator
-        told = restitution_on(s.scene, paddle)
-        self.known = Restitution(mean=told, sigma=_SIGMA * told)
+        self.known = known_of(s)
         cameras = cameras_of(s.rig, s.scene) if pixels else None
-        scene = true_scene(s.scene, told, source.seed)
-        self._true = restitution_on(scene, paddle)
+        scene = true_scene(s.scene, paddle, source.seed)
+        self._true = impact_of(scene, paddle)
         world = World(scene, s.arm.model, cameras=cameras, limits=s.arm.limits)
         super().__init__(s.arm, world, keeps=keeps)
         self._eyes = Eyes(s.rig, eyes_settings(s.scene))
-        self._believed = told
+        self._believed = self.known.restitution.mean
+        self._told = s.batting.settings
         self._hit: Hit | None = None
         self._hit_log: TrialLog | None = None
         self._next = 0
@@ -172,9 +173,13 @@ class BatRunner(TaskRunner[BatTrial]):
 
     def generator(self) -> Generator:
         """Return what moves the arm, by what is known by now; an oracle knows what is true."""
-        self._believed = self.known.mean
-        knows = self._named == ORACLE
-        batting = self._station.generator(self._true if knows else self._believed)
+        self._believed = self.known.restitution.mean
+        knows, told = self._named == ORACLE, self.known.told(self._station.batting.settings)
+        if knows:
+            x, y, z = self.world.spin.tolist()
+            told = replace(told, impact=self._true, spin=(x, y, z))
+        self._told = told
+        batting = self._station.generator(told)
         flight = self.world.flight if knows else None
         return make_batter(self._named, batting, flight=flight)
 
@@ -204,8 +209,8 @@ class BatRunner(TaskRunner[BatTrial]):
         self._hit = hit_of(s.arm, self.world, s.target)
         met = catcher.state.fingers[0]["t_catch"].item()
         if self._hit is not None and np.isfinite(met):
-            strike = strike_of(s.arm, ticks, met)
-            self.known = learned(self.known, strike, s, seen, met + paddle_of(s.arm).touch)
+            hit = strike_of(s.arm, ticks, met)
+            self.known = learned(self.known, hit, s, seen, met + paddle_of(s.arm).touch)
 
     def _since(self) -> float:
         """Return the time since the contact [s]; before it it is minus infinity."""
@@ -233,7 +238,7 @@ class BatRunner(TaskRunner[BatTrial]):
             arm=s.arm,
             generator="batting",
             maps=(),
-            made_of=s.generator(trial.restitution),
+            made_of=s.generator(self._told),
             settings=s.catcher,
             rig=s.rig,
             eyes=eyes_settings(s.scene),
@@ -287,18 +292,70 @@ def bat_trials(
     return BatRunner(station, source, pixels=pixels, generator=generator, keeps=keeps)
 
 
-def true_scene(scene: Scene, told: float, seed: int) -> Scene:
-    """Return a scene whose ball bounces off the paddle a little otherwise than the catcher is told.
+def true_scene(scene: Scene, paddle: Paddle, seed: int) -> Scene:
+    """Return a scene whose ball flies, and bounces off the paddle, otherwise than is told.
 
     Args:
         scene: The scene.
-        told: Restitution of ball and paddle as it is told.
-        seed: Seed of the run.
+        paddle: The paddle.
+        seed: Seed of the run, from which the errors are drawn.
     """
-    off = DOUBT * float(np.random.default_rng([seed, 2]).uniform(-1.0, 1.0))
-    restitution = min(max(told * (1.0 + off), 0.17), 0.92)
+    told, off, rng = scene.contact, scene.mismatch, np.random.default_rng([seed, 2])
+    e, along, fall, lift = rng.uniform(-1.0, 1.0, 4).tolist()
+    restitution = restitution_on(scene, paddle) * (1.0 + off.restitution * e)
+    tangential = paddle.tangential if told.tangential is None else told.tangential
+    falls = paddle.fall if told.fall is None else told.fall
+    contact = {
+        "restitution": min(max(restitution, 0.17), 0.92),
+        "tangential": min(max(tangential * (1.0 + off.tangential * along), -0.5), 0.99),
+        "fall": min(falls * (1.0 + off.fall * fall), 0.1),
+    }
+    ball = {"lift": min(scene.ball.lift * (1.0 + off.lift * lift), 3.0)}
     return scene.model_copy(
-        update={"contact": scene.contact.model_copy(update={"restitution": restitution})}
+        update={
+            "contact": told.model_copy(update=contact),
+            "ball": scene.ball.model_copy(update=ball),
+        }
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Known:
+    """What a catcher knows of ball and paddle, better from hit to hit.
+
+    Attributes:
+        restitution: Along the normal.
+        grip: Along the face, and how much faster balls spin than their flight shows.
+        vague: 1-sigma of a spin along the velocity, which no flight shows [rad/s].
+    """
+
+    restitution: Restitution
+    grip: Grip
+    vague: float = 0.0
+
+    def told(self, settings: BattingSettings) -> BattingSettings:
+        """Return settings that say so."""
+        e, grip = self.restitution.mean, self.grip
+        return replace(
+            settings,
+            impact=replace(settings.impact, restitution=e, loss=grip.loss),
+            gain=grip.gain,
+        )
+
+
+def known_of(station: BatStation) -> Known:
+    """Return what is known before the first hit: a paddle's data sheet, and how it may be wrong."""
+    impact, off, ball = station.batting.settings.impact, station.scene.mismatch, station.scene.ball
+    e = impact.restitution
+    faster = 1.0 + 2.0 * ball.radius * ball.spin / COMES
+    return Known(
+        restitution=Restitution(mean=e, sigma=max(off.restitution, 1e-3) * e, fall=impact.fall),
+        grip=Grip(
+            loss=impact.loss,
+            sigma=0.6 * off.tangential / 3.0,
+            sigma_gain=0.6 * off.lift * faster,
+        ),
+        vague=_VAGUE * ball.spin,
     )
 
 
@@ -324,8 +381,10 @@ def _sighted(senses: Senses, watcher: Eyes) -> list[Sighting]:
     return points
 
 
-def strike_of(arm: Arm, ticks: Result, met: float) -> PaddleStrike:
+def strike_of(arm: Arm, ticks: Result, met: float) -> tuple[PaddleStrike, Array]:
     """Return a hit as the arm knows it: by its readings, and by the ball that was expected.
+
+    Besides the strike, w of the ball's lift before it [1/s], shape (3,).
 
     What the joints lag behind their commands is taken from the ticks before the contact, as its
     force is in those after it.
@@ -345,14 +404,11 @@ def strike_of(arm: Arm, ticks: Result, met: float) -> PaddleStrike:
     )
     dq = ticks.command[k, 1] + behind[1] + middle * ticks.command[k, 2]
     q = ticks.command[k, 0] + behind[0] + middle * dq
-    ball = ticks.ball[k - 1, :2].copy()
-    advance(
-        ball[0],
-        ball[1],
-        float(ticks.scalars["drag"][k - 1]),
-        met - float(ticks.scalars["t_ball"][k - 1]),
-    )
-    return PaddleStrike(
+    ball, drag = ticks.ball[k - 1, :2].copy(), float(ticks.scalars["drag"][k - 1])
+    w = np.array([float(ticks.scalars[name][k - 1]) for name in LIFT])
+    after = met - float(ticks.scalars["t_ball"][k - 1])
+    advance_spinning(ball[0], ball[1], drag, steady_lift(w), after)
+    strike = PaddleStrike(
         q=q,
         dq=dq,
         ball=ball,
@@ -362,31 +418,38 @@ def strike_of(arm: Arm, ticks: Result, met: float) -> PaddleStrike:
         T=0.0,
         astray=0.0,
     )
+    return strike, w
 
 
 def learned(
-    known: Restitution,
-    strike: PaddleStrike,
+    known: Known,
+    hit: tuple[PaddleStrike, Array],
     station: BatStation,
     seen: list[Sighting],
     apart: float,
-) -> Restitution:
-    """Return what is known of the restitution after a hit; nothing new after an odd one.
+) -> Known:
+    """Return what is known after a hit; nothing new after an odd one.
 
     Args:
         known: What was known before.
-        strike: The hit.
+        hit: The hit, of :func:`strike_of`.
         station: Where it was.
         seen: Where the ball was seen about and after it.
         apart: When ball and paddle had parted [s].
     """
+    strike, w = hit
     v_out = returned_velocity(seen, apart, station.scene.ball.drag)
     if v_out is None:
         return known
-    behind = mass_behind(station.arm, strike.q, strike.normal)
-    told = known.after(strike, behind, station.scene.ball.mass, v_out)
-    surprising = abs(told.mean - known.mean) > _SURPRISE * known.sigma
-    return known if surprising else told
+    behind, e = mass_behind(station.arm, strike.q, strike.normal), known.restitution
+    told = e.after(strike, behind, station.scene.ball.mass, v_out)
+    if abs(told.mean - e.mean) > _SURPRISE * e.sigma:
+        return known
+    impact = station.batting.settings.impact
+    shown = spin_shown(w, strike.ball[1], impact.lift, impact.radius)
+    x, y, z = shown.tolist()
+    grip = known.grip.after(replace(impact, spin=(x, y, z)), strike, v_out, known.vague)
+    return replace(known, restitution=told, grip=grip)
 
 
 def returned_velocity(seen: list[Sighting], apart: float, drag: float) -> Array | None:

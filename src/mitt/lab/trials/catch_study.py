@@ -209,6 +209,7 @@ def runner_of(chunk: Chunk) -> tuple[TrialRunner, Source, Learned]:
         count=chunk.stop,
         recordings=chunk.material.recordings,
         drag=condition.scene.ball.drag,
+        spinning=condition.scene.ball.spinning,
     )
     throws = condition.throws
     if throws == ThrowSettings():

@@ -17,12 +17,14 @@ from mitt.core.eyes.eyes import EyesConfig
 from mitt.core.eyes.triangulation import TriangulatorConfig
 from mitt.core.signals import TICK
 from mitt.lab.world.build import friction_of, restitution_of, restitution_on
-from mitt.lab.world.scene import Actuation, Scene
+from mitt.lab.world.scene import Actuation, Ball, Scene
 from mitt.lab.world.sensors import encoder_steps
 
 #: Share of each torque limit that is not commanded to drives that lag behind their commands: the
 #: WAM's command stays within its limits as the motors see them (a choice of this project).
 RESERVE = 0.02
+COMES = 6.0
+"""About the speed at which balls come [m/s]."""
 #: Rebound from a palm whose contact is soft: 0.18 at 5 m/s.
 _SOFT = CatcherSettings().ball_restitution
 
@@ -37,7 +39,9 @@ def catcher_settings(arm: Arm, scene: Scene) -> CatcherSettings:
         ball_radius=ball.radius,
         ball_restitution=_rebound_of(arm, scene),
         ball_friction=friction_of(scene),
-        flight=filter_settings(ball.drag, ball.mass, spread=scene.mismatch.drag),
+        flight=filter_settings(
+            ball.drag, ball.mass, spread=scene.mismatch.drag, lift=_lift_of(ball)
+        ),
         around=Surroundings(floor=scene.floor),
         encoders=Encoders(step=tuple(np.where(steps > 0.0, steps, arm.encoder_step).tolist())),
         bandwidth=bandwidth_of(actuation.takes, actuation.servo),
@@ -90,13 +94,22 @@ def bandwidth_of(takes: str, servo: float) -> float:
     return CatcherSettings().bandwidth if takes == "torque" else 2.0 * pi * servo
 
 
-def filter_settings(drag: float, mass: float, *, spread: float = 0.0) -> FilterConfig:
+def _lift_of(ball: Ball) -> float:
+    """Return the 1-sigma of each component of w of a ball that spins as told [1/s]."""
+    fast = 2.0 * ball.radius * ball.spin
+    return ball.lift_constant * ball.spin * COMES / (COMES + fast) / sqrt(3.0)
+
+
+def filter_settings(
+    drag: float, mass: float, *, spread: float = 0.0, lift: float = 0.0
+) -> FilterConfig:
     """Return what the filter may assume of a ball with known nominal drag [1/m] and mass [kg].
 
     A quarter of the drag either way, or what a uniform error up to ``spread`` makes; at most twice
     the drag. What drag does not explain grows as the ball gets lighter: white acceleration (gusts)
     of 1e-4 m^2/s^3 for the thrown ball of 70 g and 0.0026 for one of table tennis, a lasting push
-    (spin) of 0.04 and 1 m/s^2.
+    (spin) of 0.04 and 1 m/s^2. Of balls that are known to spin it is a lift w x dr_o, each
+    component of w of 1-sigma ``lift`` [1/s].
     """
     lightness = max(0.07 / mass, 1.0)
     return FilterConfig(
@@ -106,6 +119,7 @@ def filter_settings(drag: float, mass: float, *, spread: float = 0.0) -> FilterC
         drag_density=1e-6,
         accel_density=1e-4 * lightness,
         push_sigma=0.04 * lightness,
+        lift_sigma=max(lift, 0.04 * lightness / COMES) if lift > 0.0 else 0.0,
     )
 
 

@@ -415,7 +415,9 @@ def simulate(
     raise_stopped = checks.flag("raise_stopped", raise_stopped)
     record = None if record is None else checks.path("record", record)
     scene = scene_from(scene)
-    source = source_of(used, seed=seed, count=throws, drag=scene.ball.drag)
+    source = source_of(
+        used, seed=seed, count=throws, drag=scene.ball.drag, spinning=scene.ball.spinning
+    )
     runner = TrialRunner(used, generator, scene, pixels=pixels)
     if map_of(generator) is not None:
         load_decisions(used, generator, CatcherSettings())

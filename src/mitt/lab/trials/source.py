@@ -18,7 +18,14 @@ from mitt.lab.world.flights import (
     place_flight,
     read_flights,
 )
-from mitt.lab.world.throws import Aim, Throw, ThrowRanges, default_throw, read_throws
+from mitt.lab.world.throws import (
+    Aim,
+    Spinning,
+    Throw,
+    ThrowRanges,
+    default_throw,
+    read_throws,
+)
 
 #: Streams drawn from one seed and index, so that no use of one disturbs another.
 _BALL = 0
@@ -71,6 +78,8 @@ class Source:
         drag: Drag of the balls [1/m]: default throws are aimed with it, and recorded balls have
             it after their last sample.
         ranges: Ranges of the default throws; the contract's if left out.
+        spinning: How default throws spin, and the lift by which the spin of recorded flights is
+            fitted; none spins if left out.
         shares: Of each recorded flight, the share of its time since the release after which it
             passes the catch point; the usual one if empty.
     """
@@ -83,6 +92,7 @@ class Source:
     recordings: tuple[RecordedFlight, ...] = ()
     drag: float = 0.12
     ranges: ThrowRanges | None = None
+    spinning: Spinning | None = None
     shares: tuple[float, ...] = ()
 
     def ball(self, index: int) -> Throw | PlacedFlight:
@@ -92,7 +102,12 @@ class Source:
             k = index % len(self.recordings)
             share = self.shares[k] if self.shares else CATCH_FRACTION
             return place_flight(
-                self.recordings[k], self.catch_point, rng=rng, drag=self.drag, share=share
+                self.recordings[k],
+                self.catch_point,
+                rng=rng,
+                drag=self.drag,
+                share=share,
+                spinning=self.spinning,
             )
         if self.throws:
             return self.throws[index % len(self.throws)]
@@ -100,7 +115,8 @@ class Source:
 
     def drawn(self, rng: np.random.Generator) -> Throw:
         """Return a default throw that is drawn."""
-        return default_throw(rng, self.aim, replace(self.ranges or ThrowRanges(), drag=self.drag))
+        ranges = replace(self.ranges or ThrowRanges(), drag=self.drag)
+        return default_throw(rng, self.aim, ranges, spinning=self.spinning)
 
     def trial_seed(self, index: int) -> int:
         """Return the seed of a trial's plant and noise."""
@@ -124,6 +140,7 @@ def source_of(
     flights_file: Path | None = None,
     recordings: tuple[RecordedFlight, ...] = (),
     ranges: ThrowRanges | None = None,
+    spinning: Spinning | None = None,
 ) -> Source:
     """Return balls for an arm: those of a file, recordings, or else default throws.
 
@@ -136,6 +153,7 @@ def source_of(
         flights_file: CSV file of recorded flights.
         recordings: Recorded flights that are read already.
         ranges: Ranges of the default throws; those of the arm if left out.
+        spinning: How default throws spin; not if left out.
 
     Raises:
         FileError: A file cannot be read, or holds no throws or flights.
@@ -151,6 +169,7 @@ def source_of(
         recordings=recordings,
         drag=drag,
         ranges=ranges or ranges_of(arm),
+        spinning=spinning,
     )
 
 

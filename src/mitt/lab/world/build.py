@@ -10,7 +10,8 @@ where both are compressed alike: a choice of this project, as is the friction of
 On a paddle the contact is a spring and a damper along the normal, in MuJoCo's direct form: what
 follows is the relative motion of ball and face, whatever their masses, and both are pushed as the
 arm's inertia lets them. How much damping gives a restitution is known in closed form
-(:func:`restitution_of_damped`). Across the normal the contact damps as well, until the ball rolls.
+(:func:`restitution_of_damped`). Along the face acts :mod:`mitt.lab.world.rubber`, which sets the
+damping, too, by the speed at which a ball comes.
 """
 
 from dataclasses import dataclass
@@ -22,10 +23,11 @@ import numpy as np
 
 from mitt.core.arm.description import ArmModel
 from mitt.core.arm.shapes import LEAST_GAP
-from mitt.core.arm.tools import Paddle
+from mitt.core.arm.tools import USUAL_SPEED, Paddle, inertia_share
 from mitt.core.errors import ModelError
+from mitt.core.kernels import record_of
 from mitt.core.signals import TICK, Array
-from mitt.lab.world.engine import stop_clocks
+from mitt.lab.world.engine import owned, stop_clocks
 from mitt.lab.world.hand_bodies import (
     ARM,
     BALL,
@@ -38,6 +40,7 @@ from mitt.lab.world.hand_bodies import (
 )
 from mitt.lab.world.overlap import THICK
 from mitt.lab.world.plant import add_arm
+from mitt.lab.world.rubber import RUBBER, Rubber
 from mitt.lab.world.scene import Belt, Material, Scene, Tray
 
 #: Simulation step near a contact [s]; two make a control tick. With a paddle, whose contact is
@@ -231,6 +234,8 @@ def _add_ball(spec: mujoco.MjSpec, scene: Scene) -> None:
     size = [scene.ball.radius, 0.0, 0.0] if sides is None else [0.5 * x for x in sides]
     geom = body.add_geom(name="ball", type=kind, size=size, mass=scene.ball.mass, rgba=_ORANGE)
     geom.contype, geom.conaffinity = BALL, HAND | ARM | FLOOR
+    if scene.ball.hollow:
+        geom.typeinertia = mujoco.mjtGeomInertia.mjINERTIA_SHELL
     geom.condim, geom.priority = 4, 1
     geom.friction = (friction_of(scene), *FRICTION[1:])
     geom.solref = contact_of(scene)
@@ -240,10 +245,39 @@ def _add_rubber(spec: mujoco.MjSpec, scene: Scene, paddle: Paddle) -> None:
     """Say how the ball and a paddle's face touch."""
     frequency, damping = _swing_of(restitution_on(scene, paddle), paddle.touch)
     pair = spec.add_pair(geomname1="face", geomname2="ball")
-    pair.condim, pair.solimp = 3, _STIFF_IMPEDANCE
-    pair.solref, pair.solreffriction = (-(frequency**2), -2.0 * damping), (0.0, -4.0 / paddle.touch)
-    slide = paddle.friction if scene.contact.friction is None else scene.contact.friction
-    pair.friction = (slide, slide, *FRICTION[1:], FRICTION[2])
+    pair.condim, pair.solimp = 1, _STIFF_IMPEDANCE
+    pair.solref = (-(frequency**2), -2.0 * damping)
+
+
+def rubber_of(scene: Scene, paddle: Paddle, model: mujoco.MjModel, facing: Array) -> Rubber:
+    """Return the rubber of a paddle for the ball of a scene, in a compiled model.
+
+    Args:
+        scene: The scene.
+        paddle: The paddle.
+        model: The model; the first of its pairs is that of face and ball.
+        facing: Axes of the tool in MuJoCo's memory, shape (9,).
+    """
+    given = np.linspace(0.12, 0.99, 60)
+    swings = np.array([_swing_of(e, paddle.touch) for e in given.tolist()])
+    table = np.column_stack([given, -(swings[:, 0] ** 2), -2.0 * swings[:, 1]])
+    ball, contact = scene.ball, scene.contact
+    tangential = paddle.tangential if contact.tangential is None else contact.tangential
+    lively = 1.0 / (1.0 + 1.0 / inertia_share(hollow=ball.hollow))
+    numbers = {
+        "acts": True,
+        "restitution": restitution_on(scene, paddle),
+        "fall": paddle.fall if contact.fall is None else contact.fall,
+        "usual": USUAL_SPEED,
+        "stiffness": lively * (float(np.arccos(-tangential)) / paddle.touch) ** 2,
+        "friction": paddle.friction if contact.friction is None else contact.friction,
+        "face": mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, "face"),
+    }
+    face = {mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, x) for x in ("face", "ball")}
+    pairs = np.column_stack([model.pair_geom1, model.pair_geom2]).tolist()
+    k = next(i for i, pair in enumerate(pairs) if set(pair) == face)
+    solref = owned(model, model.pair_solref[k])
+    return Rubber(record_of(numbers, RUBBER), solref, table, facing, np.zeros(3))
 
 
 def _add_belt(spec: mujoco.MjSpec, belt: Belt) -> None:

@@ -24,11 +24,13 @@ from mujoco.introspect.structs import STRUCTS
 from numba import types
 from numpy.typing import NDArray
 
+from mitt.core.arm.kinematics import Vec
 from mitt.core.errors import ModelError
 from mitt.core.kernels import Record, kernel, record_of
 from mitt.core.signals import Array
 from mitt.lab.world.drives import Drives, FingerServo, fresh_brakes, fresh_drives
 from mitt.lab.world.hand_bodies import ARM, BALL, FLOOR, HAND
+from mitt.lab.world.rubber import Rubber, no_rubber
 from mitt.lab.world.scene import Actuation
 
 #: Contacts that compiled code looks at; a hand full of ball has nine.
@@ -52,6 +54,7 @@ _RELEASED = {
     "force": 0.0,
     "peak": 0.0,
     "load": 0.0,
+    "pressing": 0.0,
     "touched": -1.0,
     "braked": -1.0,
     "stopped": -1.0,
@@ -110,6 +113,7 @@ class Plant(NamedTuple):
             of a hand without fingers the resultant of all its contacts.
             load: Largest load on the hand in the trial [N]: the resultant of all contacts of a ball
             that it touches, or one of them where that is larger, as between two fingers.
+            pressing: Largest contact force on the ball in the last step [N].
             touched: Time of the first contact of ball and hand [s]; negative before.
             braked: When the brakes were commanded to engage [s]; negative before.
             stopped: When the catcher stopped [s]; negative before.
@@ -117,6 +121,8 @@ class Plant(NamedTuple):
         flight: Own: position and velocity of the ball at the end of a step if it flies freely
             [m, m/s], shape (2, 3).
         ball_mass, ball_drag: Mass [kg] and drag coefficient [1/m] of the ball.
+        ball_lift, ball_radius: Lift constant, of :mod:`mitt.core.ball.spin`, and radius [m].
+        rubber: That of a paddle.
         friction: Viscous [N m s/rad] and dry [N m] friction of each joint, shape (2, n).
         fingers: The servo of each finger.
         drives: The arm's drives.
@@ -146,6 +152,9 @@ class Plant(NamedTuple):
     flight: Array
     ball_mass: float
     ball_drag: float
+    ball_lift: float
+    ball_radius: float
+    rubber: Rubber
     friction: Array
     fingers: FingerServo
     drives: Drives
@@ -205,6 +214,9 @@ def plant_of(
         flight=np.zeros((2, 3)),
         ball_mass=0.0,
         ball_drag=0.0,
+        ball_lift=0.0,
+        ball_radius=0.0,
+        rubber=no_rubber(show(data.site_xmat[site])),
         friction=np.zeros((2, joints)),
         fingers=FingerServo(0.0, 0.0, 0.0, 0.0),
         drives=fresh_drives(Actuation(), np.zeros(joints)),
@@ -216,7 +228,8 @@ def plant_of(
 def released(
     plant: Plant,
     *,
-    ball: tuple[float, float],
+    ball: tuple[float, float, float, float],
+    rubber: Rubber,
     friction: Array,
     fingers: FingerServo,
     drives: Drives,
@@ -226,7 +239,8 @@ def released(
 
     Args:
         plant: The plant.
-        ball: Mass [kg] and drag coefficient [1/m] of the ball.
+        ball: Mass [kg], drag coefficient [1/m], lift constant and radius [m] of the ball.
+        rubber: As of ``Plant``.
         friction: As of ``Plant``, as are ``fingers``.
         fingers: See ``friction``.
         drives: Drives; nothing was commanded yet, and so their mean torque is set to zero.
@@ -238,6 +252,9 @@ def released(
         first=np.zeros((4, 3)),
         ball_mass=float(ball[0]),
         ball_drag=float(ball[1]),
+        ball_lift=float(ball[2]),
+        ball_radius=float(ball[3]),
+        rubber=rubber,
         friction=friction,
         fingers=fingers,
         drives=drives,
@@ -302,18 +319,24 @@ def survey(plant: Plant, felt: bool) -> tuple[int, float]:
 @kernel
 def tip_velocity(plant: Plant, out: Array) -> None:
     """Write the velocity of the catch point [m/s], shape (3,), from those of the joints."""
-    place, anchor, axis, dq = plant.place, plant.anchor, plant.axis, plant.qvel
+    place, dq = plant.place, plant.qvel
     out[:] = 0.0
     for i in range(len(plant.slides)):
-        ax, ay, az = axis[i, 0], axis[i, 1], axis[i, 2]
-        if plant.slides[i]:
-            x, y, z = ax, ay, az
-        else:
-            rx, ry, rz = place[0] - anchor[i, 0], place[1] - anchor[i, 1], place[2] - anchor[i, 2]
-            x, y, z = ay * rz - az * ry, az * rx - ax * rz, ax * ry - ay * rx
+        x, y, z = moved_by(plant, i, (place[0], place[1], place[2]))
         out[0] += dq[i] * x
         out[1] += dq[i] * y
         out[2] += dq[i] * z
+
+
+@kernel
+def moved_by(plant: Plant, i: int, place: Vec) -> Vec:
+    """Return the velocity of a point of the tool for one of a joint: [m/rad], or 1 of a slide."""
+    anchor, axis = plant.anchor, plant.axis
+    ax, ay, az = axis[i, 0], axis[i, 1], axis[i, 2]
+    if plant.slides[i]:
+        return ax, ay, az
+    rx, ry, rz = place[0] - anchor[i, 0], place[1] - anchor[i, 1], place[2] - anchor[i, 2]
+    return ay * rz - az * ry, az * rx - ax * rz, ax * ry - ay * rx
 
 
 def hand_names(model: mujoco.MjModel) -> tuple[str | None, ...]:

@@ -11,7 +11,7 @@ flight.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from importlib.resources import as_file, files
 from math import sqrt
 from pathlib import Path
@@ -21,12 +21,20 @@ import numpy as np
 from numpy.polynomial import Polynomial, legendre
 from numpy.typing import NDArray
 
+from mitt.core.ball.spin import spin_shown
 from mitt.core.errors import FileError
 from mitt.core.signals import GRAVITY, Array
 from mitt.io.csv_table import finite_cell, measured, read_rows
 from mitt.lab.world.fall import WANTED, doubt_of, free_of_gravity
-from mitt.lab.world.throws import fly
+from mitt.lab.world.throws import Spinning, fly
 
+#: Least samples and instants of a fitted spin, and the noise of a sample [m].
+_SPIN_SAMPLES = 12
+_SPIN_GRID = 120
+_SPIN_NOISE = 0.0015
+#: 1-sigma of drag [1/m] and w [1/s] before the fit; a spin of 100 rad/s has a w of 0.3.
+_DRAG_SIGMA = 0.03
+_W_SIGMA = 0.3
 COLUMNS = ("flight", "t_s", "x_m", "y_m", "z_m")
 MIN_SAMPLES = 10
 MAX_DISTANCE = 100.0
@@ -147,6 +155,8 @@ class PlacedFlight:
         rotation: World from recording, about the vertical, shape (3, 3).
         shift: World position of the recording's origin [m], shape (3,).
         drag: Drag of the free flight after the last sample [1/m].
+        spun: Angular velocity of the last piece as its curve shows it, in the frame of the
+            recording [rad/s], shape (3,); none if left out.
     """
 
     name: str
@@ -154,6 +164,12 @@ class PlacedFlight:
     rotation: Array
     shift: Array
     drag: float
+    spun: Array = field(default_factory=lambda: np.zeros(3))
+
+    @property
+    def spin(self) -> Array:
+        """Angular velocity in the world with which it is touched [rad/s], shape (3,)."""
+        return self.rotation @ self.spun
 
     @property
     def duration(self) -> float:
@@ -230,6 +246,7 @@ def place_flight(
     rng: np.random.Generator | None,
     drag: float = 0.12,
     share: float = CATCH_FRACTION,
+    spinning: Spinning | None = None,
 ) -> PlacedFlight:
     """Smooth a recording and put it before the arm.
 
@@ -242,16 +259,62 @@ def place_flight(
         rng: Source of the jitter; no jitter if None.
         drag: Drag after the last sample [1/m]; 0.09 to 0.15 fitted to these balls.
         share: That share; above 1 it is after the last sample.
+        spinning: Of the ball, its lift constant and radius, by which its spin is fitted to the
+            flight after the last bounce; not fitted if left out.
     """
-    pieces = smooth(recording.t, recording.r)
+    pieces, spun = smooth(recording.t, recording.r), np.zeros(3)
+    if spinning is not None:
+        spun = fitted_spin(recording, pieces, drag, spinning)
     flight = PlacedFlight(
-        name=recording.name, pieces=pieces, rotation=np.eye(3), shift=np.zeros(3), drag=drag
+        name=recording.name,
+        pieces=pieces,
+        rotation=np.eye(3),
+        shift=np.zeros(3),
+        drag=drag,
+        spun=spun,
     )
     anchor = flight.at(flight.after(share))[0]
     first = int(np.searchsorted(recording.t, flight.release))
     chord = recording.r[-1] - recording.r[first]
     rotation, shift = placing(chord, anchor, catch_point, rng)
     return replace(flight, rotation=rotation, shift=shift)
+
+
+def fitted_spin(
+    recording: RecordedFlight, pieces: PiecewisePolynomial, drag: float, ball: Spinning
+) -> Array:
+    """Return the spin that a recorded flight shows after its last bounce [rad/s], shape (3,).
+
+    Least squares for place, velocity, drag and w of :mod:`mitt.core.ball.spin`, linear in all of
+    them along the smoothed velocity; drag and w are held to what balls of table tennis have as by
+    one sighting each. None where too little was recorded.
+    """
+    start, end = max(float(pieces.edges[-2]), pieces.release), float(pieces.edges[-1])
+    inside = (recording.t >= start) & (recording.t <= end)
+    if np.sum(inside) < _SPIN_SAMPLES:
+        return np.zeros(3)
+    grid = np.linspace(start, end, _SPIN_GRID)
+    v = np.array([pieces.at(x)[1] for x in grid.tolist()])
+    pulls = [-np.linalg.norm(v, axis=1)[:, None] * v, *(np.cross(axis, v) for axis in np.eye(3))]
+    t, tau = recording.t[inside], recording.t[inside] - start
+    columns = []
+    for pull in pulls:
+        way = _summed(_summed(pull, grid), grid)
+        columns.append(np.column_stack([np.interp(t, grid, way[:, k]) for k in range(3)]).ravel())
+    plain = [np.kron(rise, axis) for rise in (np.ones(len(t)), tau) for axis in np.eye(3)]
+    known = recording.r[inside] + 0.5 * GRAVITY * tau[:, None] ** 2 * (0.0, 0.0, 1.0)
+    rows, right = np.column_stack([*plain, *columns]), known.ravel()
+    held = np.diag(_SPIN_NOISE / np.array([_DRAG_SIGMA, *[_W_SIGMA] * 3]))
+    rows = np.vstack([rows, np.column_stack([np.zeros((4, 6)), held])])
+    right = np.append(right, held @ np.array([drag, 0.0, 0.0, 0.0]))
+    w = np.linalg.lstsq(rows, right, rcond=None)[0][-3:]
+    return spin_shown(w, v[-1], ball.K, ball.radius)
+
+
+def _summed(values: Array, t: Array) -> Array:
+    """Return the integral of values, (k, 3), from the first of rising times on, by trapezoids."""
+    steps = 0.5 * (values[1:] + values[:-1]) * np.diff(t)[:, None]
+    return np.vstack([np.zeros(3), np.cumsum(steps, axis=0)])
 
 
 def placing(

@@ -5,13 +5,16 @@ MuJoCo's integrator is of first order: in half a second of flight it puts a ball
 :mod:`mitt.core.ball.flight`, independent of the length of the steps, and the integrator is given
 the force and the start with which dr' = dr + h ddr, r' = r + h dr' end where that kernel does.
 
+A ball that spins has its lift in that flight. While it touches anything its lift is left out.
+
 A ball that follows a path is moved along it by force, from the positions and velocities at the
 ends of the ticks (:mod:`mitt.lab.world.prescribed`), until it first touches anything.
 """
 
 import numpy as np
 
-from mitt.core.ball.flight import advance
+from mitt.core.arm.kinematics import Vec
+from mitt.core.ball.flight import STILL, Lift, advance_spinning
 from mitt.core.kernels import Record, big_kernel, kernel
 from mitt.core.signals import GRAVITY, TICK, Array
 from mitt.lab.world.drives import command, finger_torque, follow, hold
@@ -20,11 +23,13 @@ from mitt.lab.world.engine import (
     BALL_FLOOR,
     BALL_HAND,
     Plant,
+    moved_by,
     step1,
     step2,
     survey,
     tip_velocity,
 )
+from mitt.lab.world.rubber import bend_on, face_normal, set_damping
 from mitt.lab.world.truth import Trace
 
 #: How long a trial goes on after the catcher has stopped [s].
@@ -107,6 +112,7 @@ def leave(plant: Plant) -> None:
     if alone:
         return
     touched, force = survey(plant, True)
+    state.pressing = force
     x, y, z = plant.constraint[ball], plant.constraint[ball + 1], plant.constraint[ball + 2]
     resultant = np.sqrt(x * x + y * y + z * z)
     state.force = max(state.force, force)
@@ -135,8 +141,10 @@ def _prepare(plant: Plant, h: float, alone: bool) -> None:
     hand = follow(plant.drives, state.ticks, h)
     for i in range(3):
         flight[0, i], flight[1, i] = qpos[ball + i], qvel[ball + i]
-    advance(flight[0], flight[1], plant.ball_drag, h)
+    advance_spinning(flight[0], flight[1], plant.ball_drag, _lift(plant), h)
     _actuate(plant, hand)
+    if plant.rubber.of[0].acts:
+        _touch_rubber(plant, h, alone)
     if alone:
         for i in range(3):
             weight = -GRAVITY if i == 2 else 0.0
@@ -145,6 +153,81 @@ def _prepare(plant: Plant, h: float, alone: bool) -> None:
     if state.braked >= 0.0:
         since = state.ticks * TICK - state.braked
         hold(plant.brakes, since, qvel, plant.ctrl, passive, h)
+
+
+@kernel
+def _turned(plant: Plant, v: Vec, sign: float) -> Vec:
+    """Return a vector in the world that is given in the ball's frame; the other way for sign -1."""
+    at = len(plant.ctrl) + 3
+    w = plant.qpos[at]
+    x, y, z = sign * plant.qpos[at + 1], sign * plant.qpos[at + 2], sign * plant.qpos[at + 3]
+    a, b, c = y * v[2] - z * v[1], z * v[0] - x * v[2], x * v[1] - y * v[0]
+    return (
+        v[0] + 2.0 * (w * a + y * c - z * b),
+        v[1] + 2.0 * (w * b + z * a - x * c),
+        v[2] + 2.0 * (w * c + x * b - y * a),
+    )
+
+
+@kernel
+def _spin(plant: Plant) -> Vec:
+    """Return the ball's angular velocity in the world [rad/s]."""
+    at = len(plant.ctrl) + 3
+    x, y, z = plant.qvel[at], plant.qvel[at + 1], plant.qvel[at + 2]
+    spin: Vec = _turned(plant, (x, y, z), 1.0)
+    return spin
+
+
+@kernel
+def _lift(plant: Plant) -> Lift:
+    """Return what the ball's spin does in flight."""
+    at = len(plant.ctrl) + 3
+    if plant.ball_lift == 0.0:
+        return STILL
+    if plant.qvel[at] == 0.0 and plant.qvel[at + 1] == 0.0 and plant.qvel[at + 2] == 0.0:
+        return STILL
+    (x, y, z), K = _spin(plant), plant.ball_lift
+    return K * x, K * y, K * z, 2.0 * plant.ball_radius / K
+
+
+@kernel
+def _touch_rubber(plant: Plant, h: float, alone: bool) -> None:
+    """Let the rubber act: ready for a ball that comes, along its face on one that touches it."""
+    rubber, state, ball, n = plant.rubber, plant.state[0], len(plant.ctrl), len(plant.slides)
+    normal, r, v, radius = face_normal(rubber), plant.qpos, plant.qvel, plant.ball_radius
+    place = (
+        r[ball] - radius * normal[0],
+        r[ball + 1] - radius * normal[1],
+        r[ball + 2] - radius * normal[2],
+    )
+    x, y, z = v[ball], v[ball + 1], v[ball + 2]
+    for i in range(n):
+        a, b, c = moved_by(plant, i, place)
+        x, y, z = x - v[i] * a, y - v[i] * b, z - v[i] * c
+    if alone or not plant.touching[rubber.of[0].face]:
+        rubber.bend[:] = 0.0
+        set_damping(rubber, -(x * normal[0] + y * normal[1] + z * normal[2]))
+        return
+    p, q, s = _spin(plant)
+    slip = (
+        x - radius * (q * normal[2] - s * normal[1]),
+        y - radius * (s * normal[0] - p * normal[2]),
+        z - radius * (p * normal[1] - q * normal[0]),
+    )
+    fx, fy, fz = bend_on(rubber, slip, plant.ball_mass, state.pressing, h)
+    arm = -radius
+    torque = (
+        arm * (normal[1] * fz - normal[2] * fy),
+        arm * (normal[2] * fx - normal[0] * fz),
+        arm * (normal[0] * fy - normal[1] * fx),
+    )
+    own = _turned(plant, torque, -1.0)
+    for i, force in enumerate((fx, fy, fz)):
+        plant.passive[ball + i] += force
+        plant.passive[ball + 3 + i] = own[i]
+    for i in range(n):
+        a, b, c = moved_by(plant, i, place)
+        plant.passive[i] -= a * fx + b * fy + c * fz
 
 
 @kernel
@@ -178,6 +261,8 @@ def _actuate(plant: Plant, hand: float) -> None:
     passive[count] = force * x
     passive[count + 1] = force * y
     passive[count + 2] = force * z
+    for i in range(count + 3, count + 6):
+        passive[i] = 0.0
     if not finite:
         plant.state[0].broken = True
 

@@ -13,11 +13,13 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from mitt.core import checks
+from mitt.core.ball.spin import lift_constant
 from mitt.core.errors import FileError, InputError, meant
 from mitt.core.signals import TICK, Array
 from mitt.io.reading import read_toml, shipped_path
 from mitt.io.schema import FileSettings, merged, validated
 from mitt.lab.world.faults import FaultPlan
+from mitt.lab.world.throws import Spinning
 
 NotNegative = Annotated[float, Field(ge=0.0)]
 Share = Annotated[float, Field(ge=0.0, lt=0.5)]
@@ -53,6 +55,9 @@ class Ball(FileSettings):
         material: What it is made of, which gives friction and restitution of its contact; see
             :mod:`mitt.lab.world.build`.
         sides: Length, width and height of a part in the shape of a box [m]; a ball if left out.
+        lift: Lift of a spin, as share of what :mod:`mitt.core.ball.spin` says.
+        spin: How fast thrown balls spin [rad/s], each about an axis of its own across its velocity.
+        hollow: Whether it is a thin shell, as balls of table tennis are.
     """
 
     radius: Annotated[float, Field(ge=0.005, le=0.06)] = 0.04
@@ -61,6 +66,19 @@ class Ball(FileSettings):
     brightness: Annotated[float, Field(ge=-255.0, le=255.0)] = 160.0
     material: Material | None = None
     sides: Annotated[tuple[Side, Side, Side], Field(strict=False)] | None = None
+    lift: Annotated[float, Field(ge=0.0, le=3.0)] = 1.0
+    spin: Annotated[float, Field(ge=0.0, le=1000.0)] = 0.0
+    hollow: bool = False
+
+    @property
+    def lift_constant(self) -> float:
+        """Its lift constant, of :mod:`mitt.core.ball.spin`."""
+        return self.lift * lift_constant(self.radius, self.mass)
+
+    @property
+    def spinning(self) -> Spinning:
+        """How it spins when it is thrown."""
+        return Spinning(rate=self.spin, K=self.lift_constant, radius=self.radius)
 
     @model_validator(mode="after")
     def _light(self) -> Self:
@@ -80,6 +98,10 @@ class Mismatch(FileSettings):
         drag: Half-width of the relative error of the ball's drag.
         ball_mass: Half-width of the relative error of the ball's mass.
         ball_radius: Half-width of the relative error of the ball's radius.
+        lift: Half-width of the relative error of the ball's lift, one for a run of batting.
+        restitution: The same of a paddle's restitution, one for a run.
+        tangential: The same of its tangential restitution, one for a run.
+        fall: The same of how its restitution falls with speed, one for a run.
     """
 
     mass: Share = 0.05
@@ -88,6 +110,10 @@ class Mismatch(FileSettings):
     drag: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.10
     ball_mass: Share = 0.0
     ball_radius: Annotated[float, Field(ge=0.0, le=0.2)] = 0.0
+    lift: Share = 0.10
+    restitution: Share = 0.03
+    tangential: Share = 0.20
+    fall: Annotated[float, Field(ge=0.0, le=1.0)] = 0.5
 
 
 class BeltEncoder(FileSettings):
@@ -240,11 +266,16 @@ class Contact(FileSettings):
             material on the hand's pads, or a soft contact by ``settle``, if left out.
         settle: Time constant in which a contact without restitution settles [s]; 0.002 is the
             stiffest that steps of 0.5 ms carry.
+        tangential: Tangential restitution of a paddle; its rubber's if left out.
+        fall: By how much the restitution on a paddle falls with speed [s/m]; its rubber's if left
+            out.
     """
 
     friction: Annotated[float, Field(gt=0.0, le=3.0)] | None = None
     restitution: Annotated[float, Field(ge=0.17, le=0.92)] | None = None
     settle: Annotated[float, Field(ge=0.002, le=0.02)] = 0.004
+    tangential: Annotated[float, Field(ge=-0.5, le=0.99)] | None = None
+    fall: Annotated[float, Field(ge=0.0, le=0.1)] | None = None
 
 
 class Belt(FileSettings):
@@ -320,7 +351,7 @@ class Scene(FileSettings):
 
 
 #: Scene of the recorded flights: a table-tennis ball, its drag as fitted to them.
-TABLE_TENNIS = Ball(radius=0.02, mass=0.0027, drag=0.12)
+TABLE_TENNIS = Ball(radius=0.02, mass=0.0027, drag=0.12, hollow=True)
 
 
 def exact_scene(ball: Ball | None = None) -> Scene:
@@ -421,7 +452,8 @@ def _recorded(ball: dict[str, Any]) -> dict[str, Any]:
     """Return the ball of recorded flights; its material is known where that of the ball is."""
     material = {"material": "table-tennis"} if "material" in ball else {}
     kept = {key: ball[key] for key in ("brightness",) if key in ball}
-    return TABLE_TENNIS.model_dump(include={"radius", "mass", "drag"}) | kept | material
+    own = TABLE_TENNIS.model_dump(include={"radius", "mass", "drag", "hollow"})
+    return own | kept | material
 
 
 def _difference(own: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:

@@ -11,15 +11,17 @@ import numpy as np
 from mitt.core import checks
 from mitt.core.arm.description import ArmModel
 from mitt.core.arm.limits import Limits
+from mitt.core.arm.tools import Paddle
+from mitt.core.ball.spin import lift_constant, lift_of
 from mitt.core.errors import InputError
 from mitt.core.signals import GRAVITY, TICK, Array, Command, Frame, Senses
-from mitt.lab.world.build import Drawn, PlantDraw, build_scene
+from mitt.lab.world.build import Drawn, PlantDraw, build_scene, rubber_of
 from mitt.lab.world.capsules import Body, body_of, lay_capsules
 from mitt.lab.world.disturbances import DisturbedTrial, Undisturbed
 from mitt.lab.world.drives import brakes_of, finger_servo, fresh_drives, servo_of
 from mitt.lab.world.engine import Plant, hand_names, plant_of, released
 from mitt.lab.world.faults import ActiveFaults, Sensor
-from mitt.lab.world.flights import BallPath
+from mitt.lab.world.flights import BallPath, PlacedFlight
 from mitt.lab.world.giver import Giver
 from mitt.lab.world.imaging import Imager
 from mitt.lab.world.motion import move_motors, note_state, note_stop, over
@@ -112,6 +114,9 @@ class World:
         self._belt = None if scene.belt is None else self.model.joint("belt").id
         d, n, ball = self.data, self._n, self._n + self._f
         self._plant = plant_of(self.model, d, self._built.site, n, fine=self._built.fine)
+        if isinstance(hand, Paddle):
+            rubber = rubber_of(scene, hand, self.model, self._plant.rubber.facing)
+            self._plant = self._plant._replace(rubber=rubber)
         self._names = hand_names(self.model)
         qpos, qvel, self._site = self._plant.qpos, self._plant.qvel, self._plant.place
         self._senses = qpos[:n], qvel[:n], qpos[ball : ball + 3], qvel[ball : ball + 3]
@@ -149,7 +154,16 @@ class World:
         if self._path is not None:
             return self._path.at
         r, dr, drag = *(x.copy() for x in self._ball), self._drag
-        return lambda t: fly(r, dr, drag=drag, duration=t)
+        lift = lift_of(self._spin.copy(), self._plant.ball_lift, self.radius)
+        return lambda t: fly(r, dr, drag=drag, duration=t, lift=lift)
+
+    @property
+    def spin(self) -> Array:
+        """Angular velocity of the ball [rad/s], (3,): in the world until it has touched anything.
+
+        For oracles alone.
+        """
+        return self._spin.copy()
 
     @property
     def first_contact(self) -> Instant | None:
@@ -243,6 +257,8 @@ class World:
         self._giver = self._person(ball, drawn) if isinstance(ball, InHand) else None
         r, dr = (ball.r, ball.dr) if isinstance(ball, Throw) else ball.at(0.0)
         self._ball[0][:], self._ball[1][:] = r, dr
+        if isinstance(ball, Throw | PlacedFlight):
+            self._spin[:] = ball.spin
         if self._ride is not None:
             turned = 0.5 * self._ride.yaw
             self._pose[3:] = np.cos(turned), 0.0, 0.0, np.sin(turned)
@@ -408,7 +424,13 @@ class World:
             actuation = actuation.model_copy(update={"delay": 0})  # its setpoints wait instead
         self._plant = released(
             self._plant,
-            ball=(drawn.mass, self._drag),
+            ball=(
+                drawn.mass,
+                self._drag,
+                self._scene.ball.lift * lift_constant(drawn.radius, drawn.mass),
+                drawn.radius,
+            ),
+            rubber=self._plant.rubber,
             friction=drawn.friction,
             fingers=self._fingers,
             drives=fresh_drives(actuation, self.data.qfrc_bias[: self._n]),

@@ -1,13 +1,14 @@
 """Throws: where a ball is released and how fast, at random or from a file, and how it flies."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from mitt.core import checks
-from mitt.core.ball.flight import advance
+from mitt.core.ball.flight import STILL, Lift, advance_spinning
+from mitt.core.ball.spin import lift_of
 from mitt.core.errors import FileError, InputError, ShapeError
 from mitt.core.kernels import kernel
 from mitt.core.signals import GRAVITY, Array
@@ -31,14 +32,16 @@ class Throw:
     Attributes:
         r: Ball centre at release, world frame [m], shape (3,).
         dr: Its velocity at release [m/s], shape (3,).
+        spin: Its angular velocity [rad/s], shape (3,); none if left out.
     """
 
     r: Array
     dr: Array
+    spin: Array = field(default_factory=lambda: np.zeros(3))
 
     def __post_init__(self) -> None:
-        """Hold both to three finite numbers; ShapeError or InputError where they are not."""
-        for name, value in (("r", self.r), ("dr", self.dr)):
+        """Hold each to three finite numbers; ShapeError or InputError where they are not."""
+        for name, value in (("r", self.r), ("dr", self.dr), ("spin", self.spin)):
             kept = checks.vector(f"throw.{name}", value, 3, finite=True)
             object.__setattr__(self, name, kept)
 
@@ -66,6 +69,22 @@ class Aim:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Spinning:
+    """How thrown balls spin.
+
+    Attributes:
+        rate: How fast [rad/s]; the axis is drawn, any direction across the velocity alike: hands
+            and rackets give top, back and side spin, and hardly any along the flight (believed).
+        K: Lift constant of the balls, with which they are aimed.
+        radius: Their radius [m].
+    """
+
+    rate: float = 0.0
+    K: float = 0.0
+    radius: float = 0.04
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ThrowRanges:
     """Ranges of the default throws, the table of docs/throws.md.
 
@@ -87,7 +106,9 @@ class ThrowRanges:
     drag: float = NOMINAL_DRAG
 
 
-def fly(r: Array, dr: Array, *, drag: float, duration: float) -> tuple[Array, Array]:
+def fly(
+    r: Array, dr: Array, *, drag: float, duration: float, lift: Lift = STILL
+) -> tuple[Array, Array]:
     """Fly freely for a while.
 
     Args:
@@ -95,16 +116,19 @@ def fly(r: Array, dr: Array, *, drag: float, duration: float) -> tuple[Array, Ar
         dr: Velocity at the start [m/s], shape (3,).
         drag: Quadratic drag coefficient k [1/m].
         duration: Time of flight [s], not negative.
+        lift: What a spin does.
 
     Returns:
         Position [m], shape (3,), and velocity [m/s], shape (3,), at the end.
     """
     r, dr = np.array(r, float), np.array(dr, float)
-    advance(r, dr, drag, duration)
+    advance_spinning(r, dr, drag, lift, duration)
     return r, dr
 
 
-def release_velocity(start: Array, target: Array, *, drag: float, duration: float) -> Array:
+def release_velocity(
+    start: Array, target: Array, *, drag: float, duration: float, lift: Lift = STILL
+) -> Array:
     """Find the velocity at ``start`` that carries the ball to ``target`` (shooting, Newton).
 
     Args:
@@ -112,6 +136,7 @@ def release_velocity(start: Array, target: Array, *, drag: float, duration: floa
         target: Point to be passed after ``duration`` [m], shape (3,).
         drag: Quadratic drag coefficient k [1/m].
         duration: Time of flight [s], positive.
+        lift: What its spin does.
 
     Returns:
         Velocity at release [m/s], shape (3,).
@@ -119,25 +144,34 @@ def release_velocity(start: Array, target: Array, *, drag: float, duration: floa
     dr, ends, nudge = (target - start) / duration, np.empty((7, 3)), 1e-5
     dr[2] += 0.5 * GRAVITY * duration
     for _ in range(_STEPS):
-        _ends(start, dr, drag, duration, nudge, ends)
+        _ends(start, dr, (drag, duration, nudge), lift, ends)
         slope = (ends[:3] - ends[3:6]).T / (2.0 * nudge)
         dr = dr - np.linalg.solve(slope, ends[6] - target)
     return dr
 
 
 @kernel
-def _ends(start: Array, dr: Array, drag: float, duration: float, nudge: float, ends: Array) -> None:
-    """Write where flights end [m], shape (7, 3): each axis of ``dr`` more, less, then as it is."""
+def _ends(start: Array, dr: Array, of: tuple[float, float, float], lift: Lift, ends: Array) -> None:
+    """Write where flights end [m], shape (7, 3): each axis of ``dr`` more, less, then as it is.
+
+    ``of`` is drag, duration, and by how much more and less.
+    """
+    drag, duration, nudge = of
     for i in range(7):
         velocity = dr.copy()
         ends[i] = start
         if i < 6:
             velocity[i % 3] += nudge if i < 3 else -nudge
-        advance(ends[i], velocity, drag, duration)
+        advance_spinning(ends[i], velocity, drag, lift, duration)
 
 
 def default_throw(
-    rng: np.random.Generator, aim: Aim, ranges: ThrowRanges | None = None, *, tries: int = 1000
+    rng: np.random.Generator,
+    aim: Aim,
+    ranges: ThrowRanges | None = None,
+    *,
+    tries: int = 1000,
+    spinning: Spinning | None = None,
 ) -> Throw:
     """Draw one throw that passes a random aim point; draws with another speed are rejected.
 
@@ -146,6 +180,8 @@ def default_throw(
         aim: Where to.
         ranges: From where and how fast; the default throws if left out.
         tries: Draws before giving up; about three in five of the default draws are accepted.
+        spinning: How it spins; one that spins is thrown so that it passes the same point after the
+            same time.
 
     Raises:
         InputError: No draw had a release speed in the range.
@@ -165,7 +201,13 @@ def default_throw(
             continue
         if ranges.drag != NOMINAL_DRAG:
             dr = release_velocity(start, target, drag=ranges.drag, duration=duration)
-        return Throw(r=start, dr=dr)
+        if spinning is None or spinning.rate == 0.0:
+            return Throw(r=start, dr=dr)
+        axis = np.cross(dr, rng.standard_normal(3))
+        spin = spinning.rate / float(np.linalg.norm(axis)) * axis
+        lift = lift_of(spin, spinning.K, spinning.radius)
+        dr = release_velocity(start, target, drag=ranges.drag, duration=duration, lift=lift)
+        return Throw(r=start, dr=dr, spin=spin)
     wanted = f"a release speed of {ranges.speed[0]:g} to {ranges.speed[1]:g} m/s"
     raise InputError("throw ranges", wanted, f"none in {tries} draws")
 

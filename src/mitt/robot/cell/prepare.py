@@ -307,7 +307,13 @@ def feed_of(prepared: PreparedCell, scene: Scene, *, seed: int, count: int | Non
         speed = _HAND if task.belt is None else task.belt.speed
         return Parts(work, speed=speed, seed=seed, count=count or endless(), put=task.put)
     f = unlearned(prepared.arm, work.design)
-    source = source_of(f.arm, seed=seed, count=count or endless(), drag=scene.ball.drag)
+    source = source_of(
+        f.arm,
+        seed=seed,
+        count=count or endless(),
+        drag=scene.ball.drag,
+        spinning=scene.ball.spinning,
+    )
     throws = None if work.file is None else work.file.throws
     return Throws(source if throws is None else widened(source, throws), prepared.arm)
 
