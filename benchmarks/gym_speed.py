@@ -1,4 +1,4 @@
-"""Steps a second of the environments, beside those of ``gymnasium[mujoco]``, in one run.
+"""Steps a second of processor time, beside those of ``gymnasium[mujoco]``, in one run.
 
 python benchmarks/gym_speed.py                5 s each
 python benchmarks/gym_speed.py --seconds 1 --json speed.json
@@ -7,7 +7,7 @@ python benchmarks/gym_speed.py --seconds 1 --json speed.json
 import argparse
 import json
 from pathlib import Path
-from time import perf_counter
+from time import process_time
 from typing import Any
 
 import gymnasium
@@ -37,8 +37,8 @@ def measured(name: str, words: dict[str, Any], seconds: float) -> dict[str, floa
     for action in actions[:20]:
         env.step(action)
     env.reset()
-    steps, start = 0, perf_counter()
-    while (elapsed := perf_counter() - start) < seconds:
+    steps, start = 0, process_time()
+    while (elapsed := process_time() - start) < seconds:
         _, _, terminated, truncated, _ = env.step(actions[steps % 256])
         steps += 1
         if terminated or truncated:

@@ -1,7 +1,7 @@
 """The environments keep Gymnasium's rules, and the map catches in them."""
 
 import warnings
-from itertools import pairwise
+from itertools import groupby, pairwise
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -18,7 +18,9 @@ from mitt.core.catcher.settings import Phase
 from mitt.core.errors import InputError
 from mitt.core.map.learn import Learned
 from mitt.core.signals import Command
+from mitt.gym.policies import random_policy, zero_policy
 from mitt.io.maps import save_map
+from mitt.lab.report.pictures import placed_faces
 from mitt.lab.trials.landing import Hit
 from mitt.lab.world.scene import Scene, Sensing
 from mitt.version import __version__
@@ -150,10 +152,13 @@ def test_tasks_keep_the_rules_of_gymnasium(
             total, over = total + float(reward), terminated or truncated
         first.append((total, obs))
         assert info["status"] == status
+        assert info["is_success"] is True
         assert total > least
     assert first[0][0] == first[1][0]
     assert _same(first[0][1], first[1][1])
-    env.reset(seed=4)
+    _, about = env.reset(seed=4)
+    assert about["is_success"] is False
+    assert np.array_equal(about["object_m"], env.unwrapped.thing()[0])  # type: ignore[attr-defined]
     still = np.zeros(env.action_space.shape or (), np.float32)
     rewards = [float(env.step(still)[1]) for _ in range(10)]
     assert len(set(rewards)) > 5 or (task, action) == ("mitt/Bat-v0", "residual")
@@ -213,17 +218,143 @@ def test_vector_environments_of_gymnasium_work(vector: Any) -> None:  # noqa: AN
         assert np.array_equal(obs[k], alone)
 
 
+def test_many_at_once_are_made_by_name() -> None:
+    """``make_vec`` steps them, and says of each how it ended."""
+    many = gymnasium.make_vec(
+        "mitt/Catch-v0", num_envs=3, vectorization_mode="sync", vector_kwargs={}, ticks=40
+    )
+    obs, about = many.reset(seed=1)
+    assert obs.shape == (3, 18)
+    assert about["object_m"].shape == (3, 3)
+    ended = np.zeros(3, bool)
+    while not ended.all():
+        _, _, over, late, info = many.step(np.zeros(many.action_space.shape, np.float32))
+        if "is_success" in info:
+            ended |= (over | late) & info["_is_success"]
+    many.close()
+
+
 def test_pictures_show_the_arm_and_the_ball() -> None:
-    """Drawn in software; another moment is another picture."""
-    env = gymnasium.make("mitt/Catch-v0", render_mode="rgb_array", ticks=100)
+    """Drawn in software, of the size that is asked for; another moment is another picture."""
+    env = gymnasium.make("mitt/Catch-v0", render_mode="rgb_array", ticks=100, width=90, height=120)
     env.reset(seed=1)
     first: Any = env.render()
     env.step(np.zeros(4, np.float32))
     second: Any = env.render()
-    assert first.shape == (262, 340, 3)
+    assert first.shape == (120, 90, 3)
     assert first.dtype == np.uint8
     assert np.any(first != second)
     assert mitt.gym.CatchEnv().render() is None
+
+
+@pytest.mark.parametrize("size", [(480, 360), (200, 500)])
+@pytest.mark.parametrize("kind", [mitt.gym.CatchEnv, mitt.gym.MeetEnv, mitt.gym.BatEnv])
+def test_the_arm_and_what_comes_are_in_the_picture(
+    kind: Any,  # noqa: ANN401 (the classes of the tasks)
+    size: tuple[int, int],
+) -> None:
+    """Whatever its shape: nothing that is to be seen is at the edge, and two sides are near it."""
+    env = kind(render_mode="rgb_array", width=size[0], height=size[1])
+    env.reset(seed=1)
+    model, faces, view = env._prepared()
+    for b in range(model.nbody):
+        if model.body(b).name in ("world", "ball", "belt"):
+            faces[b] = np.zeros((0, 3, 3)), np.zeros((0, 3))
+    qpos = env.world.data.qpos.copy()
+    qpos[: env.arm.n] = env.arm.model.q_ready
+    ready = placed_faces(model, faces, qpos, np.zeros((0, 3)))[0]
+    points = np.concatenate([ready.reshape(-1, 3), env._in_view()])
+    at = view.pixels(points)[:, :2] / size
+    assert np.all((at > 0.04) & (at < 0.96))
+    assert np.any(at.max(axis=0) - at.min(axis=0) > 0.7)
+
+
+@pytest.mark.parametrize("more", [{}, {"arm": "wam", "limits": "wam-48v"}, {"ticks": 37}])
+@pytest.mark.parametrize("seed", [3, 4])
+def test_actions_are_played_compiled_to_the_same_bytes(
+    monkeypatch: pytest.MonkeyPatch, more: dict[str, Any], seed: int
+) -> None:
+    """Observations, rewards and what is said at the end are those of the loop in Python."""
+    env, other = mitt.gym.CatchEnv(**more), mitt.gym.CatchEnv(**more)
+    monkeypatch.setattr(other, "_plays_compiled", lambda: False)
+    env.action_space.seed(seed)
+    assert _same(env.reset(seed=seed)[0], other.reset(seed=seed)[0])
+    assert env._compiled
+    over = False
+    while not over:
+        action = env.action_space.sample()
+        said, wanted = env.step(action), other.step(action)
+        assert _same(said[0], wanted[0])
+        assert said[1:] == wanted[1:]
+        over = said[2] or said[3]
+    assert np.array_equal(env.world.trace().qpos, other.world.trace().qpos)
+
+
+@pytest.mark.parametrize("kind", [mitt.gym.CatchEnv, mitt.gym.MeetEnv, mitt.gym.BatEnv])
+@pytest.mark.parametrize("action", ["torque", "residual"])
+def test_each_number_has_a_name_a_unit_and_its_range(
+    kind: Any,  # noqa: ANN401 (the classes of the tasks)
+    action: str,
+) -> None:
+    """What stands in the tables of docs/gym.md is what the spaces are made of."""
+    env = kind(action=action) if action == "torque" else kind(action=action, scene="ideal")
+    for parts, space in (
+        (env.observed(), env.observation_space),
+        (env.acted(), env.action_space),
+    ):
+        assert isinstance(space, gymnasium.spaces.Box)
+        assert [x.low for x in parts] == space.low.tolist()
+        assert [x.high for x in parts] == space.high.tolist()
+        assert len({(x.means, x.of) for x in parts}) == len(parts)
+        assert all(x.unit in ("1", "rad", "m", "m/s") for x in parts)
+    if action == "torque":
+        page = (Path(__file__).parents[1] / "docs" / "gym.md").read_text(encoding="utf-8")
+        for row in table_of(env.observed()) + table_of(env.acted()):
+            assert row in page
+
+
+def table_of(parts: tuple[mitt.gym.Component, ...]) -> list[str]:
+    """Return the rows of a table, one for numbers that follow each other and are alike."""
+    rows, k = list[str](), 0
+    for (means, unit), group in groupby(parts, lambda x: (x.means, x.unit)):
+        alike = list(group)
+        last = k + len(alike) - 1
+        which = f"{k}" if len(alike) == 1 else f"{k} to {last}"
+        of = ", ".join(x.of for x in alike) or "-"
+        rows.append(
+            f"| {which} | {means} | {of} | {unit} | {alike[0].low:g} to {alike[0].high:g} |"
+        )
+        k = last + 1
+    return rows
+
+
+@pytest.mark.parametrize("policy", ["zero", "random"])
+def test_an_evaluation_is_its_seeds(policy: str) -> None:
+    """Twice the same, each episode by itself; the map earns more than what does nothing."""
+    env = gymnasium.make("mitt/Catch-v0", scene="ideal", ticks=20)
+
+    def plays() -> Any:  # noqa: ANN401 (a policy)
+        return zero_policy(env) if policy == "zero" else random_policy(env, seed=5)
+
+    one = mitt.gym.evaluate(env, plays(), episodes=3, seed=7)
+    assert one == mitt.gym.evaluate(env, plays(), episodes=3, seed=7)
+    assert one.seeds == (7, 8, 9)
+    assert one.mean == pytest.approx(np.mean(one.returns))
+    assert one.rate == 0.0
+    assert one.ci95[0] == 0.0 < one.ci95[1] < 1.0
+    if policy == "zero":
+        last = mitt.gym.evaluate(env, plays(), episodes=1, seed=9)
+        assert last.returns[0] == one.returns[2]
+    best = gymnasium.make("mitt/Catch-v0", scene="ideal", ticks=20, action="residual")
+    expert = mitt.gym.evaluate(best, mitt.gym.map_policy(best), episodes=2, seed=7)
+    assert expert.rate == 1.0
+    assert expert.mean > one.mean + 8.0
+
+
+def test_what_is_no_environment_that_can_be_evaluated_is_refused() -> None:
+    other = gymnasium.make("CartPole-v1")
+    with pytest.raises(InputError, match="is_success"):
+        mitt.gym.evaluate(other, lambda _: other.action_space.sample(), episodes=1)
 
 
 def test_arms_and_scenes_by_keyword_and_what_is_refused() -> None:

@@ -53,6 +53,7 @@ GOOD: dict[str, tuple[list[str], str]] = {
     "bench": (["bench"], "mitt.cli.measuring.measure_all"),
     "report": (["report", "OUT"], "mitt.cli.measuring.progress"),
     "arms": (["arms"], "mitt.cli.listing.show"),
+    "evaluate": (["evaluate", "catch"], "mitt.cli.evaluating.played"),
     "completion": (["completion", "bash"], "mitt.cli.completion.script_for"),
 }
 #: Options of a robot that nobody connects to.

@@ -25,6 +25,7 @@ from mitt.core.map.learn import Flight, Learned, LearnSettings
 from mitt.core.map.mapping import unlearned
 from mitt.core.map.neighbourhood import Neighbourhood
 from mitt.core.signals import ArmState, BeltReading, Frame, Senses, Sighting
+from mitt.gym.policies import zero_policy
 from mitt.io.about import About
 from mitt.io.cell import read_cell
 from mitt.io.load import described
@@ -61,6 +62,8 @@ RESULTS = frozenset(
         "Command",
         "JointReference",
         "gym.Environment",
+        "gym.Component",
+        "gym.Evaluation",
     )
 )
 
@@ -414,6 +417,8 @@ class Cases:
             "action": "torque",
             "map": self.f,
             "ticks": 1,
+            "width": 32,
+            "height": 24,
         }
         acts = {
             "as_action": {"tau": np.zeros(3), "hand": 0.5},
@@ -423,6 +428,17 @@ class Cases:
         found = {
             "simulate": Case(mitt.simulate, throws, slow=True),
             "gym.map_policy": Case(mitt.gym.map_policy, {"env": env}),
+            "gym.evaluate": Case(
+                mitt.gym.evaluate,
+                {
+                    "env": env,
+                    "policy": zero_policy(env),
+                    "episodes": 1,
+                    "seed": 1,
+                    "progress": lambda *_: None,
+                },
+                slow=True,
+            ),
         }
         for kind in ("gym.CatchEnv", "gym.CatchPixelsEnv"):
             found |= {kind: Case(names.public()[kind], builds, slow=True)}
@@ -440,6 +456,8 @@ class Cases:
             "scene": "ideal",
             "action": "torque",
             "ticks": 1,
+            "width": 32,
+            "height": 24,
         }
         found["gym.MeetEnv"] = Case(names.public()["gym.MeetEnv"], meets, slow=True)
         part = mitt.gym.MeetEnv(ticks=1)
@@ -454,6 +472,8 @@ class Cases:
             "action": "torque",
             "ticks": 1,
             "scene": "ideal",
+            "width": 32,
+            "height": 24,
         }
         found["gym.BatEnv"] = Case(names.public()["gym.BatEnv"], bats, slow=True)
         ball = mitt.gym.BatEnv(ticks=1)

@@ -671,6 +671,35 @@ class CalibrateOptions(Options):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class EvaluateOptions(Options):
+    """Play episodes of a Gymnasium environment; print what policies without learning earn.
+
+    Actions are torques of zero, random torques, or what the map commands (expert); each lasts 5 ms.
+    A policy of your own is played in the same way by mitt.gym.evaluate (docs/gym.md).
+
+    Attributes:
+        task: The environment: catch is mitt/Catch-v0, meet mitt/Meet-v0, bat mitt/Bat-v0.
+        policy: One of the policies; all of them if left out.
+        episodes: Number of episodes.
+        seed: Seed of the first; each next episode has the next one.
+        scene: The world: ideal, lab, room or rough, or a TOML file; as of the environment if left
+            out.
+    """
+
+    module: ClassVar = "evaluating"
+    examples: ClassVar = (
+        "mitt evaluate catch",
+        "mitt evaluate meet --policy random --episodes 20",
+    )
+
+    task: Annotated[Literal["catch", "meet", "bat"], Arg("TASK", place=True)]
+    policy: Literal["zero", "random", "expert"] | None = None
+    episodes: Annotated[int, Arg("N", range=(1, 100_000))] = 100
+    seed: Annotated[int, Arg("S", range=(0, 2**31 - 1))] = 80_000
+    scene: Scene = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class CompletionOptions(Options):
     """Write what lets a shell complete commands, options and names.
 
@@ -707,6 +736,7 @@ COMMANDS: dict[str, type[Options]] = {
     "replay": ReplayOptions,
     "view": ViewOptions,
     "bench": BenchOptions,
+    "evaluate": EvaluateOptions,
     "completion": CompletionOptions,
 }
 """Options of each command, in the order of the help."""

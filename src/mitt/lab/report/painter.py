@@ -9,7 +9,7 @@
 
 import base64
 import io
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from PIL import Image, ImageDraw
@@ -85,6 +85,37 @@ def seen_from(
     way = np.array([np.cos(up) * np.cos(round_), np.cos(up) * np.sin(round_), np.sin(up)])
     x, y, z = (np.array(target) + distance * way).tolist()
     return View(eye=(x, y, z), target=target)
+
+
+def framed(
+    points: Array,
+    elevation: float,
+    azimuth: float,
+    *,
+    size: tuple[int, int],
+    angle: float = 0.434,
+    margin: float = 0.06,
+) -> View:
+    """Return the nearest view, from a direction, in which some points are, whatever its size.
+
+    Args:
+        points: What is to be seen [m], shape (k, 3).
+        elevation: To the eye [deg].
+        azimuth: To the eye [deg].
+        size: Width and height [px].
+        angle: Height of the picture, as an angle [rad].
+        margin: Share of the picture that stays free at each side.
+    """
+    far = seen_from(elevation, azimuth, (0.0, 0.0, 0.0))
+    right, down, ahead = far.axes
+    at = np.array([points @ right, points @ down, points @ ahead])
+    middle = 0.5 * (at.min(axis=1) + at.max(axis=1))
+    half = (0.5 - margin) * np.array(size) / replace(far, angle=angle, size=size).focal
+    aside = np.abs(at - middle[:, None])
+    away = (aside[:2] / half[:, None]).max(axis=0) - (at[2] - middle[2])
+    x, y, z = (middle @ far.axes).tolist()
+    view = seen_from(elevation, azimuth, (x, y, z), float(max(away.max(), _NEAREST)))
+    return replace(view, angle=angle, size=size)
 
 
 #: Elevation and azimuth [deg]: from the side, a little from the thrower's end.

@@ -19,6 +19,7 @@ from mitt.lab.world.build import Drawn, PlantDraw, build_scene, rubber_of
 from mitt.lab.world.capsules import Body, body_of, lay_capsules
 from mitt.lab.world.disturbances import DisturbedTrial, Undisturbed
 from mitt.lab.world.drives import brakes_of, finger_servo, fresh_drives, servo_of
+from mitt.lab.world.driving import hold_torques
 from mitt.lab.world.engine import Plant, hand_names, plant_of, released
 from mitt.lab.world.faults import ActiveFaults, Sensor
 from mitt.lab.world.flights import BallPath, PlacedFlight
@@ -119,6 +120,7 @@ class World:
             self._plant = self._plant._replace(rubber=rubber)
         self._names = hand_names(self.model)
         qpos, qvel, self._site = self._plant.qpos, self._plant.qvel, self._plant.place
+        self._links, self._active = np.zeros((3, len(arm.links))), np.array(arm.active, np.int64)
         self._senses = qpos[:n], qvel[:n], qpos[ball : ball + 3], qvel[ball : ball + 3]
         self._body, self._steps = body_of(self.model, d), encoder_steps(scene, arm)
         self._ball = self._senses[2:]
@@ -298,11 +300,9 @@ class World:
         That is where sensors or commands are at fault, a person holds what is met, cameras turn or
         are not a pair, points can be hidden, and where not every tick has its frame.
         """
-        sensors, turns = self._sensors, self._scene.sensing.cameras == "active"
-        special = self._ride is not None or self._delay > 0 or self._pulls
-        special = special or (self._imager is None and self._scene.sensing.viewpoint != "around")
-        disturbed = self._faults is not None and not self._faults.on_ball_alone
-        if disturbed or self._giver is not None or turns or self._joint_servo or special:
+        sensors = self._sensors
+        hidden = self._imager is None and self._scene.sensing.viewpoint != "around"
+        if hidden or not self.moves_plainly:
             return None
         if not isinstance(sensors, Sensors) or self._scene.sensing.frame_rate < 1.0 / TICK:
             return None
@@ -318,6 +318,55 @@ class World:
             self._scene,
             self.radius,
             self._rows,
+        )
+
+    @property
+    def moves_plainly(self) -> bool:
+        """Whether motors follow commands as they are, and nothing else moves in a tick.
+
+        That is not so with faults of sensors and commands, belts and persons, tools that act late,
+        arms that follow setpoints, and cameras that turn.
+        """
+        disturbed = self._faults is not None and not self._faults.on_ball_alone
+        moved = self._ride is not None or self._giver is not None
+        late = self._delay > 0 or self._pulls or self._joint_servo is not None
+        return not (disturbed or moved or late or self._scene.sensing.cameras == "active")
+
+    def hold_torques(
+        self,
+        wanted: Array,
+        hand: float,
+        limits: Limits,
+        given: Array,
+        *,
+        longest: float,
+        held: float,
+    ) -> int:
+        """Let the motors give torques for some ticks, or until the trial is over, compiled.
+
+        It is as :meth:`apply` in each tick, and :meth:`over` after it; for a world that
+        :attr:`moves_plainly`.
+
+        Args:
+            wanted: Torques of the joints [N m], shape (n,), cut to what the drives can give.
+            hand: Closing angle commanded [rad].
+            limits: What the drives can give.
+            given: Torques that were given [N m]: the last of four rows of each tick is written,
+                shape (ticks, 4, n).
+            longest: As of :meth:`over`.
+            held: As of :meth:`over`.
+
+        Returns:
+            How many ticks there were.
+        """
+        until = self._ticks + len(given) + 1
+        trace, path = self._trace.reserve(until), self._rows(until)
+        packed, active, links = limits.packed, self._active, self._links
+        plant = self._plant
+        return int(
+            hold_torques(
+                plant, wanted, hand, packed, active, links, trace, path, given, longest, held
+            )
         )
 
     def apply(self, command: Command) -> None:

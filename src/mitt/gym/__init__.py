@@ -15,22 +15,21 @@ with keywords of their own: :class:`MeetEnv`, :class:`BatEnv`.
 |          | `residual`: torque on top of what the catcher with the map commands                 |
 | `map`    | for `residual` and :func:`map_policy`: a learned map or its file; learned if needed |
 | `ticks`  | milliseconds that an action lasts                                                   |
+| `width`, | of a picture [px]                                                                   |
+| `height` |                                                                                     |
 
 docs/gym.md says what is observed and rewarded.
 """
 
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal, TypeAlias, final
+from typing import Any, Literal, final
 
-import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from mitt.core import checks
-from mitt.core.errors import InputError, MissingPackageError
+from mitt.core.errors import MissingPackageError
 
 try:
     import gymnasium
@@ -39,7 +38,6 @@ except ImportError:
     raise MissingPackageError("mitt.gym", "gymnasium", "gym") from None
 
 from mitt.core.arm.arm import Arm
-from mitt.core.arm.limits import saturate
 from mitt.core.arm.tools import TOOLS
 from mitt.core.catcher.catcher import Catcher
 from mitt.core.catcher.generators import Direct
@@ -50,49 +48,37 @@ from mitt.core.map.learn import Learned
 from mitt.core.map.map_design import default_design
 from mitt.core.map.mapping import DirectMap, unlearned
 from mitt.core.map.neighbourhood import learn
-from mitt.core.signals import TICK, Array, Command, Frame, Senses
+from mitt.core.signals import Array, Frame, Senses
+from mitt.gym.environment import TOUCH, Component, Environment
+from mitt.gym.evaluation import Evaluation, evaluate
+from mitt.gym.policies import map_policy
 from mitt.io.arm_file import arm_with_hand
 from mitt.io.maps import read_map
-from mitt.lab.report.painter import Faces, painted
-from mitt.lab.report.pictures import body_faces, placed_faces
 from mitt.lab.trials.bat_station import TARGET, BatStation, bat_station
 from mitt.lab.trials.landing import batted, hit_of
 from mitt.lab.trials.runner import LONGEST, TrialRunner
-from mitt.lab.trials.score import (
-    HELD_AFTER,
-    continuous_shares,
-    drive_loads,
-    overheated,
-    ticks_beyond,
-    trial_status,
-    was_held,
-)
-from mitt.lab.trials.source import source_of, widened
+from mitt.lab.trials.score import HELD_AFTER, trial_status, was_held
+from mitt.lab.trials.source import Source, source_of, widened
 from mitt.lab.trials.station import PARTS_SCENE, TARGETS, station
 from mitt.lab.world.scene import Scene, scene_from
 from mitt.lab.world.simulation import World
-from mitt.lab.world.truth import Instant
+from mitt.lab.world.throws import fly
 from mitt.robot.cell.feeds import Parts
 
-__all__ = ["BatEnv", "CatchEnv", "CatchPixelsEnv", "Environment", "MeetEnv", "map_policy"]
+__all__ = [
+    "BatEnv",
+    "CatchEnv",
+    "CatchPixelsEnv",
+    "Component",
+    "Environment",
+    "Evaluation",
+    "MeetEnv",
+    "evaluate",
+    "map_policy",
+]
 
-Observation: TypeAlias = Any
-Numbers: TypeAlias = NDArray[np.float32]
-
-#: Bounds of what is observed: positions [m], speeds [m/s], joint speeds in shares of their limits.
-FAR = 10.0
-FAST = 20.0
-_SPIN = 4.0
-#: Residual torque of a full action, as a share of the joint's largest; ours.
-_RESIDUAL = 0.2
-#: Rewards: for a ball that is held, for the first touch, per second and metre of distance, per
-#: second of full torque; choices of this project.
-_HELD = 10.0
-_TOUCH = 1.0
-_DISTANCE = 1.0
-_EFFORT = 0.05
-#: The same per second and m/s of difference in velocity, for a part that is to be met; time after
-#: which a part has not been taken [s].
+#: What a second costs for each m/s of difference in velocity to a part that is to be met; time
+#: after which a part has not been taken [s].
 _SLIP = 0.5
 _LATE = 10.0
 #: Landing error at which the reward is half of its largest [m]; for how long the path of a ball
@@ -100,285 +86,18 @@ _LATE = 10.0
 _HALF = 0.25
 _FLIES = 2.0
 _STRIDE = 0.01
-
-
-class Environment(gymnasium.Env[Observation, Numbers], ABC):
-    """An arm that an agent drives, a tick or some at a time: what the environments share.
-
-    A task says what comes (``_come``), when an episode is over and when it is late, how far the
-    hand is from what it is to reach, what an end is called, and what its success is worth.
-
-    Attributes:
-        arm: The arm.
-        world: Its world.
-        scene: Settings of the world.
-        ticks: Milliseconds that an action lasts.
-        senses: What was sensed in the last action, where somebody asked.
-        watched: Whether somebody asks.
-    """
-
-    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 200}  # noqa: RUF012
-    pixels = False
-    _begun = False
-    _catcher: Catcher
-
-    def _set_up(self, render_mode: str | None, scene: Scene, action: str, ticks: int) -> None:
-        """Take what every environment is told."""
-        checks.one_of("action", action, ("torque", "residual"))
-        if render_mode is not None:
-            checks.one_of("render_mode", render_mode, self.metadata["render_modes"])
-        self.render_mode, self._action, self.scene = render_mode, action, scene
-        if scene.actuation.takes != "torque":
-            raise InputError("scene", "a robot that takes torques", scene.actuation.takes)
-        self.ticks = checks.whole("ticks", ticks, least=1)
-        self.metadata = {**self.metadata, "render_fps": max(round(1.0 / (TICK * ticks)), 1)}
-
-    def _take(self, arm: Arm, world: World, closed: float) -> None:
-        """Take the arm, its world, and the closing of the hand that closes it."""
-        self.arm, self.world, self._closed = arm, world, closed
-        ball = world.model.joint("ball")
-        self._free, self._fast = int(ball.qposadr[0]), int(ball.dofadr[0])
-        self._drawn: tuple[mujoco.MjModel, list[Faces]] | None = None
-        sides = arm.n + 1 if self._action == "torque" else arm.n
-        self.action_space = spaces.Box(-1.0, 1.0, (sides,), np.float32)
-        self.observation_space = self._space()
-        self.senses: list[Senses] = []
-        self.watched = False
-        self._links, self._active = np.zeros((3, len(arm.model.links))), [*arm.model.active]
-
-    @abstractmethod
-    def fresh_catcher(self) -> Catcher:
-        """Return a catcher that has seen nothing yet."""
-
-    @abstractmethod
-    def _come(self) -> None:
-        """Let something come, and take a fresh catcher where one is needed."""
-
-    @abstractmethod
-    def _over(self) -> bool:
-        """Say whether nothing more can happen."""
-
-    @abstractmethod
-    def _late(self, *, over: bool) -> bool:
-        """Say whether an episode ends for its time alone."""
-
-    @abstractmethod
-    def _away(self) -> float:
-        """Return how far the hand is from what it is to reach [m]."""
-
-    @abstractmethod
-    def _outcome(self) -> dict[str, Any]:
-        """Return the ``status`` of an episode that has ended, and what else is said of it."""
-
-    @abstractmethod
-    def _success(self, info: dict[str, Any]) -> float:
-        """Return which share of the largest reward an episode that ended so has earned."""
-
-    @property
-    def views(self) -> list[tuple[Frame, ...]]:
-        """Looks at the scene before the throw; none without images."""
-        return []
-
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Observation, dict[str, Any]]:
-        """Let something else come; the same seed brings the same."""
-        seed = None if seed is None else checks.whole("seed", seed, least=0)
-        if options is not None:
-            checks.instance("options", options, dict)
-        super().reset(seed=seed, options=options)
-        self._begun, self._touched, self.senses = True, False, []
-        self._told, self._driven = list[Array](), list[bool]()
-        self._come()
-        return self._observed(), {}
-
-    def step(self, action: Numbers) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Act for some milliseconds."""
-        given, world, nothing = self._given(action), self.world, np.full((3, self.arm.n), np.nan)
-        self.senses, over = [], False
-        for k in range(self.ticks):
-            command = self._command(self._sensed(k), given)
-            world.apply(command)
-            told = command.joints.copy() if self.residual else np.array([*nothing, command.tau])
-            self._told.append(told)
-            self._driven.append(not command.brakes)
-            over = self._over()
-            if over:
-                break
-        reward = self._touch_gain() - TICK * (k + 1) * self._cost(command.tau)
-        late = self._late(over=over)
-        info = self._ended() if over or late else {}
-        reward += _HELD * self._success(info) if info else 0.0
-        return self._observed(), reward, over and not late, late, info
-
-    def _sensed(self, k: int) -> Senses | None:
-        """Return what is sensed in tick ``k`` of an action; None where nobody asks."""
-        if not (self.residual or self.watched or self.pixels):
-            return None
-        senses = self.world.sense(look=self._looks(k))
-        self.senses.append(senses)
-        return senses
-
-    def _looks(self, k: int) -> bool:
-        """Say whether the cameras expose in a tick of an action."""
-        if self.residual:
-            return self._catcher.looking
-        sensing = self.scene.sensing
-        first = self.ticks - 1 - sensing.image_latency if sensing.frame_rate >= 1.0 / TICK else 0
-        return self.watched or (self.pixels and k >= first)
-
-    def _command(self, senses: Senses | None, given: Array) -> Command:
-        """Return what arm and hand are told in a tick."""
-        n, tau = self.arm.n, np.zeros((4, self.arm.n))
-        if senses is None or not self.residual:
-            tau[3] = self._within(given[:n] * self.arm.tau_max)
-            hand = self._closing(given[n]) if len(given) > n else 0.0
-            return Command(self.world.t, tau, hand)
-        command = self._catcher.step(senses)
-        if self._catcher.stopped_by is not None:
-            self.world.watch_on()
-        self._catcher.think()
-        if not np.any(given) or command.brakes:
-            return command
-        joints = command.joints.copy()
-        joints[3] = self._within(joints[3] + _RESIDUAL * given * self.arm.tau_max)
-        return command._replace(joints=joints)
-
-    def _given(self, action: Numbers) -> Array:
-        """Return an action within its bounds; refuse another shape, or one before an episode."""
-        if not self._begun:
-            raise InputError(
-                "step",
-                "an environment that was reset",
-                "one that was not yet",
-                do="call reset first",
-            )
-        given = checks.array("action", action, self.action_space.shape or (), finite=True)
-        return np.clip(given, -1.0, 1.0)
-
-    def _cost(self, tau: Array) -> float:
-        """Return what a second costs now, with a torque [N m]."""
-        effort = tau / self.arm.tau_max
-        work = float(effort @ effort) / len(effort)
-        return _DISTANCE * min(self._away(), 2.0) + _EFFORT * work
-
-    def _closing(self, given: float) -> float:
-        """Return how far the hand is told to close."""
-        return float(0.5 * (1.0 + given) * self._closed)
-
-    def render(self) -> NDArray[np.uint8] | None:
-        """Return a picture, drawn in software, shape (262, 340, 3)."""
-        if self.render_mode is None:
-            return None
-        if self._drawn is None:
-            model = self.world.model
-            faces = [body_faces(model, b, self.arm, self.scene) for b in range(model.nbody)]
-            self._drawn = model, faces
-        qpos = self.world.data.qpos.copy()
-        picture = painted(*placed_faces(*self._drawn, qpos, np.zeros((0, 3))), self.scene.floor)
-        return np.array(picture, np.uint8)
-
-    @property
-    def residual(self) -> bool:
-        """Whether actions are added to what the catcher commands."""
-        return self._action == "residual"
-
-    def as_action(self, tau: Array, hand: float) -> Numbers:
-        """Return a torque [N m], shape (n,), and a closing angle [rad] as an action ``torque``."""
-        tau = checks.vector("tau", tau, self.arm.n, finite=True)
-        hand = checks.number("hand", hand, finite=True)
-        shares = [*(tau / self.arm.tau_max), 2.0 * hand / self._closed - 1.0]
-        out: Numbers = np.clip(shares, -1.0, 1.0).astype(np.float32)
-        return out[: spaces.flatdim(self.action_space)]
-
-    def _within(self, tau: Array) -> Array:
-        """Return torques as the drives can give them at the joints' speeds."""
-        links, active = self._links, self._active
-        links[0, active], links[1, active] = tau, self.world.data.qvel[: self.arm.n]
-        saturate(self.arm.limits.packed, links[0], links[1], links[2])
-        return links[2, active]
-
-    def joints(self) -> Numbers:
-        """Return joint angles in their ranges, speeds in shares of their limits, catch point."""
-        arm, n, data = self.arm, self.arm.n, self.world.data
-        middle, half = 0.5 * (arm.q_max + arm.q_min), 0.5 * (arm.q_max - arm.q_min)
-        q = np.clip((data.qpos[:n] - middle) / half, -2.0, 2.0)
-        dq = np.clip(data.qvel[:n] / arm.dq_max, -_SPIN, _SPIN)
-        fingers = np.clip(data.qpos[n : self._free], -_SPIN, _SPIN)
-        place = np.clip(self.world.catch_point, -FAR, FAR)
-        return np.concatenate([q, dq, fingers, place]).astype(np.float32)
-
-    def bounds(self) -> Numbers:
-        """Return the upper bounds of :meth:`joints`; the lower ones are their negatives."""
-        n, fingers = self.arm.n, self._free - self.arm.n
-        sides = [np.full(n, 2.0), np.full(n + fingers, _SPIN), np.full(3, FAR)]
-        return np.concatenate(sides).astype(np.float32)
-
-    def thing(self) -> tuple[Array, Array]:
-        """Return the true position [m] and velocity [m/s] of ball or part, shape (3,) each."""
-        r, dr = self._free, self._fast
-        return self.world.data.qpos[r : r + 3], self.world.data.qvel[dr : dr + 3]
-
-    def whole(self) -> Numbers:
-        """Return joints, and ball or part."""
-        r, dr = self.thing()
-        ball = np.clip(r, -FAR, FAR), np.clip(dr, -FAST, FAST)
-        return np.concatenate([self.joints(), *ball]).astype(np.float32)
-
-    def whole_space(self) -> spaces.Box:
-        """Return the space of :meth:`whole`."""
-        ball = np.array([FAR] * 3 + [FAST] * 3, np.float32)
-        high = np.concatenate([self.bounds(), ball])
-        return spaces.Box(-high, high, dtype=np.float32)
-
-    def _space(self) -> spaces.Space[Any]:
-        """Return the space of what is observed: joints, and ball or part."""
-        return self.whole_space()
-
-    def _observed(self) -> Observation:
-        """Return what is observed now."""
-        return self.whole()
-
-    def _touch_gain(self) -> float:
-        """Return the reward of the first touch, in the action that brings it."""
-        touch = self._first_touch()
-        return 0.0 if touch is None else _TOUCH / (1.0 + touch.velocity_error)
-
-    def _first_touch(self) -> Instant | None:
-        """Return the first touch, in the action that brings it; None before and after."""
-        touch = None if self._touched else self.world.first_contact
-        self._touched = self._touched or touch is not None
-        return touch
-
-    def _ended(self) -> dict[str, Any]:
-        """Return what became of an episode: its outcome, ticks beyond a limit, the contact.
-
-        Where the physics diverged, the numbers of its ticks mean nothing, and are not counted.
-        """
-        if self.world.diverged:
-            return {**self._outcome(), **self._contact()}
-        trace, arm, k = self.world.trace(), self.arm, len(self._told)
-        rows = slice(-k - 1, -1)
-        drives = drive_loads(arm, trace.q[rows], trace.dq[rows], trace.tau[-k:])
-        commanded, driven = np.array(self._told), np.array(self._driven)
-        beyond = ticks_beyond(arm, trace, drives, commanded, driven=driven)
-        shares = continuous_shares(arm, np.sum(drives.torque**2, axis=0), len(drives.torque))
-        violations = int(np.sum(beyond)) + overheated(shares)
-        return {**self._outcome(), "limit_violations": violations, **self._contact()}
-
-    def _contact(self) -> dict[str, float]:
-        """Return the largest force on ball or part, and its errors at the first contact, if any."""
-        contact, said = self.world.first_contact, {}
-        if contact is not None:
-            said = {
-                "position_error_m": contact.position_error,
-                "velocity_error_m_s": contact.velocity_error,
-            }
-        return {"peak_contact_force_n": float(self.world.peak_force), **said}
+#: Balls whose way is in view, and for how long before they pass [s]; how far along a belt, or about
+#: a hand, it goes [m].
+_BALLS = 12
+_COMING = 0.15
+_ALONG = 0.4
 
 
 class _Catching(Environment):
     """What both environments of catching share."""
+
+    good = "caught"
+    _judged_by_world = True
 
     def __init__(
         self,
@@ -390,9 +109,11 @@ class _Catching(Environment):
         action: Literal["torque", "residual"] = "torque",
         map: DirectMap | Learned | str | Path | None = None,  # noqa: A002 (its name outside)
         ticks: int = 5,
+        width: int = 480,
+        height: int = 360,
     ) -> None:
         """Build the world; arguments as of :mod:`mitt.gym`."""
-        self._set_up(render_mode, scene_from(scene), action, ticks)
+        self._set_up(render_mode, scene_from(scene), action, ticks, (width, height))
         limits = None if limits is None else checks.text("limits", limits)
         self.arm, said = (arm, None) if isinstance(arm, Arm) else arm_with_hand(arm, limits=limits)
         self._design = default_design(self.arm)
@@ -465,6 +186,10 @@ class _Catching(Environment):
         gap = self.thing()[0] - self.world.catch_point
         return float(np.sqrt(gap @ gap))
 
+    def _in_view(self) -> Array:
+        """Return where some balls are shortly before they pass the ready hand [m]."""
+        return _coming(self._source, self.arm, self.scene)
+
     def _outcome(self) -> dict[str, Any]:
         """Return what became of the throw."""
         phase = self._catcher.phase if self.residual else Phase.WATCH
@@ -494,7 +219,7 @@ class CatchPixelsEnv(_Catching):
 
     def _space(self) -> spaces.Space[Any]:
         """Return boxes: ``joints`` and ``images``."""
-        high, shape = self.bounds(), (2, *self.shape())
+        high, shape = self._high[:-6].astype(np.float32), (2, *self.shape())
         return spaces.Dict(
             {
                 "joints": spaces.Box(-high, high, dtype=np.float32),
@@ -511,6 +236,9 @@ class CatchPixelsEnv(_Catching):
 class MeetEnv(Environment):
     """``mitt/Meet-v0``: joints, and the true position and velocity of a part that comes by."""
 
+    thing_is = "part"
+    good = "met"
+
     def __init__(
         self,
         *,
@@ -526,6 +254,8 @@ class MeetEnv(Environment):
         scene: Scene | str | Path | None = None,
         action: Literal["torque", "residual"] = "torque",
         ticks: int = 5,
+        width: int = 480,
+        height: int = 360,
     ) -> None:
         """Build the station and its world.
 
@@ -542,6 +272,8 @@ class MeetEnv(Environment):
             scene: The world; a camera of 60 Hz, 30 ms late, in ``lab`` if left out.
             action: As of :mod:`mitt.gym`.
             ticks: Milliseconds that an action lasts.
+            width: Of a picture [px].
+            height: Of a picture [px].
         """
         checks.one_of("tool", tool, tuple(TOOLS))
         checks.one_of("target", target, TARGETS)
@@ -549,7 +281,7 @@ class MeetEnv(Environment):
         self._speed = checks.number("speed", speed, least=0.01, most=5.0)
         limits = None if limits is None else checks.text("limits", limits)
         scene = PARTS_SCENE if scene is None else scene_from(scene)
-        self._set_up(render_mode, scene, action, ticks)
+        self._set_up(render_mode, scene, action, ticks, (width, height))
         at = station(
             checks.path("arm", arm),
             replace(TOOLS[tool], delay=delay),
@@ -603,6 +335,11 @@ class MeetEnv(Environment):
         slip = float(np.linalg.norm(self.thing()[1] - self.arm.jacobian(q) @ dq))
         return super()._cost(tau) + _SLIP * min(slip, 2.0)
 
+    def _in_view(self) -> Array:
+        """Return about where the part comes by [m]."""
+        around = np.concatenate([np.eye(3), -np.eye(3)]) * (_ALONG, _ALONG, 0.0)
+        return np.array(self._at.place + around)
+
     def _outcome(self) -> dict[str, Any]:
         """Return what became of the part."""
         if self._catcher.phase is Phase.STOPPED:
@@ -618,6 +355,9 @@ class MeetEnv(Environment):
 class BatEnv(Environment):
     """``mitt/Bat-v0``: joints, and the true position and velocity of a ball to be hit back."""
 
+    good = "returned"
+    _hand_acts = False
+
     def __init__(
         self,
         *,
@@ -628,6 +368,8 @@ class BatEnv(Environment):
         action: Literal["torque", "residual"] = "torque",
         ticks: int = 5,
         scene: Scene | str | Path | None = None,
+        width: int = 480,
+        height: int = 360,
     ) -> None:
         """Build the arm, its paddle and their world.
 
@@ -639,15 +381,16 @@ class BatEnv(Environment):
             action: As of :mod:`mitt.gym`.
             ticks: Milliseconds that an action lasts.
             scene: The world; ``lab`` if left out.
+            width: Of a picture [px].
+            height: Of a picture [px].
         """
-        self._set_up(render_mode, scene_from(scene), action, ticks)
+        self._set_up(render_mode, scene_from(scene), action, ticks, (width, height))
         self._name, self._learned = checks.path("arm", arm), action == "residual"
         self._limits = None if limits is None else checks.text("limits", limits)
         self._target = checks.vector("target", target, 3, finite=True)
         self._at = self._station()
         at = self._at
         self._take(at.arm, World(at.scene, at.arm.model, limits=at.arm.limits), 1.0)
-        self.action_space = spaces.Box(-1.0, 1.0, (at.arm.n,), np.float32)
         self._source = source_of(
             at.arm, seed=0, count=1, drag=self.scene.ball.drag, spinning=self.scene.ball.spinning
         )
@@ -693,7 +436,7 @@ class BatEnv(Environment):
 
     def _touch_gain(self) -> float:
         """Return the reward of the first touch, however fast, in the action that brings it."""
-        return 0.0 if self._first_touch() is None else _TOUCH
+        return 0.0 if self._first_touch() is None else TOUCH
 
     def _away(self) -> float:
         """Return how far the paddle is from where the ball will pass [m]; 0 after the contact."""
@@ -702,19 +445,22 @@ class BatEnv(Environment):
             return 0.0
         return float(np.linalg.norm(ahead - self.world.catch_point, axis=1).min())
 
+    def _in_view(self) -> Array:
+        """Return where some balls are shortly before they pass the ready paddle [m]."""
+        return _coming(self._source, self.arm, self.scene)
+
     def _outcome(self) -> dict[str, Any]:
         """Return what became of the ball."""
         hit = hit_of(self.arm, self.world, self._at.target)
         if self.world.diverged:
-            return {"status": "aborted", "is_success": False}
+            return {"status": "aborted"}
         if self.residual and self._catcher.phase is Phase.STOPPED:
-            return {"status": "stopped", "is_success": False}
+            return {"status": "stopped"}
         if hit is None:
-            return {"status": "missed", "is_success": False}
+            return {"status": "missed"}
         landing = {} if hit.landing is None else {"landing_m": hit.landing}
         return {
             "status": "returned" if hit.returned else "wide",
-            "is_success": hit.returned,
             **landing,
             "return_speed_m_s": hit.speed,
         }
@@ -724,45 +470,15 @@ class BatEnv(Environment):
         return 1.0 / (1.0 + info["landing_m"] / _HALF) if "landing_m" in info else 0.0
 
 
-def map_policy(env: gymnasium.Env[Any, Any]) -> Callable[[Observation], Numbers]:
-    """Return the map as a policy of an environment, as a baseline.
-
-    For actions ``residual`` it adds nothing. For ``torque`` a catcher of its own goes along with
-    the same senses, images or points, and its last torque is the action; with ``ticks=1`` that is
-    the catcher itself, with more its torque is held too long.
-
-    Args:
-        env: One of this module, wrapped or not.
-    """
-    raw = checks.instance("env", env, gymnasium.Env).unwrapped
-    if not isinstance(raw, Environment):
-        raise InputError("env", "an environment of mitt.gym", checks.shown(env))
-    if raw.residual:
-        return lambda _: np.zeros(raw.action_space.shape or (), np.float32)
-    raw.watched = True
-    return _MapPolicy(raw).act
-
-
-@final
-class _MapPolicy:
-    """A catcher that goes along with an environment; see :func:`map_policy`."""
-
-    def __init__(self, env: Environment) -> None:
-        self._env, self._catcher = env, env.fresh_catcher()
-        self._last = Command(0.0, np.zeros((4, 0)), 0.0)
-
-    def act(self, _: Observation) -> Numbers:
-        """Return torque and closing of the last of the ticks since the last action."""
-        env = self._env
-        if not env.senses:
-            self._catcher = env.fresh_catcher()
-            if env.views:
-                self._catcher.learn_background(env.views)
-            return env.as_action(np.zeros(env.arm.n), 0.0)
-        for senses in env.senses:
-            self._last = self._catcher.step(senses)
-            self._catcher.think()
-        return env.as_action(self._last.tau, self._last.hand)
+def _coming(source: Source, arm: Arm, scene: Scene) -> Array:
+    """Return where balls are shortly before they pass the hand of a ready arm [m], (k, 3)."""
+    rng, hand = np.random.default_rng(0), arm.position(arm.model.q_ready)
+    times, points = np.arange(0.0, _FLIES, _STRIDE), list[Array]()
+    for ball in [source.drawn(rng) for _ in range(_BALLS)]:
+        path = np.array([fly(ball.r, ball.dr, drag=scene.ball.drag, duration=t)[0] for t in times])
+        nearest = int(np.argmin(np.linalg.norm(path - hand, axis=1)))
+        points += [*path[max(nearest - round(_COMING / _STRIDE), 0) : nearest + 1]]
+    return np.array(points)
 
 
 gymnasium.register(id="mitt/Catch-v0", entry_point="mitt.gym:CatchEnv")
