@@ -206,7 +206,19 @@ def test_failed_throws_are_listed_with_their_reason(page: str) -> None:
     part = page[page.index('<section id="failures">') :]
     part = part[: part.index("</section>")]
     rows = re.findall(r"<tr><td>(\d+)</td><td>(\w+)</td><td>([^<]+)</td>", part)
-    assert rows == [("1", "dropped", "torque:j2"), ("2", "missed", "domain")]
+    assert rows == [
+        ("1", "dropped", "j2 would need more torque than it has (torque:j2)"),
+        ("2", "missed", "the ball flies outside the domain of the map (domain)"),
+    ]
+
+
+def test_the_page_opens_with_the_replay_and_three_sentences(page: str) -> None:
+    """What it is, what is real, what happened in this throw; no number of all throws before."""
+    first = page[page.index("<section") : page.index("</section>")]
+    assert first.index("<iframe") < first.index("What it is.</b> An arm")
+    said = re.findall(r'<p class="opening"><b>([^<]+)</b> [^<]+[.]</p>', first)
+    assert said == ["What it is.", "What is real.", "In this throw."]
+    assert page.index("</section>") < page.index('class="cards"')
 
 
 def test_hostile_names_do_no_harm(content: CatchShown, direct: LoggedTrial) -> None:

@@ -61,6 +61,9 @@ def blocks_of_hits(result: dict[str, Any], replay: Replay | None) -> Blocks:
         note = "median of all balls"
         cards.append(Card("Landing error after 20 throws", f"{100.0 * later:.1f}", "cm", note))
     return Blocks(
+        is_="An arm with a paddle is to hit thrown balls to a target: a learned map turns what is "
+        "seen straight into motion of the joints.",
+        shown="" if replay is None else "The ball was returned to within 25 cm of the target.",
         counted="balls stopped" if result["shield"] else "",
         cards=cards,
         columns=_COLUMNS,

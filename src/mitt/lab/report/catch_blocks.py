@@ -28,9 +28,11 @@ from mitt.lab.report.run_figures import (
 )
 from mitt.lab.report.run_page import Blocks, spread_card
 from mitt.lab.report.style import ALPHA_0, Plot
+from mitt.lab.trials.explain import words_of_limit
 from mitt.lab.trials.log import TrialLog
 from mitt.lab.trials.runner import LoggedTrial, TrialRunner
 from mitt.lab.trials.runs import Prepared, ThrownBalls, make_runner
+from mitt.lab.trials.score import CATCH, Trial
 from mitt.lab.trials.scored_task import Measure, Row
 from mitt.lab.trials.source import release_of
 from mitt.lab.trials.task_run import FinishedRun
@@ -159,6 +161,8 @@ def _closing(log: TrialLog | None, hand: HandModel) -> str:
 
 #: A throw with fewer ticks has nothing to draw.
 _FEWEST_TICKS: Final = 50
+#: Generators that are the map.
+_OF_THE_MAP: Final = ("direct", "single", "unoptimised")
 _COST: Final = Measure("demand cost, eq. (22)", "demand_cost", 2, percent=95)
 _REPLAY: Final = (
     "Plays five times slower than life. Drag to turn, scroll to come nearer; the bar below stops, "
@@ -260,6 +264,8 @@ def blocks_of_catches(result: dict[str, Any], shown: CatchShown) -> Blocks:
     """Return what the page shows of throws, of what has been collected for it."""
     log = None if shown.direct is None else shown.direct.log
     return Blocks(
+        is_=_what_it_is(result),
+        shown="" if shown.direct is None else _what_happened(shown.direct.trial),
         lead=[*_clock_words(result), _contact_words(result["trials"]), *_map_words(shown)],
         cards=[spread_card(_COST, result["trials"])],
         failures="Domain and time mean that the map has no value for the flight, or that no "
@@ -268,6 +274,31 @@ def blocks_of_catches(result: dict[str, Any], shown: CatchShown) -> Blocks:
         pictures=_pictures(result["trials"], shown),
         system=table_1(shown.arm, log, vision=str(result["vision"])),
     )
+
+
+def _what_it_is(result: dict[str, Any]) -> str:
+    """Return what is seen and what moves the arm."""
+    seen = "two cameras see" if result["vision"] == "pixels" else "points with noise tell of"
+    by = str(result["generator"])
+    moves = (
+        "a learned map turns that straight into motion of the joints"
+        if by in _OF_THE_MAP
+        else f"{by}, a method that the map is compared with, moves the arm"
+    )
+    is_to = f"An arm ({result['arm']}) is to catch balls that are thrown at it"
+    return f"{is_to}: {seen} the ball, and {moves}."
+
+
+def _what_happened(trial: Trial) -> str:
+    """Return what became of a throw, in a sentence."""
+    if trial.status != CATCH.success:
+        limit = trial.binding_limit
+        why = f": {words_of_limit(limit)}" if limit and trial.status == "unreachable" else ""
+        return f"The ball was {trial.status}{why}."
+    after = f" {trial.t_catch_s:.2f} s after it was thrown" if trial.t_catch_s else ""
+    near = trial.position_error_mm
+    where = "" if near is None else f", which it touched {near:.0f} mm from the middle of the grip"
+    return f"The ball was caught{after}: the hand moved along with it{where}, and closed."
 
 
 def _clock_words(result: dict[str, Any]) -> list[str]:
@@ -351,7 +382,7 @@ def _of_one_throw(
     )
     strip = picture_strip("fig12", arm, scene, log)
     return [
-        OwnPicture("replay", "The throw of the figures", _REPLAY, replay),
+        OwnPicture("replay", "A throw in 3-D, that of the figures", _REPLAY, replay),
         _figure(
             "Fig. 8 \u00b7 Catching trajectory", catching_trajectory(arm, log, plain), trajectory
         ),

@@ -43,6 +43,8 @@ def blocks_of_meetings(result: dict[str, Any], course: Course) -> Blocks:
         note = "largest, beyond the weight of the thing"
         cards.append(Card("Force on the hand", f"{of['hand_force_n']:.0f}", "N", note))
     return Blocks(
+        is_="An arm is to meet what moves on a belt or in a hand, and to take it: a learned map "
+        "turns what is seen straight into motion of the joints.",
         lead=[f"The arm was at rest at the end of {of['at_rest']} of {of['trials']} trials."],
         cards=cards,
         columns=_COLUMNS,

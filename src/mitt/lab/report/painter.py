@@ -17,11 +17,12 @@ from PIL.PngImagePlugin import PngInfo
 
 from mitt.core.signals import Array
 
-#: Colours of sky, floor, its lines, and shadows on it.
-_SKY = (233, 237, 241)
-_FLOOR = (240, 242, 245)
-_LINES = (221, 226, 232)
-_SHADOW = (221, 225, 230)
+#: Colours of sky, floor, its lines, and shadows on it: of a middle lightness, so that a light arm
+#: stands out, and the picture stands out on a white page and on a dark one.
+_SKY = (150, 164, 181)
+_FLOOR = (118, 132, 149)
+_LINES = (137, 151, 168)
+_SHADOW = (88, 100, 116)
 #: Where the lines of the floor end, and their distance [m].
 _X = (-6.0, 8.0)
 _Y = (-4.0, 9.0)
@@ -30,7 +31,7 @@ _APART = 0.5
 _HAZE = 14.0
 #: Direction to the light, and the share of light that comes from everywhere [1].
 _LIGHT = np.array([-0.38, -0.5, 0.78])
-_AMBIENT = 0.5
+_AMBIENT = 0.45
 #: Pixels drawn for each pixel of the picture, in each direction; depth at which drawing begins [m].
 _FINER = 2
 _NEAREST = 0.05

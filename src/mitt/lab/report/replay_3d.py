@@ -90,6 +90,8 @@ def _is_this_machine(host: str) -> bool:
 #: A picture each so many ticks, and how much slower than life it plays.
 _EACH = 4
 _SLOWER = 5.0
+_SKY = (150, 164, 181)
+"""Colour behind the scene: that of :mod:`mitt.lab.report.painter`."""
 HAND = (0, 114, 178)
 """Colour of the catch point and its path: the blue of the figures."""
 NODE = "/bodies/{:02d}"
@@ -127,6 +129,7 @@ def furnish(scene_api: Any, arm: Arm, scene: Scene, model: mujoco.MjModel) -> No
     """Add floor, light and all bodies."""
     scene_api.set_up_direction("+z")
     scene_api.configure_environment_map(None)
+    scene_api.set_background_image(np.full((8, 8, 3), _SKY, np.uint8), format="png")
     scene_api.configure_default_lights(enabled=False)
     scene_api.add_light_hemisphere(
         "/light/sky", sky_color=(255, 255, 255), ground_color=(150, 155, 165), intensity=2.2
@@ -145,13 +148,13 @@ def furnish(scene_api: Any, arm: Arm, scene: Scene, model: mujoco.MjModel) -> No
         cell_size=0.25,
         section_size=1.0,
         plane="xy",
-        cell_color=(225, 229, 234),
-        section_color=(198, 205, 213),
+        cell_color=(137, 151, 168),
+        section_color=(160, 173, 189),
         position=(1.5, 0.0, scene.floor),
-        plane_color=(246, 248, 250),
+        plane_color=(118, 132, 149),
         plane_opacity=1.0,
-        shadow_opacity=0.25,
-        fade_distance=30.0,
+        shadow_opacity=0.45,
+        fade_distance=14.0,
     )
     for body in range(model.nbody):
         for k, (mesh, colour) in enumerate(body_meshes(model, body, arm, scene)):

@@ -22,11 +22,19 @@ from mitt.lab.report.page import (
     shown_number,
 )
 from mitt.lab.report.style import status_colour
+from mitt.lab.trials.explain import words_of_limit
 from mitt.lab.trials.score import reason_of
 from mitt.lab.trials.scored_task import Measure, Row, ScoredTask
 
+#: Heading of the limit of which most was asked.
+_LIMIT: Final = "binding limit"
 #: Trials in a table.
 _ROWS: Final = 500
+#: What is so of every run, whatever its task.
+_REAL: Final = (
+    "Arm, contacts, cameras and what comes are simulated. What sees, decides and commands the "
+    "joints is the code that runs on a robot; it has not moved a real arm yet."
+)
 #: What is said of a run at the top, in this order, where its result has it.
 _SETTINGS: Final = ("arm", "limits", "scene", "tool", "target", "generator", "vision", "seed")
 
@@ -52,6 +60,8 @@ class Blocks:
 
     Attributes:
         counted: In words, what succeeded; as of the task where it is left out.
+        is_: What this is, a sentence.
+        shown: What happened in the trial that is shown, a sentence; empty where none is.
         lead: What is said of the run, a paragraph each.
         cards: Figures that are shown large, after those of every task.
         columns: Columns of the table of trials, after those of every task.
@@ -61,6 +71,8 @@ class Blocks:
     """
 
     counted: str = ""
+    is_: str = ""
+    shown: str = ""
     lead: Sequence[str] = ()
     cards: Sequence[Card] = ()
     columns: Sequence[Column] = ()
@@ -82,17 +94,20 @@ def run_page(
     """
     own, trials = blocks or Blocks(), result["trials"]
     of, noun = result["summary"], task.in_result
+    one = noun.removesuffix("s")
     counts = {status: int(of[status]) for status in task.statuses}
     failed = [t for t in trials if t["status"] != task.success]
-    reasons = Counter((t["status"], t["binding_limit"] or NONE) for t in failed)
+    reasons = Counter((t["status"], _limit_of(t)) for t in failed)
     columns = [x for x in (*columns_of_task(task), *own.columns) if _says(x, trials)]
+    why = [x._replace(of=_limit_of) if x.words == _LIMIT else x for x in columns]
+    opening = {"What it is": own.is_, "What is real": _REAL, f"In this {one}": own.shown}
     counted = own.counted or task.counted
     return page(
         "run",
         (
-            Section("summary", "Summary", "What happened"),
+            Section("opening", "What this is", "What this is"),
+            Section("summary", "Numbers", f"All {noun} in numbers"),
             Section("failures", "Failures", "What failed, and why"),
-            Section("replay", "3-D replay", "One trial in 3-D"),
             Section("figures", "Figures", "Figures"),
             Section("table_1", "Table 1", "The system beside the paper\u2019s Table 1"),
             Section("trials", f"All {noun}", f"All {noun}"),
@@ -106,7 +121,8 @@ def run_page(
         of=of,
         own=own,
         noun=noun,
-        one=noun.removesuffix("s"),
+        one=one,
+        opening={name: text for name, text in opening.items() if text},
         counts={status: n for status, n in counts.items() if n},
         colour={x: status_colour(x, success=x == task.success) for x in task.statuses},
         beyond=_beyond(trials),
@@ -114,8 +130,8 @@ def run_page(
         cards=[*cards_of(task, result), *own.cards],
         head=[x.words for x in columns],
         numbers=sum(x.number for x in columns),
-        reasons=[(*why, str(n)) for why, n in reasons.most_common()],
-        failed=_table(columns, failed),
+        reasons=[(status, x, str(n)) for (status, x), n in reasons.most_common()],
+        failed=_table(why, failed),
         failures=len(failed),
         rows=_table(columns, trials),
         typed=command,
@@ -127,6 +143,12 @@ def _beyond(trials: Sequence[Row]) -> tuple[int, int]:
     """Return in how many trials something was beyond a limit, and in how many ticks of all."""
     ticks = [int(t["limit_violations"]) for t in trials]
     return sum(x > 0 for x in ticks), sum(ticks)
+
+
+def _limit_of(trial: Row) -> str:
+    """Return the limit of which a trial asked most, in words, its name behind."""
+    limit = trial["binding_limit"]
+    return words_of_limit(str(limit)) if limit else NONE
 
 
 def _says(column: Column, trials: Sequence[Row]) -> bool:
@@ -149,7 +171,7 @@ def columns_of_task(task: ScoredTask) -> list[Column]:
     return [
         Column(task.in_result.removesuffix("s"), lambda t: str(t["index"]), number=False),
         Column("status", lambda t: str(t["status"]), number=False),
-        Column("binding limit", lambda t: str(t["binding_limit"] or NONE), number=False),
+        Column(_LIMIT, lambda t: str(t["binding_limit"] or NONE), number=False),
         Column("stopped by", lambda t: reason_of(t.get("stopped_by")) or NONE, number=False),
         Column("beyond a limit [ms]", lambda t: str(t["limit_violations"])),
         *map(number, task.shown),

@@ -301,9 +301,13 @@ def timeline(x: Replayed) -> dict[str, list[tuple[str, float, float]]]:
 
 def limit_words(judged: Judged) -> str:
     """Return what the limit of a verdict means, in words."""
-    limit = judged.verdict.binding_limit or "unknown"
+    return words_of_limit(judged.verdict.binding_limit or "unknown")
+
+
+def words_of_limit(limit: str) -> str:
+    """Return what a limit means, in words, with its name behind: ``brake:j4``."""
     kind, _, joint = limit.partition(":")
-    return f"{LIMITS.get(kind, '{0}').format(joint or limit)} ({limit})"
+    return f"{LIMITS[kind].format(joint or 'a joint')} ({limit})" if kind in LIMITS else limit
 
 
 def _said(judged: Judged) -> str:
