@@ -10,6 +10,7 @@ from dataclasses import fields
 from pathlib import Path
 
 import pytest
+from documents import BLOCK
 
 from mitt.clock import Stopwatch
 from mitt.core.map.learn import Learned
@@ -232,3 +233,24 @@ def test_the_keys_of_a_map_are_those_of_the_document(learned: Learned, tmp_path:
     save_map(path, learned, version="0")
     written = json.loads(path.read_text(encoding="utf-8"))
     assert keys_of(rows(section("Map"), "key")) == sorted(written)
+
+
+#: Numbers in a hundred words outside tables, at most.
+DENSE = 10.0
+
+
+def density(text: str) -> float:
+    """Return the numbers in a hundred words of a page outside tables, code and addresses."""
+    lines = [x for x in BLOCK.sub("", text).splitlines() if not x.lstrip().startswith("|")]
+    prose = re.sub(r"\]\([^)]*\)", "]", re.sub(r"`[^`]*`", "code", "\n".join(lines)))
+    words = re.findall(r"\S*\w\S*", prose)
+    return 100.0 * sum(bool(re.search(r"(?<![A-Za-z])\d", x)) for x in words) / max(len(words), 1)
+
+
+def test_figures_stand_in_tables() -> None:
+    """A sentence is read; more than ten numbers in a hundred words are looked up."""
+    assert density("ten words with 1 number, and 2, and a `7`\n| 3 | 4 |") == pytest.approx(20.0)
+    pages = [x for x in PAGES if x.name != "CHANGELOG.md" and "docs" in x.parts[len(ROOT.parts) :]]
+    dense = {x.name: density(x.read_text(encoding="utf-8")) for x in (ROOT / "README.md", *pages)}
+    assert len(dense) > 30
+    assert {name: round(n, 1) for name, n in dense.items() if n > DENSE} == {}
