@@ -63,7 +63,7 @@ RESULTS = frozenset(
         "JointReference",
         "gym.Environment",
         "gym.Component",
-        "gym.Evaluation",
+        "gym.PolicyReturns",
     )
 )
 

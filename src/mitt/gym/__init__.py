@@ -50,7 +50,7 @@ from mitt.core.map.mapping import DirectMap, unlearned
 from mitt.core.map.neighbourhood import learn
 from mitt.core.signals import Array, Frame, Senses
 from mitt.gym.environment import TOUCH, Component, Environment
-from mitt.gym.evaluation import Evaluation, evaluate
+from mitt.gym.evaluation import PolicyReturns, evaluate
 from mitt.gym.policies import map_policy
 from mitt.io.arm_file import arm_with_hand
 from mitt.io.maps import read_map
@@ -71,7 +71,7 @@ __all__ = [
     "CatchPixelsEnv",
     "Component",
     "Environment",
-    "Evaluation",
+    "PolicyReturns",
     "MeetEnv",
     "evaluate",
     "map_policy",

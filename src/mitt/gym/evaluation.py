@@ -8,7 +8,7 @@ import numpy as np
 
 from mitt.clock import Progress
 from mitt.core import checks
-from mitt.core.errors import InputError
+from mitt.core.errors import InputError, answered_by
 from mitt.gym.policies import Policy
 from mitt.lab.trials.statistics import wilson
 
@@ -20,7 +20,7 @@ FIRST_SEED = 80_000
 
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Evaluation:
+class PolicyReturns:
     """What became of episodes, one after the other.
 
     Attributes:
@@ -65,7 +65,7 @@ def evaluate(
     episodes: int = EPISODES,
     seed: int = FIRST_SEED,
     progress: Progress = lambda *_: None,
-) -> Evaluation:
+) -> PolicyReturns:
     """Let a policy play episodes of the seeds ``seed``, ``seed + 1``, and so on.
 
     Args:
@@ -87,10 +87,11 @@ def evaluate(
     seeds = tuple(range(seed, seed + episodes))
     rows = list[tuple[float, int, str, bool]]()
     for k, of in enumerate(seeds):
-        progress("episode", k, episodes)
+        with answered_by("progress"):
+            progress("episode", k, episodes)
         rows.append(_played(env, policy, of))
     returns, steps, statuses, successes = zip(*rows, strict=True)
-    return Evaluation(
+    return PolicyReturns(
         seeds=seeds, returns=returns, steps=steps, statuses=statuses, successes=successes
     )
 
@@ -102,7 +103,9 @@ def _played(
     seen, _ = env.reset(seed=seed)
     total, steps, over = 0.0, 0, False
     while not over:
-        seen, reward, ended, late, info = env.step(policy(seen))
+        with answered_by("policy"):
+            action = policy(seen)
+        seen, reward, ended, late, info = env.step(action)
         total, steps, over = total + float(reward), steps + 1, ended or late
     if "is_success" not in info:
         raise InputError("env", "episodes that end with is_success in info", sorted(info))
