@@ -265,6 +265,13 @@ class Cluster:
         self._client.close()
 
 
+def usable_cores() -> int:
+    """Return how many cores this process may use; all of the machine where the system says none."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
 def engine_of(name: str, workers: int | None) -> Engine:
     """Return an engine: ``local``, or ``dask://HOST:PORT``.
 
@@ -273,7 +280,7 @@ def engine_of(name: str, workers: int | None) -> Engine:
     """
     check_engine(name, workers)
     if name == "local":
-        return Processes(workers or len(os.sched_getaffinity(0)))
+        return Processes(workers or usable_cores())
     return Cluster(name)
 
 
