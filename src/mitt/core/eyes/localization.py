@@ -466,8 +466,8 @@ def _count_where_they_meet(eyes: EyesMemory, since: float) -> int:
     After a bounce, or while its motion is not known yet, the ball is farther away than it should
     be, or nearer, and its mass is that of a ball there. That says something only where its contrast
     is known. Where little is lacking, as when the ball passes from the light into shade, what they
-    see counts with the error that a hidden rim would have, but not before a catch: the hand hides
-    it then.
+    see counts with the error that a hidden rim would have; before a catch it counts only with heads,
+    as the hand hides it from cameras that stand still.
 
     Returns:
         How many cameras see the whole ball there; 0 if one does not, and ``points`` are as before.
@@ -489,7 +489,8 @@ def _count_where_they_meet(eyes: EyesMemory, since: float) -> int:
     for n in range(len(points)):
         own = eyes.targets[n]
         whole = seen[n].sigma <= 0.0 or _is_whole(own, since, seen[n])
-        if not whole and (eyes.rig[0].alone == 0 or _lacking(own) > LIMITS.shade):
+        hides = ball.fixed > 0 and eyes.rig[0].alone == 0
+        if not whole and (hides or _lacking(own) > LIMITS.shade):
             return 0
     for n in range(len(points)):
         points[n].u, points[n].v, points[n].sigma = seen[n].u, seen[n].v, seen[n].sigma
