@@ -466,8 +466,8 @@ def _count_where_they_meet(eyes: EyesMemory, since: float) -> int:
     After a bounce, or while its motion is not known yet, the ball is farther away than it should
     be, or nearer, and its mass is that of a ball there. That says something only where its contrast
     is known. Where little is lacking, as when the ball passes from the light into shade, what they
-    see counts with the error that a hidden rim would have; before a catch it counts only with heads,
-    as the hand hides it from cameras that stand still.
+    see counts with the error that a hidden rim would have; before a catch it counts only with
+    heads, as the hand hides it from cameras that stand still.
 
     Returns:
         How many cameras see the whole ball there; 0 if one does not, and ``points`` are as before.
