@@ -261,6 +261,10 @@ REMEDIES: dict[str, tuple[Callable[[], str], Callable[[], str]]] = {
         lambda: tracker_said("ros2", interface=if_nameindex()[0][1]),
     ),
     "robot.options.address": (ur_said, lambda: ur_said(address="192.0.2.1")),
+    "robot.options.hand_output": (
+        lambda: ur_said(address="192.0.2.1", hand_output=9.0),
+        lambda: ur_said(address="192.0.2.1", hand_output=3.0),
+    ),
     "robot.rate": (
         lambda: ur_said(address="192.0.2.1", rate=1000.0),
         lambda: ur_said(address="192.0.2.1"),

@@ -117,6 +117,7 @@ def test_each_command_that_writes_a_folder_or_a_file_is_looked_at_here() -> None
         "learn",
         "design",
         "run",
+        "measure",
         "study",
         "track",
         "see",
@@ -150,6 +151,17 @@ def test_catch_leaves_what_is_not_its_own(tmp_path: Path, quick: Quick) -> None:
     assert quick(*words[:3], "--throws-file", tmp_path / "notes.txt", "--overwrite") == 2
     assert (tmp_path / RESULT).read_bytes() == kept
     assert all_there(tmp_path, mine)
+
+
+def test_measure_refuses_a_file_that_is_there(
+    tmp_path: Path, quick: Quick, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Before the arm moves, in one line."""
+    mine = tmp_path / "mine.toml"
+    mine.write_text("mine")
+    assert quick("measure", "wam-sim", "--out", mine, "--yes") == 2
+    assert capsys.readouterr().err.count("\n") == 1
+    assert mine.read_text() == "mine"
 
 
 @pytest.mark.parametrize("name", ["report.html", "map.json", NAME, RESULT])

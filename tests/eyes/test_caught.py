@@ -151,6 +151,19 @@ def test_a_clock_that_is_set_is_followed_and_one_odd_catch_is_not() -> None:
     assert learned([0.001] * 4 + [0.006] * 2).offset == pytest.approx(0.006, abs=1e-4)
 
 
+def test_an_unsure_first_catch_waits_for_one_that_agrees() -> None:
+    """Alone it changes no stamp; a sure one is believed at once, whatever it said."""
+    clock = LearnedClock()
+    clock.take(told(0.0026, sigma=6e-4), 0.0)
+    assert (clock.count, clock.offset) == (0, 0.0)
+    clock.take(told(-0.0024, sigma=1e-4), 0.0)
+    assert (clock.count, clock.offset) == (1, -0.0024)
+    clock = LearnedClock()
+    for offset in (0.0026, 0.003):
+        clock.take(told(offset, sigma=6e-4), clock.offset)
+    assert (clock.count, clock.offset) == (2, pytest.approx(0.0028))
+
+
 def test_an_offset_is_tried_where_no_ball_is_held() -> None:
     """To the side that the ball was struck from, then to the other, then none, then anew."""
     clock, lost = LearnedClock(), ClockOffset(unknown="lost", side=-1)

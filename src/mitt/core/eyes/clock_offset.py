@@ -57,6 +57,8 @@ _SYSTEMATIC = 3e-4
 _DRIFT = 1e-4
 """What a catch may be off beyond its own sigma, and what a clock drifts from throw to throw, one
 sigma [s]."""
+_ALONE = 5e-4
+"""Standard deviation above which a first catch is believed only once the next one agrees [s]."""
 _OTHER = 4.0
 """Sigmas from which an offset is another one: a clock was set, or the catch was none. The next
 catch says which."""
@@ -383,11 +385,11 @@ class LearnedClock:
                 self._try(found.side)
             return
         new, own = used + found.offset, float(np.hypot(found.sigma, _SYSTEMATIC))
-        before = float(np.hypot(self.sigma, _DRIFT))
+        before = own if self.count == 0 else float(np.hypot(self.sigma, _DRIFT))
         gap = max(_OTHER * float(np.hypot(own, before)), UNSURE)
-        if self.count == 0:
+        if self.count == 0 and own <= _ALONE:
             self.offset, self.sigma, self.count = new, own, 1
-        elif abs(new - self.offset) <= gap:
+        elif self.count > 0 and abs(new - self.offset) <= gap:
             gain = before**2 / (before**2 + own**2)
             self.offset += gain * (new - self.offset)
             self.sigma, self.count = float(np.sqrt(gain)) * own, self.count + 1
