@@ -13,9 +13,9 @@ import numpy as np
 from mitt.core.arm.arm import Arm, trusted_deceleration
 from mitt.core.control.envelope import bounds_of
 from mitt.core.control.setpoints import ROWS
-from mitt.core.signals import TICK, ArmState, Array, Command, Sighting
+from mitt.core.signals import TICK, ArmState, Array, Command
 from mitt.io.cell import Takes
-from mitt.robot.cell.robot import Robot
+from mitt.robot.cell.robot import Robot, RobotProxy
 
 LASTS = 8.0
 """Length of the motion [s]."""
@@ -107,17 +107,13 @@ class MotionLog(NamedTuple):
 
 
 @final
-class NotedRobot:
-    """A robot of which readings and commands are noted as they pass.
-
-    Attributes:
-        brakes: As the robot's.
-    """
+class NotedRobot(RobotProxy):
+    """A robot of which readings and commands are noted as they pass."""
 
     def __init__(self, robot: Robot, takes: Takes) -> None:
         """Take the robot, and what its drives are commanded."""
-        self._robot, self._row = robot, ROWS[takes]
-        self.brakes = robot.brakes
+        super().__init__(robot)
+        self._row = ROWS[takes]
         self._read = deque[tuple[float, Array]](maxlen=_KEPT)
         self._sent = deque[tuple[float, Array]](maxlen=_KEPT)
 
@@ -137,39 +133,7 @@ class NotedRobot:
         self._read.extend((x.t, np.array(x.q)) for x in readings or ())
         return readings
 
-    def points(self) -> Sequence[Sighting]:
-        """Return the positions of the ball since the last call."""
-        return self._robot.points()
-
     def write(self, command: Command, answers: float) -> None:
         """Pass a command on, and note it."""
         self._robot.write(command, answers)
         self._sent.append((answers, np.array(command.joints[self._row])))
-
-    def engage_brakes(self) -> str | None:
-        """Engage the brakes."""
-        return self._robot.engage_brakes()
-
-    def release(self) -> None:
-        """Release the brakes."""
-        self._robot.release()
-
-    def waits(self) -> str:
-        """Return who is not there yet."""
-        return self._robot.waits()
-
-    def conflict(self) -> str:
-        """Return what a person has to see to."""
-        return self._robot.conflict()
-
-    def trouble(self) -> str:
-        """Return why the robot takes no commands."""
-        return self._robot.trouble()
-
-    def news(self) -> Sequence[str]:
-        """Return what a simulated cell says."""
-        return self._robot.news()
-
-    def close(self) -> None:
-        """Give the link up."""
-        self._robot.close()

@@ -95,6 +95,58 @@ class Robot(Protocol):
         """Give the link up."""
 
 
+class RobotProxy:
+    """A robot that passes everything on to another one, but for what a subclass does itself.
+
+    Attributes:
+        brakes: As the other's.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        """Take the robot that everything is passed on to."""
+        self._robot, self.brakes = robot, robot.brakes
+
+    def read(self, timeout: float) -> Sequence[ArmState]:
+        """Return all encoder readings since the last call."""
+        return self._robot.read(timeout)
+
+    def points(self) -> Sequence[Sighting]:
+        """Return all positions of the ball since the last call."""
+        return self._robot.points()
+
+    def write(self, command: Command, answers: float) -> None:
+        """Give the drives what they take."""
+        self._robot.write(command, answers)
+
+    def engage_brakes(self) -> str | None:
+        """Engage the brakes."""
+        return self._robot.engage_brakes()
+
+    def release(self) -> None:
+        """Release the brakes."""
+        self._robot.release()
+
+    def waits(self) -> str:
+        """Return who is not there yet."""
+        return self._robot.waits()
+
+    def conflict(self) -> str:
+        """Return what a person has to see to."""
+        return self._robot.conflict()
+
+    def trouble(self) -> str:
+        """Return why the robot does not take commands."""
+        return self._robot.trouble()
+
+    def news(self) -> Sequence[str]:
+        """Return what a simulated cell says of its throws."""
+        return self._robot.news()
+
+    def close(self) -> None:
+        """Give the link up."""
+        self._robot.close()
+
+
 Driver = Callable[[Cell, Arm], Robot]
 """Makes the robot of a cell."""
 

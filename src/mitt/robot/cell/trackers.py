@@ -14,12 +14,12 @@ import numpy as np
 
 from mitt.core.arm.arm import Arm
 from mitt.core.arm.description import roll_pitch_yaw
-from mitt.core.signals import ArmState, Array, Command, Sighting
+from mitt.core.signals import Array, Sighting
 from mitt.io.cell import Cell, SourcePart
 from mitt.robot.cell.exchange import Call, sighting_of
 from mitt.robot.cell.hosted import DriverError, HostedProcess
 from mitt.robot.cell.plugins import Plugins
-from mitt.robot.cell.robot import Robot
+from mitt.robot.cell.robot import Robot, RobotProxy
 
 #: Trackers: mitt's own, and those of other packages.
 TRACKERS: Final = Plugins(
@@ -127,52 +127,21 @@ class HostedTracker:
 
 
 @final
-class TrackedRobot:
-    """A robot, and beside it a tracker that sees the ball; see :class:`Robot`.
-
-    Attributes:
-        brakes: Whether the arm has brakes that a command can engage.
-    """
+class TrackedRobot(RobotProxy):
+    """A robot, and beside it a tracker that sees the ball."""
 
     def __init__(self, robot: Robot, tracker: HostedTracker) -> None:
         """Take both; what the robot's own driver sees is left."""
-        self._robot, self._tracker, self.brakes = robot, tracker, robot.brakes
-
-    def read(self, timeout: float) -> Sequence[ArmState]:
-        """Return all encoder readings of the robot since the last call."""
-        return self._robot.read(timeout)
+        super().__init__(robot)
+        self._tracker = tracker
 
     def points(self) -> Sequence[Sighting]:
         """Return all positions of the ball since the last call, by the tracker."""
         return self._tracker.points()
 
-    def write(self, command: Command, answers: float) -> None:
-        """Give the robot's drives what they take."""
-        self._robot.write(command, answers)
-
-    def engage_brakes(self) -> str | None:
-        """Engage the robot's brakes."""
-        return self._robot.engage_brakes()
-
-    def release(self) -> None:
-        """Release the robot's brakes."""
-        self._robot.release()
-
     def waits(self) -> str:
         """Return who is not there yet: the robot, or the tracker."""
         return self._robot.waits() or self._tracker.trouble()
-
-    def conflict(self) -> str:
-        """Return what a person has to see to at the robot."""
-        return self._robot.conflict()
-
-    def trouble(self) -> str:
-        """Return why the robot does not take commands."""
-        return self._robot.trouble()
-
-    def news(self) -> Sequence[str]:
-        """Return what the robot says of throws."""
-        return self._robot.news()
 
     def close(self) -> None:
         """Give both links up, the robot's first."""
