@@ -191,7 +191,8 @@ class MeetOptions(TaskOptions):
         trials: Number of trials; 10, or as many as a file has motions.
         seed: Seed of the trials.
         scene: The world: a name or a TOML file; if left out, lab with a camera of 60 Hz, 30 ms late
-            and with 2 mm of noise. Its faults (docs/studies.md) stop a belt, turn or take a part.
+            and with 2 mm of noise, above the belt or beside the arm, and with the belt's encoder.
+            Its faults (docs/studies.md) stop a belt, turn or take a part.
         out: Folder to write; a new runs/meet-<seed>-<target> if left out.
         overwrite: Use a folder that has files in it; what mitt meet left there is replaced.
     """

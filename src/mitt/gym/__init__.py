@@ -269,7 +269,8 @@ class MeetEnv(Environment):
             target: What moves it.
             speed: Mean speed of the belt, or largest of the hand [m/s].
             gripper_delay: From the command until the tool acts [s].
-            scene: The world; a camera of 60 Hz, 30 ms late, in ``lab`` if left out.
+            scene: The world; if left out ``lab`` as ``mitt meet`` has it, with a camera whose view
+                arm and tool can block, and the belt's encoder.
             action: As of :mod:`mitt.gym`.
             ticks: Milliseconds that an action lasts.
             width: Of a picture [px].

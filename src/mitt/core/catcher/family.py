@@ -190,9 +190,8 @@ class Family:
 
     def _own(self, k: int, ball: BallState, q: Array, dq: Array, pieces: Pieces) -> Verdict:
         """Return the verdict of a map for an arm at rest, by its own shares."""
-        name = (
-            f"own {k}" if np.any(dq) else f"map {k}"
-        )  # of a way that is known where the arm rests
+        # A "map" is a way that is known where the arm rests.
+        name = f"own {k}" if np.any(dq) else f"map {k}"
         consider = self.maps[k].consider
         return pieces.whole(f"own {k}", consider, ball, q, None, pieces, f"{name} ")[0]
 

@@ -137,9 +137,8 @@ def _follow(old: Image, new: Image) -> None:
     """Let levels follow new ones, shape (k,): by a quarter of the change; those unseen at once."""
     for k in range(len(old)):
         change = np.int16(new[k]) - np.int16(old[k])
-        step = (abs(change) + np.int16(2)) // np.int16(
-            4
-        )  # the same up and down: noise has no drift
+        # As far up as down, so that noise makes no drift.
+        step = (abs(change) + np.int16(2)) // np.int16(4)
         then = np.uint8(np.int16(old[k]) + (step if change > 0 else -step))
         known = new[k] if old[k] == UNSEEN else then
         old[k] = old[k] if new[k] == UNSEEN else known
